@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "client/app/ports.h"
+
+/// The real tracker, session and clock behind the ports of the frame loop.
+namespace cairn {
+
+class TrackerAdapter final : public TrackingEngine {
+ public:
+  TrackerAdapter(CameraPtr camera, const TrackerOptions& options) : tracker_(std::move(camera), options) {}
+
+  const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
+                           StageProbe* probe) override {
+    return tracker_.track(image, time, map, probe);
+  }
+  void seed_accepted(const SeedAnswer& answer) override { tracker_.seed_accepted(answer); }
+  void seed_refused(const std::string& reason) override { tracker_.seed_refused(reason); }
+  void start_over() override { tracker_.start_over(); }
+
+ private:
+  Tracker tracker_;
+};
+
+/// Does not own the session.
+class SessionAdapter final : public MapLink {
+ public:
+  explicit SessionAdapter(Session& session) : session_(session) {}
+
+  MapSnapshotPtr snapshot() const override { return session_.snapshot(); }
+  void leave_map() override { session_.leave_map(); }
+  void send_seed(SeedProposal proposal) override { session_.send_seed(std::move(proposal)); }
+  void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) override {
+    session_.send_offer(std::move(proposal), std::move(image), time);
+  }
+  void publish_state(const FrameResult& result, Timestamp time) override { session_.publish_state(result, time); }
+  std::optional<SeedReply> take_seed_reply() override { return session_.take_seed_reply(); }
+  std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
+  SessionStatus status() const override { return session_.status(); }
+  bool wait_until_settled(std::chrono::milliseconds timeout) override { return session_.wait_until_settled(timeout); }
+
+ private:
+  Session& session_;
+};
+
+class SteadyClock final : public PaceClock {
+ public:
+  TimePoint now() const override { return std::chrono::steady_clock::now(); }
+  void sleep_until(TimePoint time) override { std::this_thread::sleep_until(time); }
+};
+
+}  // namespace cairn

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/application.h"
+
+#include <sys/resource.h>
+
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "client/app/adapters.h"
+#include "client/app/frame_loop.h"
+#include "client/app/narrator.h"
+#include "client/app/stats.h"
+#include "client/app/trajectory_recorder.h"
+#include "client/app/video_writer.h"
+#include "client/capture/decode_ahead.h"
+#include "client/capture/frame_source.h"
+#include "client/session/session.h"
+#include "common/io/calibration.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr int kInterruptedExit = 130;
+constexpr milliseconds kServerPatience(10'000);  ///< to be seen at the start of a recording
+constexpr milliseconds kPatienceSlice(100);      ///< how long a request to stop may go unheard
+constexpr milliseconds kLastVerdicts(2'000);     ///< for offers undecided at the end
+constexpr size_t kPreloadBytes = size_t{512} << 20;
+constexpr size_t kFramesAhead = 30;
+constexpr int kFrameThreadNice = -10;
+
+Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& source) {
+  if (!options.calibration) {
+    if (const auto exact = source.builtin_calibration()) return make_camera(*exact);
+  }
+  const auto path = options.calibration ? options.calibration : find_calibration(options.source);
+  if (!path) {
+    return fail(ErrorCode::kConfiguration, "no calibration: there is no camera.txt beside " + options.source +
+                                               "; pass --calibration FILE with `width height fx fy cx cy [k1 k2 p1 p2 "
+                                               "[k3]]`, or a yaml of OpenCV or ROS");
+  }
+  const auto parameters = read_calibration(*path);
+  if (!parameters) return tl::unexpected(parameters.error());
+  return make_camera(*parameters);
+}
+
+/// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as memory
+/// allows they are decoded before the clock starts.
+Result<std::unique_ptr<FrameSource>> decode_ahead(std::unique_ptr<FrameSource> source, const TrackOptions& options,
+                                                  const Camera& camera, const Logger& log) {
+  DecodeAheadOptions ahead;
+  ahead.queue_frames = kFramesAhead;
+  if (options.pace == Pace::kRealtime && !source->is_live()) {
+    const size_t frame_bytes = static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height());
+    ahead.queue_frames = std::max(kFramesAhead, kPreloadBytes / frame_bytes);
+    const auto count = source->frame_count();
+    ahead.preload = count && *count <= ahead.queue_frames;
+    if (ahead.preload) log->info("decoding {} frames before the clock starts", *count);
+  }
+  return DecodeAhead::start(std::move(source), ahead);
+}
+
+TrackerOptions tracker_options(const TrackOptions& options) {
+  TrackerOptions tracker;
+  tracker.make_maps = options.makes_maps();
+  tracker.make_keyframes = !options.reader;
+  tracker.seed = options.seed;
+  return tracker;
+}
+
+SessionOptions session_options(const TrackOptions& options) {
+  SessionOptions session;
+  session.server = options.server;
+  session.domain = options.domain;
+  session.profile = options.profile;
+  session.name = options.name;
+  session.lockstep = options.pace == Pace::kLockstep;
+  session.seed = session.lockstep ? options.seed : 0;
+  return session;
+}
+
+/// The files of a run, opened before anything else so that a wrong path is told at once.
+struct Outputs {
+  std::unique_ptr<TrajectoryRecorder> trajectory;
+  std::unique_ptr<VideoWriter> video;
+  std::ofstream stats;
+};
+
+Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camera) {
+  Outputs outputs;
+  if (options.trajectory) {
+    auto writer = TrajectoryWriter::open(*options.trajectory);
+    if (!writer) return tl::unexpected(writer.error());
+    outputs.trajectory = std::make_unique<TrajectoryRecorder>(std::move(*writer));
+  }
+  if (options.stats) {
+    outputs.stats.open(*options.stats, std::ios::binary | std::ios::trunc);
+    if (!outputs.stats) return fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
+  }
+  if (options.video) {
+    const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropPictures
+                                                             : VideoWriter::WhenBehind::kWait;
+    auto video = VideoWriter::open(*options.video, camera, when_behind);
+    if (!video) return tl::unexpected(video.error());
+    outputs.video = std::move(*video);
+  }
+  return outputs;
+}
+
+/// Completes the files; the first error, after all have been tried.
+Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatus& session, const TrackOptions& options,
+                     const Logger& log) {
+  Status status;
+  if (outputs.video) {
+    status = outputs.video->finish();
+    if (const size_t dropped = outputs.video->pictures_dropped(); dropped > 0) {
+      log->info("{}: {} pictures left out, tracking went first", options.video->string(), dropped);
+    }
+  }
+  if (outputs.stats.is_open()) {
+    outputs.stats << stats.to_json(session.bytes_sent, session.bytes_received);
+    outputs.stats.close();
+    if (!outputs.stats && status) status = fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
+  }
+  if (outputs.trajectory && status) status = outputs.trajectory->status();
+  return status;
+}
+
+/// Whether the server was seen before the first frame. A live camera does not wait; a recording would be over.
+bool await_server(Session& session, const std::function<bool()>& stop_requested) {
+  for (auto waited = milliseconds(0); waited < kServerPatience && !stop_requested(); waited += kPatienceSlice) {
+    if (session.wait_for_server(kPatienceSlice)) return true;
+  }
+  return false;
+}
+
+std::string no_server_text(const TrackOptions& options) {
+  return "no cairn-server at " + options.server + " in domain " + std::to_string(options.domain) +
+         "; is it running, and on the same domain and profile?";
+}
+
+/// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or RLIMIT_NICE.
+void prefer_this_thread(const Logger& log) {
+  if (setpriority(PRIO_PROCESS, 0, kFrameThreadNice) != 0) {
+    log->debug("no right to prefer the frame thread (nice {}): a busy machine may delay frames", kFrameThreadNice);
+  }
+}
+
+int report_error(const Error& error, const Logger& log) {
+  log->error("{}", error.message);
+  return exit_code(error.code);
+}
+
+/// All that is open while frames are tracked.
+struct Run {
+  const TrackOptions& options;
+  const Logger& log;
+  const std::function<bool()>& stop_requested;
+  CameraPtr camera;
+  std::unique_ptr<FrameSource> source;
+  std::unique_ptr<Session> session;
+  Outputs outputs;
+};
+
+Result<Run> prepare(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested) {
+  auto source = open_source(options.source);
+  if (!source) return tl::unexpected(source.error());
+  auto camera = find_camera(options, **source);
+  if (!camera) return tl::unexpected(camera.error());
+  auto outputs = open_outputs(options, *camera);
+  if (!outputs) return tl::unexpected(outputs.error());
+  log->info("{}; client '{}'", (*source)->describe(), options.name);
+  auto session = Session::open(session_options(options), *camera, log);
+  if (!session) return tl::unexpected(session.error());
+  auto ahead = decode_ahead(std::move(*source), options, **camera, log);
+  if (!ahead) return tl::unexpected(ahead.error());
+  return Run{options,           log, stop_requested, std::move(*camera), std::move(*ahead), std::move(*session),
+             std::move(*outputs)};
+}
+
+int track(Run& run) {
+  TrackerAdapter tracker(run.camera, tracker_options(run.options));
+  SessionAdapter link(*run.session);
+  SteadyClock clock;
+  RunStats stats;
+  Narrator narrator(run.log, clock, run.source->frame_count());
+  std::vector<FrameObserver*> observers = {&stats};
+  if (run.outputs.trajectory) observers.push_back(run.outputs.trajectory.get());
+  if (run.outputs.video) observers.push_back(run.outputs.video.get());
+  observers.push_back(&narrator);
+
+  FrameLoopOptions loop_options;
+  loop_options.pace = run.options.pace;
+  loop_options.width = run.camera->width();
+  loop_options.height = run.camera->height();
+  loop_options.make_maps = run.options.makes_maps();
+  FrameLoop loop(*run.source, tracker, link, clock, loop_options, observers);
+  prefer_this_thread(run.log);
+  const auto finished = loop.run(run.stop_requested);
+  if (finished && *finished) {
+    (void)link.wait_until_settled(kLastVerdicts);
+    loop.deliver_replies();
+  }
+  narrator.finish();
+
+  const auto session = link.status();
+  const auto closed = close_outputs(run.outputs, stats, session, run.options, run.log);
+  if (stats.frames_decoded() > 0) {
+    for (const auto& line : stats.summary_lines()) run.log->info("{}", line);
+  }
+  if (!finished) return report_error(finished.error(), run.log);
+  if (!closed) return report_error(closed.error(), run.log);
+  if (!*finished) return kInterruptedExit;
+  if (session.link == ServerLink::kConnecting) {
+    return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
+  }
+  return 0;
+}
+
+}  // namespace
+
+int run_tracker(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested) {
+  auto run = prepare(options, log, stop_requested);
+  if (!run) return report_error(run.error(), log);
+  if (!options.headless) log->info("the viewer's window is not available yet: running headless; --video shows the same");
+  if (!run->source->is_live() && !await_server(*run->session, stop_requested)) {
+    if (stop_requested()) return kInterruptedExit;
+    if (options.pace != Pace::kRealtime) return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
+    log->warn("{}; following the camera without maps until it comes", no_server_text(options));
+  }
+  return track(*run);
+}
+
+}  // namespace cairn

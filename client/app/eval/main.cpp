@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: Apache-2.0
+// cairn-eval: trajectories against truth, and what the statistics of runs say.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <filesystem>
+
+#include "client/app/eval/metrics.h"
+#include "client/app/eval/plot.h"
+#include "client/app/eval/report.h"
+#include "client/app/eval/run_stats.h"
+#include "common/io/text.h"
+#include "common/io/trajectory.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kUsageExit = 2;
+
+constexpr const char* kFooter = R"(Examples:
+  cairn-eval ate groundtruth.txt trajectory.txt --plot trajectory.png
+  cairn-eval stats run1.json run2.json --json
+Exit codes: 0 ok, 1 no time matches or nothing to align, 2 usage, 3 file missing, 6 file damaged.)";
+constexpr const char* kTrajectoryFooter = R"(Examples:
+  cairn-eval ate groundtruth.txt trajectory.txt
+  cairn-eval rpe groundtruth.txt trajectory.txt --align se3 --delta 1 --delta-unit m --json
+The same with evo: evo_ape tum TRUTH ESTIMATE -as --t_max_diff 0.02 (se3: -a)
+                   evo_rpe tum TRUTH ESTIMATE -as --all_pairs --delta 1 --delta_unit m
+Each map of the estimate is aligned by itself; the rows `# map ID NAME` tell them apart.)";
+constexpr const char* kStatsFooter = R"(Examples:
+  cairn-eval stats stats.json
+  cairn-eval stats run*.json --json)";
+
+struct TrajectoryArguments {
+  std::string truth;
+  std::string estimate;
+  Alignment alignment = Alignment::kSim3;
+  double max_difference = 0.02;
+  RelativeOptions relative;
+  bool json = false;
+  std::string plot;
+};
+
+struct StatsArguments {
+  std::vector<std::string> files;
+  bool json = false;
+};
+
+void add_trajectory_options(CLI::App& command, TrajectoryArguments& arguments) {
+  command.add_option("TRUTH", arguments.truth, "TUM rows `t tx ty tz qx qy qz qw`, camera to world")
+      ->required();
+  command.add_option("ESTIMATE", arguments.estimate, "TUM rows, camera in map")->required();
+  command
+      .add_option_function<std::string>(
+          "--align",
+          [&](const std::string& name) {
+            arguments.alignment = name == "se3" ? Alignment::kSe3 : Alignment::kSim3;
+          },
+          "sim3 (default): with scale; se3: the estimate is metric")
+      ->check(CLI::IsMember({"sim3", "se3"}).description(""))
+      ->type_name("sim3|se3");
+  command.add_option("--t-max-diff", arguments.max_difference, "farthest apart that two times match [s]")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command.add_flag("--json", arguments.json, "one JSON document on stdout");
+  command.add_option("--plot", arguments.plot, "picture of both paths and of the error over time")
+      ->type_name("FILE.png");
+  command.footer(kTrajectoryFooter);
+}
+
+PlotContent plot_content(const TrajectoryArguments& arguments, const Trajectory& truth,
+                         const Comparison& comparison) {
+  PlotContent content;
+  content.title = std::filesystem::path(arguments.estimate).filename().string() + " against " +
+                  std::filesystem::path(arguments.truth).filename().string();
+  for (const auto& segment : truth.segments) {
+    content.truth.insert(content.truth.end(), segment.poses.begin(), segment.poses.end());
+  }
+  for (const auto& map : comparison.maps) {
+    if (!map.is_aligned) continue;
+    auto& path = content.estimates.emplace_back();
+    for (const auto& pose : map.poses) {
+      path.push_back(
+          {pose.time, SE3(pose.map_from_camera.rotation(),
+                          Eigen::Vector3d(map.truth_from_map * pose.map_from_camera.translation()))});
+    }
+  }
+  return content;
+}
+
+/// Shared part of ate and rpe: `evaluate` makes the report and fills in the error of the plot.
+template <typename Evaluate>
+Status run_trajectories(const TrajectoryArguments& arguments, Evaluate evaluate) {
+  const auto truth = read_trajectory(arguments.truth);
+  if (!truth) return tl::unexpected(truth.error());
+  const auto estimate = read_trajectory(arguments.estimate);
+  if (!estimate) return tl::unexpected(estimate.error());
+  const auto comparison = compare(*truth, *estimate, arguments.max_difference, arguments.alignment);
+  if (!comparison) return tl::unexpected(comparison.error());
+  auto plot = plot_content(arguments, *truth, *comparison);
+  const Result<std::string> report = evaluate(*comparison, plot);
+  if (!report) return tl::unexpected(report.error());
+  std::fputs(report->c_str(), stdout);
+  if (arguments.plot.empty()) return {};
+  return write_plot(arguments.plot, plot);
+}
+
+Status run_ate(const TrajectoryArguments& arguments) {
+  return run_trajectories(arguments,
+                          [&](const Comparison& comparison, PlotContent& plot) -> Result<std::string> {
+                            const auto error = absolute_error(comparison);
+                            plot.error_name = "absolute error";
+                            plot.errors = error.errors;
+                            plot.rmse = error.translation.rmse;
+                            return arguments.json ? ate_json(comparison, error, arguments.alignment)
+                                                  : ate_text(comparison, error, arguments.alignment);
+                          });
+}
+
+Status run_rpe(const TrajectoryArguments& arguments) {
+  return run_trajectories(
+      arguments, [&](const Comparison& comparison, PlotContent& plot) -> Result<std::string> {
+        const auto error = relative_error(comparison, arguments.relative.delta, arguments.relative.unit);
+        if (!error) return tl::unexpected(error.error());
+        plot.error_name = "relative error";
+        plot.errors = error->errors;
+        plot.rmse = error->translation.rmse;
+        return arguments.json ? rpe_json(comparison, *error, arguments.alignment, arguments.relative)
+                              : rpe_text(comparison, *error, arguments.alignment, arguments.relative);
+      });
+}
+
+Status run_stats(const StatsArguments& arguments) {
+  std::vector<NamedRun> runs;
+  for (const auto& file : arguments.files) {
+    const auto content = read_file(file);
+    if (!content) return tl::unexpected(content.error());
+    const auto summary = summarize_run(*content);
+    if (!summary) return fail(summary.error().code, file + ": " + summary.error().message);
+    runs.push_back({file, *summary});
+  }
+  std::fputs((arguments.json ? stats_json(runs) : stats_text(runs)).c_str(), stdout);
+  return {};
+}
+
+int report_status(const Status& status) {
+  if (status) return 0;
+  std::fprintf(stderr, "cairn-eval: %s\n", status.error().message.c_str());
+  return exit_code(status.error().code);
+}
+
+int run(int argc, char** argv) {
+  CLI::App app("Compares trajectories with truth and sums up the statistics of cairn-track.", "cairn-eval");
+  app.require_subcommand(1);
+  app.footer(kFooter);
+  TrajectoryArguments trajectories;
+  StatsArguments stats;
+  auto* ate = app.add_subcommand("ate", "absolute trajectory error after alignment");
+  add_trajectory_options(*ate, trajectories);
+  auto* rpe = app.add_subcommand("rpe", "relative pose error over a fixed distance, all pairs");
+  add_trajectory_options(*rpe, trajectories);
+  rpe->add_option("--delta", trajectories.relative.delta, "how far apart the two poses of a pair are")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  rpe->add_option_function<std::string>(
+         "--delta-unit",
+         [&](const std::string& name) {
+           trajectories.relative.unit = name == "f"   ? DeltaUnit::kFrames
+                                        : name == "m" ? DeltaUnit::kMetres
+                                                      : DeltaUnit::kSeconds;
+         },
+         "f: matched poses, m: metres of truth, s: seconds (default)")
+      ->check(CLI::IsMember({"f", "m", "s"}).description(""))
+      ->type_name("f|m|s");
+  auto* summary = app.add_subcommand("stats", "what files of cairn-track --stats say");
+  summary->add_option("FILE", stats.files, "files written by cairn-track --stats")->required();
+  summary->add_flag("--json", stats.json, "one JSON document on stdout");
+  summary->footer(kStatsFooter);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kUsageExit;
+  }
+  if (ate->parsed()) return report_status(run_ate(trajectories));
+  if (rpe->parsed()) return report_status(run_rpe(trajectories));
+  return report_status(run_stats(stats));
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  try {
+    return cairn::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "cairn-eval: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/frame_loop.h"
+
+#include <utility>
+
+namespace cairn {
+namespace {
+
+/// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the tracker's state.
+FrameState frame_state(const FrameResult& result, bool had_map) {
+  const bool measured = result.pose_measured && result.map;
+  if (measured && result.state == TrackingState::kTracking) return FrameState::kTracking;
+  if (measured && result.state == TrackingState::kPoor) return FrameState::kPoor;
+  if (result.state == TrackingState::kStarting || !had_map) return FrameState::kStarting;
+  return FrameState::kLost;
+}
+
+std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+}  // namespace
+
+FrameLoop::FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock,
+                     FrameLoopOptions options, std::vector<FrameObserver*> observers)
+    : source_(source),
+      tracker_(tracker),
+      link_(link),
+      clock_(clock),
+      options_(options),
+      observers_(std::move(observers)) {}
+
+Result<bool> FrameLoop::run(const std::function<bool()>& stop_requested) {
+  Pacer pacer(source_, options_.pace, clock_, stop_requested);
+  while (true) {
+    auto event = pacer.next();
+    if (auto* taken = std::get_if<TakenFrame>(&event)) {
+      if (auto status = handle(std::move(*taken)); !status) return tl::unexpected(status.error());
+    } else if (const auto* dropped = std::get_if<DroppedFrame>(&event)) {
+      handle(*dropped);
+    } else if (const auto* undecodable = std::get_if<UndecodableFrame>(&event)) {
+      handle(*undecodable);
+    } else {
+      break;
+    }
+  }
+  if (stop_requested()) return false;
+  if (frames_tracked_on_ == 0) {
+    return fail(ErrorCode::kDamaged, source_.describe() + ": no frame could be read" +
+                                         (last_undecodable_ ? "; the last: " + *last_undecodable_ : ""));
+  }
+  return true;
+}
+
+Status FrameLoop::handle(TakenFrame&& taken) {
+  const Frame& frame = taken.frame;
+  if (frame.image->width() != options_.width || frame.image->height() != options_.height) {
+    const std::string reason = "frame " + std::to_string(frames_seen_) + " is " +
+                               size_text(frame.image->width(), frame.image->height()) + ", the calibration is for " +
+                               size_text(options_.width, options_.height);
+    if (frames_tracked_on_ == 0) return fail(ErrorCode::kConfiguration, reason + "; pass the camera's own with --calibration");
+    handle(UndecodableFrame{reason});
+    return {};
+  }
+  const auto cpu_start = thread_cpu_time();
+  deliver_replies();
+  const auto snapshot = link_.snapshot();
+  const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
+  const auto wall = clock_.now() - taken.due;
+  const bool sent = send_proposals(result, frame);
+  link_.publish_state(result, frame.time);
+  const auto cpu = thread_cpu_time() - cpu_start;
+
+  const auto status = link_.status();
+  observe_status(status);
+  const auto state = frame_state(result, had_map_);
+  had_map_ = had_map_ || is_tracked(state);
+  const auto stages = stages_.take();
+  notify(&FrameObserver::on_frame,
+         FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
+  if (sent && options_.pace == Pace::kLockstep) settle();
+  start_over_if_stranded(status, state);
+  ++frames_seen_;
+  ++frames_tracked_on_;
+  return {};
+}
+
+void FrameLoop::handle(const DroppedFrame& dropped) {
+  notify(&FrameObserver::on_dropped, DroppedReport{frames_seen_, dropped.time});
+  ++frames_seen_;
+}
+
+void FrameLoop::handle(const UndecodableFrame& undecodable) {
+  last_undecodable_ = undecodable.reason;
+  notify(&FrameObserver::on_undecodable, UndecodableReport{frames_seen_, undecodable.reason});
+  ++frames_seen_;
+}
+
+void FrameLoop::deliver_replies() {
+  while (const auto reply = link_.take_seed_reply()) {
+    if (reply->answer) {
+      tracker_.seed_accepted(*reply->answer);
+    } else {
+      tracker_.seed_refused(reply->reason);
+    }
+    notify(&FrameObserver::on_seed_reply, *reply);
+  }
+  for (const auto& reply : link_.take_offer_replies()) notify(&FrameObserver::on_offer_reply, reply);
+}
+
+void FrameLoop::observe_status(const SessionStatus& status) {
+  if (last_status_ && last_status_->link == status.link && last_status_->text == status.text) return;
+  notify(&FrameObserver::on_status, status);
+  last_status_ = status;
+}
+
+bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
+  if (result.seed) link_.send_seed(*result.seed);
+  if (result.keyframe) link_.send_offer(*result.keyframe, frame.image, frame.time);
+  return result.seed || result.keyframe;
+}
+
+void FrameLoop::settle() {
+  if (!link_.wait_until_settled(options_.settle_timeout)) notify(&FrameObserver::on_unsettled, frames_seen_);
+}
+
+/// A server that came back without the map will never answer for it: as long as the tracker holds, the replica serves; once
+/// lost, a new map is the only way on.
+void FrameLoop::start_over_if_stranded(const SessionStatus& status, FrameState state) {
+  if (status.map_known || state != FrameState::kLost || !options_.make_maps) return;
+  notify(&FrameObserver::on_start_over, frames_seen_);
+  link_.leave_map();
+  tracker_.start_over();
+  had_map_ = false;
+}
+
+template <typename Event, typename Report>
+void FrameLoop::notify(Event event, const Report& report) {
+  for (auto* observer : observers_) (observer->*event)(report);
+}
+
+}  // namespace cairn

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/app/pacer.h"
+#include "client/app/ports.h"
+#include "client/app/stats.h"
+#include "common/base/result.h"
+
+namespace cairn {
+
+struct FrameLoopOptions {
+  Pace pace = Pace::kRealtime;
+  int width = 0;   ///< of the calibrated camera [px]; frames of another size cannot be tracked
+  int height = 0;
+  bool make_maps = true;  ///< may leave a map that the server has lost, to begin another
+  /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
+  std::chrono::milliseconds settle_timeout{120'000};
+};
+
+/// Source -> tracker -> session, frame by frame; what comes back from the server is given to the tracker before the next
+/// frame. Never waits for the network, except in lockstep. Runs on the caller's thread.
+class FrameLoop {
+ public:
+  /// All references must outlive the loop. Observers are called in the order given.
+  FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock, FrameLoopOptions options,
+            std::vector<FrameObserver*> observers);
+
+  /// Until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the first frame is not of
+  /// the camera's size, kDamaged when no frame could be decoded.
+  [[nodiscard]] Result<bool> run(const std::function<bool()>& stop_requested);
+
+  /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those that come
+  /// after the last one.
+  void deliver_replies();
+
+ private:
+  [[nodiscard]] Status handle(TakenFrame&& taken);
+  void handle(const DroppedFrame& dropped);
+  void handle(const UndecodableFrame& undecodable);
+  void observe_status(const SessionStatus& status);
+  [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
+  void settle();
+  void start_over_if_stranded(const SessionStatus& status, FrameState state);
+  template <typename Event, typename Report>
+  void notify(Event event, const Report& report);
+
+  FrameSource& source_;
+  TrackingEngine& tracker_;
+  MapLink& link_;
+  PaceClock& clock_;
+  const FrameLoopOptions options_;
+  const std::vector<FrameObserver*> observers_;
+  StageClock stages_;
+  size_t frames_seen_ = 0;
+  size_t frames_tracked_on_ = 0;  ///< given to the tracker
+  std::optional<std::string> last_undecodable_;
+  std::optional<SessionStatus> last_status_;
+  bool had_map_ = false;
+};
+
+}  // namespace cairn

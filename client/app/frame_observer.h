@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "client/app/ports.h"
+#include "client/capture/frame_source.h"
+
+namespace cairn {
+
+/// What became of a frame of the source, as files and the screen name it.
+enum class FrameState : uint8_t { kStarting, kTracking, kPoor, kLost, kDropped };
+[[nodiscard]] const char* to_string(FrameState state);
+/// Whether a pose was measured.
+[[nodiscard]] inline bool is_tracked(FrameState state) {
+  return state == FrameState::kTracking || state == FrameState::kPoor;
+}
+
+constexpr size_t kStageCount = static_cast<size_t>(Stage::kCount);
+using StageTimes = std::array<std::chrono::nanoseconds, kStageCount>;
+
+/// A frame that went through the tracker. References are valid during the call only.
+struct FrameReport {
+  size_t number = 0;  ///< of all frames of the source, from 0
+  const Frame& frame;
+  const FrameResult& result;
+  FrameState state = FrameState::kStarting;
+  const MapSnapshotPtr& snapshot;  ///< what it was tracked on; may be null
+  const SessionStatus& status;
+  const StageTimes& stages;           ///< processor time
+  std::chrono::nanoseconds cpu{};     ///< processor time of all work on the frame
+  std::chrono::nanoseconds wall{};    ///< from when the frame was due (realtime) or taken up to its pose
+};
+
+struct DroppedReport {
+  size_t number = 0;
+  Timestamp time;
+};
+struct UndecodableReport {
+  size_t number = 0;
+  const std::string& reason;  ///< names the file
+};
+
+/// Hears what happens in the frame loop, in order, on its thread: must return at once.
+class FrameObserver {
+ public:
+  virtual ~FrameObserver() = default;
+  virtual void on_frame(const FrameReport&) {}
+  virtual void on_dropped(const DroppedReport&) {}
+  virtual void on_undecodable(const UndecodableReport&) {}
+  virtual void on_seed_reply(const SeedReply&) {}
+  virtual void on_offer_reply(const OfferReply&) {}
+  /// The link to the server is in another state, or its words have changed.
+  virtual void on_status(const SessionStatus&) {}
+  /// Lockstep: the server did not settle; the run goes on without.
+  virtual void on_unsettled(size_t /*frame_number*/) {}
+  /// The map was left because the server does not know it and the tracker is lost.
+  virtual void on_start_over(size_t /*frame_number*/) {}
+};
+
+}  // namespace cairn

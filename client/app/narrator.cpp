@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/narrator.h"
+
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr std::chrono::seconds kProgressPeriod(1);
+
+bool stderr_is_terminal() {
+  const char* term = std::getenv("TERM");
+  return isatty(STDERR_FILENO) == 1 && (term == nullptr || std::strcmp(term, "dumb") != 0);
+}
+
+std::string map_text(const FrameReport& report) {
+  const std::string id = to_hex(report.result.map.bytes).substr(0, 8);
+  const bool named = report.snapshot && report.snapshot->map == report.result.map && !report.snapshot->name.empty();
+  return named ? report.snapshot->name + " (" + id + ")" : id;
+}
+
+}  // namespace
+
+Narrator::Narrator(Logger log, const PaceClock& clock, std::optional<size_t> frame_count)
+    : log_(std::move(log)), clock_(clock), frame_count_(frame_count), on_terminal_(stderr_is_terminal()) {}
+
+void Narrator::on_frame(const FrameReport& report) {
+  number_ = report.number;
+  tell_map(report);
+  tell_tracking(report);
+  if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
+  const auto now = clock_.now();
+  if (last_progress_ && now - *last_progress_ < kProgressPeriod) return;
+  last_progress_ = now;
+  show_progress(report);
+}
+
+void Narrator::tell_map(const FrameReport& report) {
+  if (!is_tracked(report.state) || report.result.map == map_) return;
+  if (map_) {
+    log_->info("frame {}: now in map {}", report.number, map_text(report));
+  } else {
+    log_->info("map {} started at frame {}: {} of {} points found", map_text(report), report.number, report.result.found,
+               report.result.attempted);
+  }
+  map_ = report.result.map;
+}
+
+void Narrator::tell_tracking(const FrameReport& report) {
+  if (report.state == FrameState::kLost && !lost_since_) {
+    lost_since_ = report.number;
+    log_->warn("frame {}: lost{}{}", report.number, report.result.note.empty() ? "" : ": ", report.result.note);
+  } else if (is_tracked(report.state) && lost_since_) {
+    log_->info("frame {}: found again after {} frames", report.number, report.number - *lost_since_);
+    lost_since_.reset();
+  }
+}
+
+std::string Narrator::progress_text(const FrameReport& report, std::optional<size_t> frame_count, size_t dropped) {
+  const auto& result = report.result;
+  std::string text = fmt::format("frame {}", report.number);
+  if (frame_count) text += fmt::format("/{}", *frame_count);
+  text += fmt::format(" {}", to_string(report.state));
+  if (is_tracked(report.state)) {
+    text += fmt::format(", {}/{} points", result.found, result.attempted);
+  } else if (!result.note.empty()) {
+    text += ": " + result.note;
+  }
+  if (report.snapshot) {
+    text += fmt::format(", map of {} keyframes, {} points", report.snapshot->keyframe_count(),
+                        report.snapshot->point_count());
+  }
+  text += fmt::format(", {:.1f} ms", std::chrono::duration<double, std::milli>(report.cpu).count());
+  if (dropped > 0) text += fmt::format(", {} dropped", dropped);
+  return text;
+}
+
+void Narrator::show_progress(const FrameReport& report) {
+  const auto text = progress_text(report, frame_count_, dropped_);
+  if (!on_terminal_) {
+    log_->info("{}", text);
+  } else if (log_->should_log(spdlog::level::info)) {
+    // Erased first and left with the cursor at its start, so that whatever is logged next replaces it.
+    std::fprintf(stderr, "\r\x1b[K%s\r", text.c_str());
+    std::fflush(stderr);
+  }
+}
+
+void Narrator::on_undecodable(const UndecodableReport& report) {
+  number_ = report.number;
+  log_->warn("frame {} cannot be used: {}", report.number, report.reason);
+}
+
+void Narrator::on_seed_reply(const SeedReply& reply) {
+  if (reply.answer) {
+    log_->info("the server made map {} from our two views: {} points", to_hex(reply.answer->map.bytes).substr(0, 8),
+               reply.answer->points.size());
+  } else {
+    why_no_map_ = reply.reason;
+    log_->info("the server refused to start a map: {}", reply.reason);
+  }
+}
+
+void Narrator::on_offer_reply(const OfferReply& reply) {
+  if (reply.accepted) {
+    log_->info("frame {}: keyframe {} accepted", number_, reply.seq);
+  } else {
+    log_->info("frame {}: keyframe {} refused: {}", number_, reply.seq, reply.reason);
+  }
+}
+
+void Narrator::on_status(const SessionStatus& status) {
+  const bool fault = status.link == ServerLink::kGone || status.link == ServerLink::kRestarted || !status.map_known;
+  if (!status.text.empty()) log_->log(fault ? spdlog::level::warn : spdlog::level::info, "{}", status.text);
+}
+
+void Narrator::on_unsettled(size_t frame_number) {
+  log_->warn("frame {}: the server did not finish its work on it; going on, this run cannot be repeated exactly",
+             frame_number);
+}
+
+void Narrator::on_start_over(size_t frame_number) {
+  log_->info("frame {}: lost, and the server does not know the map: starting a new one", frame_number);
+  map_ = {};
+  lost_since_.reset();
+}
+
+void Narrator::finish() {
+  if (on_terminal_ && last_progress_) std::fputs("\r\x1b[K", stderr);
+  if (!map_ && !why_no_map_.empty()) log_->warn("no map: {}", why_no_map_);
+}
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "client/app/frame_observer.h"
+#include "common/base/log.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// Tells a person on stderr what happens: maps started, tracking lost and found, the server's verdicts with their reasons,
+/// the server gone and back; and once a second how far the run is. On a terminal the progress line stays in place.
+class Narrator final : public FrameObserver {
+ public:
+  /// `frame_count` of the source if known. The clock gives the seconds between progress lines.
+  Narrator(Logger log, const PaceClock& clock, std::optional<size_t> frame_count);
+
+  void on_frame(const FrameReport& report) override;
+  void on_dropped(const DroppedReport&) override { ++dropped_; }
+  void on_undecodable(const UndecodableReport& report) override;
+  void on_seed_reply(const SeedReply& reply) override;
+  void on_offer_reply(const OfferReply& reply) override;
+  void on_status(const SessionStatus& status) override;
+  void on_unsettled(size_t frame_number) override;
+  void on_start_over(size_t frame_number) override;
+
+  /// Ends the progress line. After a run without a map: says why, as far as the tracker and the server told.
+  void finish();
+
+  /// "frame 120/600 tracking, 412/530 points, map of 7 keyframes, 1890 points, 6.1 ms"
+  [[nodiscard]] static std::string progress_text(const FrameReport& report, std::optional<size_t> frame_count,
+                                                 size_t dropped);
+
+ private:
+  void tell_map(const FrameReport& report);
+  void tell_tracking(const FrameReport& report);
+  void show_progress(const FrameReport& report);
+
+  Logger log_;
+  const PaceClock& clock_;
+  const std::optional<size_t> frame_count_;
+  const bool on_terminal_;
+  std::optional<PaceClock::TimePoint> last_progress_;
+  size_t number_ = 0;  ///< of the last frame
+  size_t dropped_ = 0;
+  MapId map_;
+  std::optional<size_t> lost_since_;
+  std::string why_no_map_;
+};
+
+}  // namespace cairn

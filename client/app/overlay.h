@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/tracking/tracker.h"
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// All that a picture of a frame shows: a value, so that it can be drawn later and elsewhere.
+struct OverlayFrame {
+  GrayImagePtr image;
+  Timestamp time;
+  size_t number = 0;
+  FrameState state = FrameState::kStarting;
+  std::optional<SE3> camera_from_map;  ///< where a pose was measured
+  MapId map;
+  std::string map_name;
+  Revision revision;
+  size_t map_keyframes = 0;
+  size_t map_points = 0;
+  int found = 0;
+  int attempted = 0;
+  double mean_depth = 0;  ///< [map unit] of the found points
+  double cpu_ms = 0;
+  std::vector<TrackedPoint> points;
+  std::vector<TrailLine> trails;
+  std::string note;         ///< of the tracker
+  std::string server_text;  ///< of the session
+};
+
+[[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
+
+/// Draws the camera's picture with what the tracker knows: points found (coloured by pyramid level) and missed (faint),
+/// trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, and two status lines below.
+/// Deterministic; used from one thread.
+class Overlay {
+ public:
+  /// Small pictures are enlarged by a whole number, so that the status lines can be read.
+  explicit Overlay(CameraPtr camera);
+
+  /// Of every picture drawn [px].
+  [[nodiscard]] cv::Size size() const;
+  /// BGR; valid until the next call. `frame.image` must have the camera's size.
+  [[nodiscard]] const cv::Mat& draw(const OverlayFrame& frame);
+
+ private:
+  void draw_background(const GrayView& image);
+  void draw_trails(const std::vector<TrailLine>& trails);
+  void draw_points(const std::vector<TrackedPoint>& points);
+  void draw_grid(const SE3& camera_from_map);
+  void draw_axes(const SE3& camera_from_map);
+  void draw_status(const OverlayFrame& frame);
+  void draw_text(const std::string& text, int row, const cv::Scalar& color);
+  void draw_map_line(const SE3& camera_from_map, const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                     const cv::Scalar& color, int thickness);
+  void choose_grid(const OverlayFrame& frame);
+  [[nodiscard]] cv::Point to_canvas(const Eigen::Vector2d& pixel) const;
+
+  const CameraPtr camera_;
+  const int scale_;
+  cv::Mat canvas_;
+  cv::Mat camera_area_;  ///< part of canvas_
+  MapId grid_map_;
+  double grid_step_ = 0;  ///< [map unit]; fixed for a map, so that the grid stands still in it
+  std::optional<Timestamp> last_time_;
+  double frame_rate_ = 0;  ///< [Hz] smoothed
+};
+
+}  // namespace cairn

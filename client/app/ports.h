@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <optional>
+#include <vector>
+
+#include "client/session/session.h"
+#include "client/tracking/tracker.h"
+
+/// What the frame loop needs of the world, so that its rules are tested with scripted trackers, servers and clocks. The real
+/// ones are in adapters.h and forward word for word: see Tracker and Session for the meaning of each call.
+namespace cairn {
+
+class TrackingEngine {
+ public:
+  virtual ~TrackingEngine() = default;
+  virtual const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
+                                   StageProbe* probe) = 0;
+  virtual void seed_accepted(const SeedAnswer& answer) = 0;
+  virtual void seed_refused(const std::string& reason) = 0;
+  virtual void start_over() = 0;
+};
+
+class MapLink {
+ public:
+  virtual ~MapLink() = default;
+  [[nodiscard]] virtual MapSnapshotPtr snapshot() const = 0;
+  virtual void leave_map() = 0;
+  virtual void send_seed(SeedProposal proposal) = 0;
+  virtual void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) = 0;
+  virtual void publish_state(const FrameResult& result, Timestamp time) = 0;
+  [[nodiscard]] virtual std::optional<SeedReply> take_seed_reply() = 0;
+  [[nodiscard]] virtual std::vector<OfferReply> take_offer_replies() = 0;
+  [[nodiscard]] virtual SessionStatus status() const = 0;
+  [[nodiscard]] virtual bool wait_until_settled(std::chrono::milliseconds timeout) = 0;
+};
+
+/// A monotonic clock that can be waited on.
+class PaceClock {
+ public:
+  using TimePoint = std::chrono::steady_clock::time_point;
+
+  virtual ~PaceClock() = default;
+  [[nodiscard]] virtual TimePoint now() const = 0;
+  virtual void sleep_until(TimePoint time) = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/stats.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// A frame is on time when its pose is there before the next frame of a 30 Hz camera.
+constexpr double kOnTimeMs = 33.0;
+
+double to_ms(std::chrono::nanoseconds duration) { return std::chrono::duration<double, std::milli>(duration).count(); }
+
+/// Times to the microsecond: more digits would only make the file long.
+double rounded_ms(double ms) { return std::round(ms * 1e3) / 1e3; }
+
+Json percentiles(const std::vector<double>& samples) {
+  return {{"p50", rounded_ms(percentile(samples, 0.50))},
+          {"p95", rounded_ms(percentile(samples, 0.95))},
+          {"p99", rounded_ms(percentile(samples, 0.99))}};
+}
+
+double share(size_t part, size_t whole) {
+  return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
+}
+
+}  // namespace
+
+const char* to_string(FrameState state) {
+  switch (state) {
+    case FrameState::kStarting:
+      return "starting";
+    case FrameState::kTracking:
+      return "tracking";
+    case FrameState::kPoor:
+      return "poor";
+    case FrameState::kLost:
+      return "lost";
+    case FrameState::kDropped:
+      return "dropped";
+  }
+  return "?";
+}
+
+std::chrono::nanoseconds thread_cpu_time() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
+}
+
+StageTimes StageClock::take() { return std::exchange(times_, StageTimes{}); }
+
+double percentile(std::vector<double> samples, double p) {
+  if (samples.empty()) return 0;
+  std::sort(samples.begin(), samples.end());
+  const double rank = std::clamp(p, 0.0, 1.0) * static_cast<double>(samples.size() - 1);
+  const auto below = static_cast<size_t>(rank);
+  const size_t above = std::min(below + 1, samples.size() - 1);
+  return std::lerp(samples[below], samples[above], rank - static_cast<double>(below));
+}
+
+void RunStats::on_frame(const FrameReport& report) {
+  const auto& result = report.result;
+  FrameRow row{report.frame.time, report.state, {}, result.found, result.attempted, to_ms(report.cpu), to_ms(report.wall)};
+  if (is_tracked(report.state)) {
+    row.map = result.map;
+    if (!first_map_frame_) first_map_frame_ = frames_.size();
+    if (current_map_ && current_map_ != result.map) ++switches_;
+    current_map_ = result.map;
+    for (size_t s = 0; s < kStageCount; ++s) stage_ms_[s].push_back(to_ms(report.stages[s]));
+    stage_ms_[kStageCount].push_back(row.cpu_ms);
+    squared_error_sum_ += result.reprojection_rms * result.reprojection_rms * result.found;
+    inlier_sum_ += static_cast<size_t>(std::max(0, result.found));
+  }
+  if (report.snapshot) {
+    map_points_ = report.snapshot->point_count();
+    map_keyframes_ = report.snapshot->keyframe_count();
+  }
+  frames_.push_back(row);
+}
+
+void RunStats::on_dropped(const DroppedReport& report) {
+  FrameRow row;
+  row.time = report.time;
+  frames_.push_back(row);
+}
+
+void RunStats::on_undecodable(const UndecodableReport&) {
+  FrameRow row;
+  if (!frames_.empty()) row.time = frames_.back().time;
+  frames_.push_back(row);
+  ++undecodable_;
+}
+
+void RunStats::on_seed_reply(const SeedReply& reply) { seeds_refused_ += reply.answer ? 0 : 1; }
+
+void RunStats::on_offer_reply(const OfferReply& reply) { ++(reply.accepted ? offers_accepted_ : offers_refused_); }
+
+size_t RunStats::count(FrameState state) const {
+  return static_cast<size_t>(
+      std::count_if(frames_.begin(), frames_.end(), [state](const FrameRow& row) { return row.state == state; }));
+}
+
+double RunStats::tracked_share() const {
+  return first_map_frame_ ? share(tracked(), frames_.size() - *first_map_frame_) : 0.0;
+}
+
+double RunStats::on_time_share() const {
+  const auto on_time = std::count_if(frames_.begin(), frames_.end(), [](const FrameRow& row) {
+    return row.state != FrameState::kDropped && row.wall_ms <= kOnTimeMs;
+  });
+  return share(static_cast<size_t>(on_time), frames_.size());
+}
+
+std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) const {
+  Json json{{"frames_total", frames_.size()},
+            {"tracked", tracked()},
+            {"dropped", count(FrameState::kDropped)},
+            {"lost", count(FrameState::kLost)},
+            {"switches", switches_},
+            {"first_map_frame", first_map_frame_ ? Json(*first_map_frame_) : Json(nullptr)},
+            {"bytes_sent", bytes_sent},
+            {"bytes_received", bytes_received}};
+  Json& stages = json["stages_ms"];
+  stages["total"] = percentiles(stage_ms_[kStageCount]);
+  for (size_t s = 0; s < kStageCount; ++s) stages[to_string(static_cast<Stage>(s))] = percentiles(stage_ms_[s]);
+  json["summary"] = {{"tracked_share", tracked_share()},
+                     {"on_time_share", on_time_share()},
+                     {"undecodable", undecodable_},
+                     {"seeds_refused", seeds_refused_},
+                     {"keyframes_accepted", offers_accepted_},
+                     {"keyframes_refused", offers_refused_},
+                     {"map_keyframes", map_keyframes_},
+                     {"map_points", map_points_},
+                     {"reprojection_rms_px", inlier_sum_ == 0 ? 0.0 : std::sqrt(squared_error_sum_ / inlier_sum_)}};
+  Json frames = Json::array();
+  for (const auto& row : frames_) {
+    frames.push_back({{"t", row.time.seconds()},
+                      {"state", to_string(row.state)},
+                      {"map", row.map ? Json(to_hex(row.map.bytes)) : Json(nullptr)},
+                      {"inliers", row.inliers},
+                      {"attempted", row.attempted},
+                      {"cpu_ms", rounded_ms(row.cpu_ms)},
+                      {"wall_ms", rounded_ms(row.wall_ms)}});
+  }
+  json["frames"] = std::move(frames);
+  return json.dump(1) + "\n";
+}
+
+std::vector<std::string> RunStats::summary_lines() const {
+  std::vector<std::string> lines;
+  const size_t dropped = count(FrameState::kDropped) - undecodable_;
+  lines.push_back(fmt::format("{} frames: {} tracked, {} poor, {} lost, {} starting, {} dropped, {} undecodable",
+                              frames_.size(), count(FrameState::kTracking), count(FrameState::kPoor),
+                              count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
+  if (!first_map_frame_) {
+    lines.emplace_back("no map was started");
+    return lines;
+  }
+  const auto& total = stage_ms_[kStageCount];
+  lines.push_back(fmt::format("map from frame {}; since then {:.1f} % tracked; {} map switches", *first_map_frame_,
+                              100 * tracked_share(), switches_));
+  lines.push_back(fmt::format("{} keyframes and {} points in the map; {} keyframes accepted, {} refused", map_keyframes_,
+                              map_points_, offers_accepted_, offers_refused_));
+  lines.push_back(fmt::format("processor time per tracked frame: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms; "
+                              "{:.1f} % of all frames on time",
+                              percentile(total, 0.50), percentile(total, 0.95), percentile(total, 0.99),
+                              100 * on_time_share()));
+  return lines;
+}
+
+}  // namespace cairn

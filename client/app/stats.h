@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/tracking/tracker.h"
+#include "common/base/time.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// Processor time that the calling thread has used so far (CLOCK_THREAD_CPUTIME_ID).
+[[nodiscard]] std::chrono::nanoseconds thread_cpu_time();
+
+/// The tracker's stopwatch: processor time of the calling thread per stage, summed over a frame. Stages may be entered
+/// several times a frame and may nest; an inner stage is also counted in the outer one.
+class StageClock final : public StageProbe {
+ public:
+  void begin(Stage stage) override { started_[static_cast<size_t>(stage)] = thread_cpu_time(); }
+  void end(Stage stage) override {
+    const auto s = static_cast<size_t>(stage);
+    times_[s] += thread_cpu_time() - started_[s];
+  }
+  /// Times since the last call.
+  [[nodiscard]] StageTimes take();
+
+ private:
+  StageTimes started_{};
+  StageTimes times_{};
+};
+
+/// Value below which the share `p` (0..1) of the samples lies, interpolated between neighbours (as numpy.percentile does);
+/// 0 for no samples.
+[[nodiscard]] double percentile(std::vector<double> samples, double p);
+
+/// Collects what `--stats` writes (DESIGN 10). Used from the thread of the frame loop.
+class RunStats final : public FrameObserver {
+ public:
+  void on_frame(const FrameReport& report) override;
+  void on_dropped(const DroppedReport& report) override;
+  void on_undecodable(const UndecodableReport& report) override;
+  void on_seed_reply(const SeedReply& reply) override;
+  void on_offer_reply(const OfferReply& reply) override;
+
+  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame` counts all frames of the source from 0,
+  /// null without a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not
+  /// known). `summary` has what the contract does not ask for.
+  [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
+
+  /// For the last words on stderr, one line each: frames and maps, times, keyframes.
+  [[nodiscard]] std::vector<std::string> summary_lines() const;
+
+  [[nodiscard]] size_t frames_total() const { return frames_.size(); }
+  [[nodiscard]] size_t frames_decoded() const { return frames_.size() - undecodable_; }
+  [[nodiscard]] std::optional<size_t> first_map_frame() const { return first_map_frame_; }
+
+ private:
+  struct FrameRow {
+    Timestamp time;
+    FrameState state = FrameState::kDropped;
+    MapId map;
+    int inliers = 0;
+    int attempted = 0;
+    double cpu_ms = 0;
+    double wall_ms = 0;
+  };
+
+  [[nodiscard]] size_t count(FrameState state) const;
+  [[nodiscard]] size_t tracked() const { return count(FrameState::kTracking) + count(FrameState::kPoor); }
+  [[nodiscard]] double tracked_share() const;
+  [[nodiscard]] double on_time_share() const;
+
+  std::vector<FrameRow> frames_;
+  std::array<std::vector<double>, kStageCount + 1> stage_ms_;  ///< of tracked frames; the last is the whole frame
+  std::optional<size_t> first_map_frame_;
+  MapId current_map_;
+  size_t switches_ = 0;
+  size_t undecodable_ = 0;
+  size_t seeds_refused_ = 0;
+  size_t offers_accepted_ = 0;
+  size_t offers_refused_ = 0;
+  size_t map_points_ = 0;
+  size_t map_keyframes_ = 0;
+  double squared_error_sum_ = 0;  ///< [px^2] of the inliers of tracked frames
+  size_t inlier_sum_ = 0;
+};
+
+}  // namespace cairn

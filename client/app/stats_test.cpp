@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/stats.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <random>
+
+#include "client/app/test_doubles.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+using testing::at_ms;
+using testing::make_frame;
+
+TEST(Percentile, OfAnEvenRampIsTheRampAndOrderDoesNotMatter) {
+  std::vector<double> ramp(101);
+  for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<double>(i);
+  std::mt19937 random(1);
+  std::shuffle(ramp.begin(), ramp.end(), random);
+  for (const double p : {0.0, 0.25, 0.5, 0.95, 0.99, 1.0}) EXPECT_NEAR(percentile(ramp, p), 100 * p, 1e-9) << p;
+}
+
+TEST(Percentile, LiesBetweenNeighboursAndOfNothingIsZero) {
+  EXPECT_DOUBLE_EQ(percentile({10, 20}, 0.5), 15);
+  EXPECT_DOUBLE_EQ(percentile({7}, 0.99), 7);
+  EXPECT_DOUBLE_EQ(percentile({}, 0.5), 0);
+}
+
+/// Feeds frames as the loop would.
+class StatsTest : public ::testing::Test {
+ protected:
+  void add(FrameState state, MapId map = {}, milliseconds cpu = milliseconds(5), milliseconds wall = milliseconds(8)) {
+    result_.map = map;
+    result_.found = 40;
+    result_.attempted = 60;
+    result_.reprojection_rms = 0.5;
+    const Frame frame = make_frame(number_, at_ms(static_cast<int64_t>(number_) * 33));
+    stages_[static_cast<size_t>(Stage::kFine)] = cpu / 2;
+    stats_.on_frame({number_++, frame, result_, state, snapshot_, status_, stages_, cpu, wall});
+  }
+  void drop() { stats_.on_dropped({number_, at_ms(static_cast<int64_t>(number_) * 33)}), ++number_; }
+  nlohmann::json json() { return nlohmann::json::parse(stats_.to_json(1234, 5678)); }
+
+  RunStats stats_;
+  size_t number_ = 0;
+  FrameResult result_;
+  MapSnapshotPtr snapshot_;
+  SessionStatus status_;
+  StageTimes stages_{};
+  const MapId desk_{{0xAB}};
+  const MapId bench_{{0xCD}};
+};
+
+TEST_F(StatsTest, TheContractsKeysCountTheFrames) {
+  add(FrameState::kStarting);
+  add(FrameState::kStarting);
+  add(FrameState::kTracking, desk_);
+  add(FrameState::kPoor, desk_);
+  drop();
+  add(FrameState::kLost, desk_);
+  add(FrameState::kTracking, bench_);
+  add(FrameState::kTracking, desk_);
+  const auto j = json();
+  EXPECT_EQ(j["frames_total"], 8);
+  EXPECT_EQ(j["tracked"], 4);
+  EXPECT_EQ(j["dropped"], 1);
+  EXPECT_EQ(j["lost"], 1);
+  EXPECT_EQ(j["switches"], 2);
+  EXPECT_EQ(j["first_map_frame"], 2);
+  EXPECT_EQ(j["bytes_sent"], 1234);
+  EXPECT_EQ(j["bytes_received"], 5678);
+  EXPECT_EQ(j["frames"].size(), 8U);
+  EXPECT_NEAR(j["summary"]["tracked_share"].get<double>(), 4.0 / 6.0, 1e-12);
+  EXPECT_NEAR(j["summary"]["reprojection_rms_px"].get<double>(), 0.5, 1e-12);
+}
+
+TEST_F(StatsTest, AFrameHasTheContractsFields) {
+  add(FrameState::kTracking, desk_, milliseconds(6), milliseconds(9));
+  drop();
+  const auto frames = json()["frames"];
+  EXPECT_EQ(frames[0]["state"], "tracking");
+  EXPECT_EQ(frames[0]["map"], to_hex(desk_.bytes));
+  EXPECT_EQ(frames[0]["inliers"], 40);
+  EXPECT_EQ(frames[0]["attempted"], 60);
+  EXPECT_DOUBLE_EQ(frames[0]["cpu_ms"], 6);
+  EXPECT_DOUBLE_EQ(frames[0]["wall_ms"], 9);
+  EXPECT_EQ(frames[1]["state"], "dropped");
+  EXPECT_DOUBLE_EQ(frames[1]["t"], 0.033);
+  EXPECT_TRUE(frames[1]["map"].is_null());
+}
+
+TEST_F(StatsTest, PercentilesAreOverTrackedFramesOnly) {
+  add(FrameState::kStarting, {}, milliseconds(900));
+  for (int i = 0; i <= 100; ++i) add(FrameState::kTracking, desk_, milliseconds(i));
+  add(FrameState::kLost, desk_, milliseconds(900));
+  const auto stages = json()["stages_ms"];
+  EXPECT_NEAR(stages["total"]["p50"].get<double>(), 50, 1e-9);
+  EXPECT_NEAR(stages["total"]["p95"].get<double>(), 95, 1e-9);
+  EXPECT_NEAR(stages["total"]["p99"].get<double>(), 99, 1e-9);
+  EXPECT_NEAR(stages[to_string(Stage::kFine)]["p50"].get<double>(), 25, 1e-9);
+  EXPECT_EQ(stages.size(), kStageCount + 1);
+}
+
+TEST_F(StatsTest, DroppedFramesAreLate) {
+  add(FrameState::kStarting, {}, milliseconds(5), milliseconds(33));
+  add(FrameState::kTracking, desk_, milliseconds(5), milliseconds(34));
+  drop();
+  add(FrameState::kTracking, desk_);
+  EXPECT_NEAR(json()["summary"]["on_time_share"].get<double>(), 0.5, 1e-12);
+}
+
+TEST_F(StatsTest, AnUndecodableFrameCountsAsNotTracked) {
+  add(FrameState::kTracking, desk_);
+  const std::string reason = "1.png: cut";
+  stats_.on_undecodable({number_++, reason});
+  const auto j = json();
+  EXPECT_EQ(j["frames_total"], 2);
+  EXPECT_EQ(j["dropped"], 1);
+  EXPECT_EQ(j["summary"]["undecodable"], 1);
+  EXPECT_NEAR(j["summary"]["tracked_share"].get<double>(), 0.5, 1e-12);
+  EXPECT_EQ(stats_.frames_decoded(), 1U);
+}
+
+TEST_F(StatsTest, WithoutAMapThereIsNoFirstMapFrame) {
+  add(FrameState::kStarting);
+  EXPECT_TRUE(json()["first_map_frame"].is_null());
+  EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("no map was started"));
+}
+
+TEST(StageClock, CountsTheThreadsProcessorTimeOfAStageAndStartsAgain) {
+  StageClock clock;
+  const auto before = thread_cpu_time();
+  clock.begin(Stage::kFine);
+  volatile double sink = 0;
+  while (thread_cpu_time() - before < milliseconds(2)) sink = sink + 1;
+  clock.end(Stage::kFine);
+  const auto times = clock.take();
+  EXPECT_GE(times[static_cast<size_t>(Stage::kFine)], milliseconds(1));
+  EXPECT_EQ(times[static_cast<size_t>(Stage::kPose)].count(), 0);
+  EXPECT_EQ(clock.take()[static_cast<size_t>(Stage::kFine)].count(), 0);
+}
+
+}  // namespace
+}  // namespace cairn

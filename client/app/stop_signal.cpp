@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/stop_signal.h"
+
+#include <ctime>
+
+namespace cairn {
+
+StopSignal::StopSignal() {
+  sigemptyset(&signals_);
+  sigaddset(&signals_, SIGINT);
+  sigaddset(&signals_, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals_, &mask_before_);
+}
+
+StopSignal::~StopSignal() { pthread_sigmask(SIG_SETMASK, &mask_before_, nullptr); }
+
+bool StopSignal::requested() {
+  if (requested_) return true;
+  const timespec no_wait{};
+  if (sigtimedwait(&signals_, nullptr, &no_wait) < 0) return false;
+  requested_ = true;
+  // From here on a second signal has its default effect: an end at once, also out of a blocking call.
+  pthread_sigmask(SIG_UNBLOCK, &signals_, nullptr);
+  return true;
+}
+
+}  // namespace cairn

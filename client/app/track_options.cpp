@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/track_options.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <numeric>
+#include <utility>
+
+#include "common/map/ids.h"
+
+#ifndef CAIRN_VERSION
+#define CAIRN_VERSION "unknown"
+#endif
+
+namespace cairn {
+namespace {
+
+constexpr int kUsageExit = 2;
+constexpr int kMaxDomain = 230;  // the server's ports, 7400 + 250 domain + ..., end at 65535
+constexpr size_t kMaxName = 32;
+
+constexpr const char* kDescription =
+    "Tracks a camera against the maps of a cairn-server, and helps them grow.";
+constexpr const char* kFooter =
+    "Sources: tum:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, sim:SCENARIO?seed=1\n"
+    "Exit codes: 0 ok, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
+    "Examples:\n"
+    "  cairn-track --source v4l2:/dev/video0 --calibration camera.txt --video desk.mp4\n"
+    "  cairn-track --source tum:recording --pace lockstep --trajectory poses.txt --stats stats.json";
+
+const std::map<std::string, Pace> kPaces = {
+    {"realtime", Pace::kRealtime}, {"lockstep", Pace::kLockstep}, {"max", Pace::kMax}};
+
+/// Levenshtein distance.
+size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), size_t{0});
+  for (size_t i = 0; i < a.size(); ++i) {
+    size_t diagonal = std::exchange(row[0], i + 1);
+    for (size_t j = 0; j < b.size(); ++j) {
+      const size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+    }
+  }
+  return row.back();
+}
+
+/// ", did you mean --pace?" for the option nearest to an unknown one; empty when none is near.
+std::string suggestion(const CLI::App& app, const std::string& unknown) {
+  const std::string word = unknown.substr(0, unknown.find('='));
+  std::string best;
+  size_t best_distance = word.size() / 2;
+  for (const auto* option : app.get_options()) {
+    for (const auto& name : option->get_lnames()) {
+      const size_t distance = edit_distance(word, "--" + name);
+      if (distance >= best_distance) continue;
+      best_distance = distance;
+      best = name;
+    }
+  }
+  return best.empty() ? "" : "; did you mean --" + best + "?";
+}
+
+/// The words as the user types them; where they differ from TrackOptions, they are translated after parsing.
+struct Words {
+  TrackOptions options;
+  std::string calibration;
+  std::string role = "builder";
+  std::string pace = "realtime";
+  std::string wearer;
+  std::string security;
+  std::string trajectory;
+  std::string stats;
+  std::string video;
+  bool verbose = false;
+  bool quiet = false;
+};
+
+std::string check_name(const std::string& name) {
+  return is_valid_name(name) ? "" : "'" + name + "' is not a name: 1 to 32 of a-z, 0-9 and '-'";
+}
+
+void declare(CLI::App& app, Words& words) {
+  auto& options = words.options;
+  app.add_option("--source", options.source, "where frames come from (see below)")->required()->type_name("URI");
+  app.add_option("--calibration", words.calibration, "camera.txt or OpenCV yaml [camera.txt beside the source]")
+      ->type_name("FILE|auto");
+  app.add_option("--server", options.server, "host of cairn-server")->type_name("HOST")->capture_default_str();
+  app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, kMaxDomain))->capture_default_str();
+  app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
+      ->type_name("loopback|wifi|FILE");
+  app.add_option("--security", words.security, "DDS Security files")->type_name("DIR");
+  app.add_option("--name", options.name, "of this client [host name and process id]")->check(check_name)->type_name("NAME");
+  app.add_option("--wearer", words.wearer, "who wears the camera")->check(check_name)->type_name("NAME");
+  app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
+      ->check(CLI::IsMember({"builder", "reader"}))
+      ->capture_default_str();
+  app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
+  app.add_option("--pace", words.pace, "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
+      ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
+      ->capture_default_str();
+  app.add_option("--seed", options.seed, "of all random choices")->capture_default_str();
+  app.add_flag("--headless", options.headless, "without a window");
+  app.add_option("--trajectory", words.trajectory, "writes TUM rows")->type_name("FILE");
+  app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
+  app.add_option("--video", words.video, "writes the picture with the tracker's view (.mp4, .mkv, .avi)")
+      ->type_name("FILE");
+  app.add_flag("-v,--verbose", words.verbose, "more words");
+  app.add_flag("-q,--quiet", words.quiet, "warnings only");
+  app.set_version_flag("--version", "cairn-track " CAIRN_VERSION);
+}
+
+std::optional<std::filesystem::path> path_or_nothing(const std::string& text) {
+  return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
+}
+
+ParseExit usage(const std::string& message) {
+  return {kUsageExit, "cairn-track: " + message + "\ncairn-track --help lists all options\n"};
+}
+
+std::variant<TrackOptions, ParseExit> translate(Words words) {
+  if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
+  if (!words.wearer.empty()) return usage("--wearer: several cameras of one wearer are not available yet");
+  if (words.calibration == "auto") {
+    return usage("--calibration auto: calibrating while tracking is not available yet; pass a calibration file");
+  }
+  TrackOptions options = std::move(words.options);
+  options.calibration = path_or_nothing(words.calibration);
+  options.reader = words.role == "reader";
+  options.pace = kPaces.at(words.pace);
+  options.trajectory = path_or_nothing(words.trajectory);
+  options.stats = path_or_nothing(words.stats);
+  options.video = path_or_nothing(words.video);
+  options.verbosity = (words.verbose ? 1 : 0) - (words.quiet ? 1 : 0);
+  return options;
+}
+
+ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
+  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
+  if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr) return {0, std::string(error.what()) + "\n"};
+  const auto unknown = app.remaining();
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
+    return usage("unknown argument '" + unknown.front() + "'" + suggestion(app, unknown.front()));
+  }
+  return usage(error.what());
+}
+
+}  // namespace
+
+std::string default_client_name(std::string_view host_name, int process_id) {
+  const std::string suffix = fmt::format("-{}", process_id);
+  std::string name;
+  for (const unsigned char c : host_name.substr(0, host_name.find('.'))) {
+    name += std::isalnum(c) != 0 && c < 0x80 ? static_cast<char>(std::tolower(c)) : '-';
+  }
+  return (name.empty() ? "camera" : name.substr(0, kMaxName - suffix.size())) + suffix;
+}
+
+std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments, std::string_view host_name,
+                                                          int process_id) {
+  if (!arguments.empty() && arguments.front() == "calibrate") {
+    return usage("calibrate: calibrating from a board is not available yet; --calibration takes a camera.txt "
+                 "(`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`) or a yaml of OpenCV or ROS");
+  }
+  CLI::App app(kDescription, "cairn-track");
+  app.footer(kFooter);
+  Words words;
+  words.options.name = default_client_name(host_name, process_id);
+  declare(app, words);
+  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them from the back
+  try {
+    app.parse(std::move(arguments));
+  } catch (const CLI::ParseError& error) {
+    return parse_exit(app, error);
+  }
+  return translate(std::move(words));
+}
+
+}  // namespace cairn

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "client/app/pacer.h"
+
+namespace cairn {
+
+/// The words of `cairn-track` (DESIGN 10), checked.
+struct TrackOptions {
+  std::string source;
+  std::optional<std::filesystem::path> calibration;  ///< nothing: the source's own, or camera.txt beside it
+  std::string server = "localhost";
+  int domain = 0;
+  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+  std::string name;
+  bool reader = false;        ///< --role reader: makes neither maps nor keyframes
+  bool no_new_maps = false;   ///< keyframes only
+  Pace pace = Pace::kRealtime;
+  uint64_t seed = 1;
+  bool headless = false;
+  std::optional<std::filesystem::path> trajectory;
+  std::optional<std::filesystem::path> stats;
+  std::optional<std::filesystem::path> video;
+  int verbosity = 0;  ///< as make_logger()
+
+  [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
+};
+
+/// The process is to end now: --help and --version (0, text for stdout), or wrong words (2, text for stderr).
+struct ParseExit {
+  int code = 0;
+  std::string text;
+};
+
+/// `arguments` without the program's name. `host_name` and `process_id` make the default client name.
+[[nodiscard]] std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
+                                                                        std::string_view host_name, int process_id);
+
+/// A valid client name from a host name and a process id: "<host>-<pid>", what does not fit [a-z0-9-]{1,32} replaced or cut.
+[[nodiscard]] std::string default_client_name(std::string_view host_name, int process_id);
+
+}  // namespace cairn

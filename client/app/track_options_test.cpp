@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/track_options.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/map/ids.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+auto parse(std::vector<std::string> arguments) { return parse_track_options(std::move(arguments), "host", 42); }
+
+TrackOptions good(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), {"--source", "sim:desk"});
+  auto parsed = parse(std::move(arguments));
+  if (const auto* exit = std::get_if<ParseExit>(&parsed)) ADD_FAILURE() << exit->text;
+  return std::holds_alternative<TrackOptions>(parsed) ? std::get<TrackOptions>(parsed) : TrackOptions{};
+}
+
+/// Exit code 2, and the message.
+std::string wrong(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), {"--source", "sim:desk"});
+  auto parsed = parse(std::move(arguments));
+  if (!std::holds_alternative<ParseExit>(parsed)) {
+    ADD_FAILURE() << "accepted";
+    return {};
+  }
+  EXPECT_EQ(std::get<ParseExit>(parsed).code, 2);
+  return std::get<ParseExit>(parsed).text;
+}
+
+TEST(TrackOptions, DefaultsAreThoseOfTheContract) {
+  const auto options = good({});
+  EXPECT_EQ(options.source, "sim:desk");
+  EXPECT_EQ(options.server, "localhost");
+  EXPECT_EQ(options.domain, 0);
+  EXPECT_EQ(options.profile, "");
+  EXPECT_EQ(options.name, "host-42");
+  EXPECT_EQ(options.pace, Pace::kRealtime);
+  EXPECT_FALSE(options.reader);
+  EXPECT_TRUE(options.makes_maps());
+  EXPECT_FALSE(options.calibration);
+  EXPECT_FALSE(options.trajectory || options.stats || options.video);
+}
+
+TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
+  const auto options =
+      good({"--calibration", "c.txt", "--server", "desk.local", "--domain", "7", "--profile", "wifi", "--name", "cam-1",
+            "--role", "reader", "--no-new-maps", "--pace", "lockstep", "--seed", "99", "--headless", "--trajectory",
+            "t.txt", "--stats", "s.json", "--video", "v.mp4", "-v"});
+  EXPECT_EQ(options.calibration, "c.txt");
+  EXPECT_EQ(options.server, "desk.local");
+  EXPECT_EQ(options.domain, 7);
+  EXPECT_EQ(options.profile, "wifi");
+  EXPECT_EQ(options.name, "cam-1");
+  EXPECT_TRUE(options.reader);
+  EXPECT_TRUE(options.no_new_maps);
+  EXPECT_FALSE(options.makes_maps());
+  EXPECT_EQ(options.pace, Pace::kLockstep);
+  EXPECT_EQ(options.seed, 99U);
+  EXPECT_TRUE(options.headless);
+  EXPECT_EQ(options.trajectory, "t.txt");
+  EXPECT_EQ(options.stats, "s.json");
+  EXPECT_EQ(options.video, "v.mp4");
+  EXPECT_EQ(options.verbosity, 1);
+}
+
+TEST(TrackOptions, AnUnknownOptionNamesTheNearestOne) {
+  EXPECT_THAT(wrong({"--pcae", "max"}), HasSubstr("--pace"));
+  EXPECT_THAT(wrong({"--trajektory=t.txt"}), HasSubstr("--trajectory"));
+  EXPECT_THAT(wrong({"--xyzzy"}), ::testing::Not(HasSubstr("did you mean")));
+}
+
+TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
+  const auto pace = wrong({"--pace", "slow"});
+  EXPECT_THAT(pace, HasSubstr("realtime"));
+  EXPECT_THAT(pace, HasSubstr("lockstep"));
+  EXPECT_THAT(pace, HasSubstr("max"));
+  EXPECT_THAT(wrong({"--role", "king"}), HasSubstr("builder"));
+  EXPECT_THAT(wrong({"--domain", "231"}), HasSubstr("230"));
+  EXPECT_THAT(wrong({"--name", "Desk 1"}), HasSubstr("a-z"));
+  EXPECT_THAT(wrong({"--seed", "-1"}), HasSubstr("--seed"));
+}
+
+TEST(TrackOptions, WhatIsNotThereYetSaysSo) {
+  for (const auto& arguments : std::vector<std::vector<std::string>>{
+           {"--security", "dir"}, {"--calibration", "auto"}, {"--wearer", "ann"}}) {
+    EXPECT_THAT(wrong(arguments), HasSubstr("not available yet")) << arguments.front();
+  }
+  const auto calibrate = parse({"calibrate", "--board", "charuco"});
+  ASSERT_TRUE(std::holds_alternative<ParseExit>(calibrate));
+  EXPECT_THAT(std::get<ParseExit>(calibrate).text, HasSubstr("not available yet"));
+}
+
+TEST(TrackOptions, ASourceIsRequired) {
+  const auto parsed = parse({});
+  ASSERT_TRUE(std::holds_alternative<ParseExit>(parsed));
+  EXPECT_EQ(std::get<ParseExit>(parsed).code, 2);
+  EXPECT_THAT(std::get<ParseExit>(parsed).text, HasSubstr("--source"));
+}
+
+TEST(TrackOptions, HelpAndVersionEndWell) {
+  for (const char* word : {"--help", "-h", "--version"}) {
+    const auto parsed = parse({word});
+    ASSERT_TRUE(std::holds_alternative<ParseExit>(parsed)) << word;
+    EXPECT_EQ(std::get<ParseExit>(parsed).code, 0) << word;
+    EXPECT_THAT(std::get<ParseExit>(parsed).text, HasSubstr("cairn-track")) << word;
+  }
+}
+
+TEST(DefaultClientName, IsAlwaysAValidNameThatEndsWithTheProcess) {
+  for (const char* host : {"desk", "Desk_7.local", "", "..", "ünïcode", "a-very-long-host-name-of-more-than-32-letters"}) {
+    for (const int pid : {1, 4194304}) {
+      const auto name = default_client_name(host, pid);
+      EXPECT_TRUE(is_valid_name(name)) << name;
+      EXPECT_TRUE(name.ends_with(std::string("-").append(std::to_string(pid)))) << name;
+    }
+  }
+  EXPECT_EQ(default_client_name("Desk_7.local", 5), "desk-7-5");
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/video_writer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <utility>
+
+#include "client/app/stats.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kQueueFrames = 16;
+constexpr size_t kFramesForRate = 8;  ///< the rate is taken from the stamps of so many frames
+constexpr double kDefaultRate = 30;   ///< [Hz] for a single frame
+constexpr double kLongestStill = 2;   ///< [s] a longer gap of the stamps is a cut, not a pause
+
+struct Codec {
+  const char* ending;
+  const char* fourcc;
+};
+/// MPEG-4 Part 2 and Motion JPEG are in every build of FFmpeg.
+constexpr std::array kCodecs = {Codec{".mp4", "mp4v"}, Codec{".mkv", "mp4v"}, Codec{".avi", "MJPG"}};
+
+const Codec* find_codec(const std::filesystem::path& path) {
+  const auto* codec = std::find_if(kCodecs.begin(), kCodecs.end(),
+                                   [&path](const Codec& c) { return path.extension() == c.ending; });
+  return codec == kCodecs.end() ? nullptr : codec;
+}
+
+/// From the median step between the stamps.
+double rate_of(const std::vector<OverlayFrame>& frames) {
+  std::vector<double> steps;
+  for (size_t i = 1; i < frames.size(); ++i) {
+    const double step = seconds_between(frames[i].time, frames[i - 1].time);
+    if (step > 0) steps.push_back(step);
+  }
+  return steps.empty() ? kDefaultRate : std::clamp(1.0 / percentile(steps, 0.5), 1.0, 120.0);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::path& path, CameraPtr camera,
+                                                       WhenBehind when_behind) {
+  if (find_codec(path) == nullptr) {
+    return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
+  }
+  if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
+    return fail(ErrorCode::kIo, path.string() + ": cannot be written");
+  }
+  return std::unique_ptr<VideoWriter>(new VideoWriter(path, std::move(camera), when_behind));  // NOLINT: private
+}
+
+VideoWriter::VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind)
+    : path_(std::move(path)), when_behind_(when_behind), overlay_(std::move(camera)), thread_([this] { run(); }) {}
+
+VideoWriter::~VideoWriter() {
+  if (thread_.joinable()) (void)finish();
+}
+
+void VideoWriter::push(OverlayFrame frame) {
+  std::unique_lock lock(mutex_);
+  if (when_behind_ == WhenBehind::kDropPictures && queue_.size() >= kQueueFrames) {
+    ++pictures_dropped_;
+    return;
+  }
+  changed_.wait(lock, [this] { return queue_.size() < kQueueFrames; });
+  queue_.push_back(std::move(frame));
+  changed_.notify_all();
+}
+
+Status VideoWriter::finish() {
+  {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+  return status_;
+}
+
+void VideoWriter::run() {
+  while (true) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return finishing_ || !queue_.empty(); });
+    if (queue_.empty()) break;
+    OverlayFrame frame = std::move(queue_.front());
+    queue_.pop_front();
+    changed_.notify_all();
+    lock.unlock();
+    if (file_.isOpened()) {
+      write(frame);
+    } else if (status_) {
+      first_frames_.push_back(std::move(frame));
+      if (first_frames_.size() >= kFramesForRate) status_ = open_file();
+    }
+  }
+  if (!file_.isOpened() && status_ && !first_frames_.empty()) status_ = open_file();
+  file_.release();
+}
+
+Status VideoWriter::open_file() {
+  frame_rate_ = rate_of(first_frames_);
+  start_ = first_frames_.front().time;
+  const char* code = find_codec(path_)->fourcc;
+  const int fourcc = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
+  if (!file_.open(path_.string(), fourcc, frame_rate_, overlay_.size())) {
+    return fail(ErrorCode::kIo, path_.string() + ": OpenCV cannot encode " + code + " video");
+  }
+  for (const auto& frame : first_frames_) write(frame);
+  first_frames_.clear();
+  return {};
+}
+
+/// A gap in the stamps is filled with the picture before it.
+void VideoWriter::write(const OverlayFrame& frame) {
+  const double since_start = seconds_between(frame.time, start_);
+  auto place = std::llround(since_start * frame_rate_);
+  const auto longest = std::llround(kLongestStill * frame_rate_);
+  if (place < pictures_written_ - longest || place > pictures_written_ + longest) {
+    const auto written_ns = std::llround(static_cast<double>(pictures_written_) / frame_rate_ * 1e9);
+    start_ = frame.time + std::chrono::nanoseconds(-written_ns);
+    place = pictures_written_;
+  }
+  for (; pictures_written_ < place; ++pictures_written_) file_.write(picture_);
+  picture_ = overlay_.draw(frame);
+  file_.write(picture_);
+  ++pictures_written_;
+}
+
+}  // namespace cairn

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <filesystem>
+#include <memory>
+#include <mutex>
+#include <opencv2/videoio.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/app/overlay.h"
+#include "common/base/result.h"
+
+namespace cairn {
+
+/// Draws and encodes the overlay video in a thread of its own (DESIGN 10, --video). The rate is that of the stamps of the
+/// first frames; while frames are missing the last picture stands still, so the video keeps time.
+class VideoWriter final : public FrameObserver {
+ public:
+  enum class WhenBehind : uint8_t {
+    kDropPictures,  ///< realtime: tracking goes first
+    kWait,          ///< every frame gets its picture
+  };
+
+  /// Checks the ending (.mp4, .avi, .mkv) and that the file can be written. Errors: kUsage, kIo.
+  [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(const std::filesystem::path& path, CameraPtr camera,
+                                                                 WhenBehind when_behind);
+  /// As finish(), without a report.
+  ~VideoWriter() override;
+  VideoWriter(const VideoWriter&) = delete;
+  VideoWriter& operator=(const VideoWriter&) = delete;
+
+  void on_frame(const FrameReport& report) override { push(make_overlay_frame(report)); }
+  void push(OverlayFrame frame);
+
+  /// Waits until the file is complete. An error when it could not be encoded. Call once, push() no more.
+  [[nodiscard]] Status finish();
+  /// Pictures left out because the thread was behind. After finish().
+  [[nodiscard]] size_t pictures_dropped() const { return pictures_dropped_; }
+
+ private:
+  VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind);
+  void run();
+  [[nodiscard]] Status open_file();
+  void write(const OverlayFrame& frame);
+
+  const std::filesystem::path path_;
+  const WhenBehind when_behind_;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<OverlayFrame> queue_;  ///< guarded by mutex_
+  bool finishing_ = false;          ///< guarded by mutex_
+  size_t pictures_dropped_ = 0;     ///< guarded by mutex_
+
+  // Of the thread.
+  Overlay overlay_;
+  cv::Mat picture_;  ///< the last one written; shares the overlay's memory
+  cv::VideoWriter file_;
+  Status status_;
+  std::vector<OverlayFrame> first_frames_;  ///< kept until the rate is known
+  double frame_rate_ = 0;
+  Timestamp start_;
+  int64_t pictures_written_ = 0;
+  std::thread thread_;  ///< last: it uses all the above
+};
+
+}  // namespace cairn

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/decode_ahead.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace cairn {
+
+Result<std::unique_ptr<DecodeAhead>> DecodeAhead::start(std::unique_ptr<FrameSource> source,
+                                                        const DecodeAheadOptions& options) {
+  if (options.preload && source->is_live()) {
+    return fail(ErrorCode::kUsage, source->describe() + ": a live source cannot be preloaded");
+  }
+  size_t capacity = std::max<size_t>(1, options.queue_frames);
+  if (options.preload) capacity = std::numeric_limits<size_t>::max();
+  if (source->is_live()) capacity = 1;
+  std::unique_ptr<DecodeAhead> ahead(
+      new DecodeAhead(std::move(source), capacity));  // NOLINT: private constructor
+  if (options.preload) ahead->wait_until_decoded();
+  return ahead;
+}
+
+DecodeAhead::DecodeAhead(std::unique_ptr<FrameSource> source, size_t capacity)
+    : frame_count_(source->frame_count()),
+      calibration_(source->builtin_calibration()),
+      description_(source->describe()),
+      is_live_(source->is_live()),
+      capacity_(capacity),
+      source_(std::move(source)),
+      thread_([this] { run(); }) {}
+
+DecodeAhead::~DecodeAhead() {
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void DecodeAhead::run() {
+  while (true) {
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return stopping_ || is_live_ || queue_.size() < capacity_; });
+      if (stopping_) return;
+    }
+    auto item = source_->next();
+    const std::lock_guard lock(mutex_);
+    at_end_ = item.has_value() && !item->has_value();
+    if (at_end_) {
+      changed_.notify_all();
+      return;
+    }
+    if (queue_.size() >= capacity_) queue_.pop_front();
+    queue_.push_back(std::move(item));
+    changed_.notify_all();
+  }
+}
+
+Result<std::optional<Frame>> DecodeAhead::next() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return at_end_ || !queue_.empty(); });
+  if (queue_.empty()) return std::nullopt;
+  auto item = std::move(queue_.front());
+  queue_.pop_front();
+  changed_.notify_all();
+  return item;
+}
+
+void DecodeAhead::wait_until_decoded() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return at_end_; });
+}
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/frame_source.h"
+
+#include <array>
+
+#include "client/capture/image_list_source.h"
+#ifdef CAIRN_SIMULATOR
+#include "client/capture/simulated_source.h"
+#endif
+#include "client/capture/source_uri.h"
+#include "client/capture/v4l2_source.h"
+#include "client/capture/video_source.h"
+
+namespace cairn {
+namespace {
+
+using Opener = Result<std::unique_ptr<FrameSource>> (*)(const SourceUri&);
+
+struct Scheme {
+  std::string_view name;
+  Opener open;
+};
+
+constexpr std::array kSchemes = {
+    Scheme{"tum", open_tum_source},       Scheme{"images", open_images_source},
+    Scheme{"video", open_video_source},   Scheme{"v4l2", open_v4l2_source},
+#ifdef CAIRN_SIMULATOR
+    Scheme{"sim", open_simulated_source},
+#endif
+};
+
+}  // namespace
+
+Result<std::unique_ptr<FrameSource>> open_source(std::string_view text) {
+  const auto uri = parse_source_uri(text);
+  if (!uri) return tl::unexpected(uri.error());
+  std::string names;
+  for (const auto& scheme : kSchemes) {
+    if (scheme.name == uri->scheme) return scheme.open(*uri);
+    names += (names.empty() ? "" : ", ") + std::string(scheme.name) + ":";
+  }
+  return fail(ErrorCode::kUsage,
+              "source '" + std::string(text) + "': no scheme '" + uri->scheme + ":'; there are " + names);
+}
+
+std::optional<std::filesystem::path> find_calibration(std::string_view text) {
+  const auto uri = parse_source_uri(text);
+  if (!uri) return std::nullopt;
+  std::vector<std::filesystem::path> candidates;
+  const std::filesystem::path path(uri->path);
+  if (uri->scheme == "tum") candidates = {path / "camera.txt"};
+  if (uri->scheme == "images") candidates = {path / "camera.txt", path / ".." / "camera.txt"};
+  if (uri->scheme == "video") candidates = {path.parent_path() / "camera.txt"};
+  for (const auto& candidate : candidates) {
+    std::error_code ignored;
+    if (std::filesystem::is_regular_file(candidate, ignored)) return candidate.lexically_normal();
+  }
+  return std::nullopt;
+}
+
+}  // namespace cairn

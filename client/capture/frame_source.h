@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// One picture of a camera or a recording.
+struct Frame {
+  uint64_t index =
+      0;           ///< within the source, from 0; a frame that cannot be decoded or was dropped leaves a gap
+  Timestamp time;  ///< of capture; recordings may jump, also backwards
+  GrayImagePtr image;
+};
+
+/// Where frames come from. Used by one thread at a time.
+class FrameSource {
+ public:
+  virtual ~FrameSource() = default;
+
+  /// The next frame, nothing at the end (and ever after). An error (kDamaged, kNotFound, kIo) is about one
+  /// frame and names its file; the next call goes on with the frame after it. Blocks while a live camera
+  /// exposes.
+  [[nodiscard]] virtual Result<std::optional<Frame>> next() = 0;
+  /// How many frames the source holds, as far as its lists or its container tell; nothing for a live camera.
+  [[nodiscard]] virtual std::optional<size_t> frame_count() const = 0;
+  /// Exact calibration of a source that knows it (the simulator).
+  [[nodiscard]] virtual std::optional<CameraParameters> builtin_calibration() const { return std::nullopt; }
+  /// For a person: what it is, without frames being read.
+  [[nodiscard]] virtual std::string describe() const = 0;
+  /// Whether frames come by the clock of a camera and are lost when not taken.
+  [[nodiscard]] virtual bool is_live() const { return false; }
+};
+
+/// Opens what a `--source` argument names:
+///   tum:DIR                              rgb.txt with rows `time file`, files relative to DIR; frames in the
+///   file's order images:DIR?fps=30                    png, jpg, jpeg, pgm, ppm in natural order (2 before
+///   10) video:FILE?times=FILE                whatever OpenCV's FFmpeg reads; one time stamp [s] per line,
+///   else the container's v4l2:/dev/video0?size=640x480&fps=30 sim:SCENARIO?seed=1&camera=hand      with
+///   CAIRN_SIMULATOR; further options are the simulator's
+/// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kDamaged (lists that do
+/// not parse or are empty).
+[[nodiscard]] Result<std::unique_ptr<FrameSource>> open_source(std::string_view uri);
+
+/// camera.txt beside the images or the video of a source, if there is one.
+[[nodiscard]] std::optional<std::filesystem::path> find_calibration(std::string_view uri);
+
+}  // namespace cairn

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/frame_source.h"
+
+#include <gmock/gmock.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "client/capture/image_list_source.h"
+#include "common/io/calibration.h"
+#include "common/io/test_directory.h"
+
+namespace cairn {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+constexpr int kWidth = 64;
+constexpr int kHeight = 48;
+
+/// A picture that says which frame it is, also after lossy coding.
+cv::Mat picture(int number) {
+  return {kHeight, kWidth, CV_8U, cv::Scalar(20 * number + 10)};
+}
+int number_of(const Frame& frame) {
+  return frame.image->row(kHeight / 2)[kWidth / 2] / 20;
+}
+
+class FrameSourceFiles : public testing::Test {
+ protected:
+  void write_picture(const std::string& name, int number) {
+    const auto path = dir() / name;
+    fs::create_directories(path.parent_path());
+    ASSERT_TRUE(cv::imwrite(path.string(), picture(number)));
+  }
+  void write_text(const std::string& name, const std::string& content) {
+    std::ofstream(dir() / name) << content;
+  }
+  void write_video(const std::string& name, int frames) {
+    cv::VideoWriter writer((dir() / name).string(), cv::CAP_FFMPEG,
+                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20, {kWidth, kHeight}, false);
+    ASSERT_TRUE(writer.isOpened());
+    for (int i = 0; i < frames; ++i) writer.write(picture(i));
+  }
+  [[nodiscard]] std::string uri(const std::string& scheme, const std::string& rest = "") const {
+    return scheme + ":" + dir().string() + rest;
+  }
+  [[nodiscard]] const fs::path& dir() const { return directory_.path(); }
+
+  struct Taken {
+    std::vector<Frame> frames;
+    std::vector<std::string> errors;
+  };
+  static Taken take_all(FrameSource& source) {
+    Taken taken;
+    for (int calls = 0; calls < 100; ++calls) {
+      auto item = source.next();
+      if (!item) {
+        taken.errors.push_back(item.error().message);
+      } else if (!*item) {
+        return taken;
+      } else {
+        taken.frames.push_back(**item);
+      }
+    }
+    ADD_FAILURE() << "the source does not end";
+    return taken;
+  }
+  static void expect_open_error(const std::string& uri, ErrorCode code, const std::string& part) {
+    const auto source = open_source(uri);
+    ASSERT_FALSE(source) << uri;
+    EXPECT_EQ(source.error().code, code) << source.error().message;
+    EXPECT_THAT(source.error().message, HasSubstr(part));
+  }
+
+ private:
+  TestDirectory directory_;
+};
+
+TEST_F(FrameSourceFiles, TumGivesTheListedFramesInTheirOrder) {
+  write_picture("images/a 0.png", 0);
+  write_picture("images/b.jpg", 1);
+  write_picture("c.pgm", 2);
+  write_text(
+      "rgb.txt",
+      "# timestamp filename\n10.000000001 images/a 0.png\n10.5\timages/b.jpg\r\n2 c.pgm\n10 images/b.jpg\n");
+  const auto source = open_source(uri("tum"));
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ((*source)->frame_count(), 4u);
+  EXPECT_FALSE((*source)->is_live());
+  EXPECT_THAT((*source)->describe(), HasSubstr(dir().string()));
+  const auto taken = take_all(**source);
+  EXPECT_TRUE(taken.errors.empty());
+  std::vector<int> numbers;
+  std::vector<int64_t> times;
+  for (size_t i = 0; i < taken.frames.size(); ++i) {
+    EXPECT_EQ(taken.frames[i].index, i);
+    numbers.push_back(number_of(taken.frames[i]));
+    times.push_back(taken.frames[i].time.nanoseconds);
+  }
+  EXPECT_THAT(numbers, ElementsAre(0, 1, 2, 1));
+  EXPECT_THAT(times, ElementsAre(10'000'000'001, 10'500'000'000, 2'000'000'000, 10'000'000'000));
+}
+
+TEST_F(FrameSourceFiles, ABadFrameIsNamedAndTheNextOneComes) {
+  for (int i = 0; i < 5; ++i) write_picture("images/" + std::to_string(i) + ".jpg", i);
+  fs::resize_file(dir() / "images/1.jpg", fs::file_size(dir() / "images/1.jpg") / 2);
+  fs::remove(dir() / "images/3.jpg");
+  write_text("rgb.txt", "0 images/0.jpg\n1 images/1.jpg\n2 images/2.jpg\n3 images/3.jpg\n4 images/4.jpg\n");
+  const auto source = open_source(uri("tum"));
+  ASSERT_TRUE(source) << source.error().message;
+  const auto taken = take_all(**source);
+  EXPECT_THAT(taken.errors, ElementsAre(AllOf(HasSubstr("images/1.jpg"), HasSubstr("cut short")),
+                                        AllOf(HasSubstr("images/3.jpg"), HasSubstr("no such file"))));
+  ASSERT_EQ(taken.frames.size(), 3u);
+  EXPECT_EQ(taken.frames[1].index, 2u);
+  EXPECT_EQ(number_of(taken.frames[2]), 4);
+  EXPECT_EQ(taken.frames[2].index, 4u);
+}
+
+TEST_F(FrameSourceFiles, TumListErrors) {
+  expect_open_error(uri("tum"), ErrorCode::kNotFound, "rgb.txt: no such file; tum: needs this list");
+  write_text("rgb.txt", "# nothing\n\n");
+  expect_open_error(uri("tum"), ErrorCode::kDamaged, "lists no frame");
+  write_text("rgb.txt", "# c\n0.1 a.png\nsoon b.png\n");
+  expect_open_error(uri("tum"), ErrorCode::kDamaged, "rgb.txt:3:");
+  write_text("rgb.txt", "0.1\n");
+  expect_open_error(uri("tum"), ErrorCode::kDamaged, "rgb.txt:1:");
+  expect_open_error(uri("tum", "?fps=3"), ErrorCode::kUsage, "it takes none");
+}
+
+TEST_F(FrameSourceFiles, ImagesComeInNaturalOrderAtTheirRate) {
+  write_picture("frame10.png", 3);
+  write_picture("frame9.JPG", 2);
+  write_picture("frame1.jpeg", 0);
+  write_picture("frame02.pgm", 1);
+  write_text("notes.txt", "not a picture");
+  const auto source = open_source(uri("images", "?fps=30"));
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ((*source)->frame_count(), 4u);
+  const auto taken = take_all(**source);
+  ASSERT_EQ(taken.frames.size(), 4u);
+  const std::vector<int64_t> times = {0, 33'333'333, 66'666'667, 100'000'000};
+  for (size_t i = 0; i < times.size(); ++i) {
+    EXPECT_EQ(number_of(taken.frames[i]), static_cast<int>(i));
+    EXPECT_EQ(taken.frames[i].time.nanoseconds, times[i]);
+  }
+  expect_open_error(uri("images", "?fps=0"), ErrorCode::kUsage, "fps=0");
+  expect_open_error(uri("images", "?rate=3"), ErrorCode::kUsage, "it takes fps");
+  expect_open_error(uri("images", "/none"), ErrorCode::kNotFound, "no such directory");
+  fs::create_directory(dir() / "empty");
+  expect_open_error(uri("images", "/empty"), ErrorCode::kNotFound, "no png");
+  expect_open_error(uri("images", "/notes.txt"), ErrorCode::kIo, "cannot be listed");
+}
+
+TEST(NaturalOrder, IsAStrictTotalOrder) {
+  const std::vector<std::string> names = {"",  "1",  "01",  "2",  "10",  "010",   "10a",
+                                          "a", "a1", "a1b", "a2", "a10", "a10b2", "b"};
+  for (const auto& a : names) {
+    EXPECT_FALSE(natural_less(a, a)) << a;
+    for (const auto& b : names) {
+      EXPECT_EQ(natural_less(a, b), a != b && !natural_less(b, a)) << a << " " << b;
+      for (const auto& c : names) {
+        EXPECT_TRUE(!natural_less(a, b) || !natural_less(b, c) || natural_less(a, c))
+            << a << " " << b << " " << c;
+      }
+    }
+  }
+  EXPECT_TRUE(natural_less("frame9", "frame10"));
+  EXPECT_TRUE(natural_less("f99999999999999999999998", "f99999999999999999999999"));
+}
+
+TEST_F(FrameSourceFiles, VideoTakesItsTimesFromTheList) {
+  write_video("v1.avi", 6);
+  write_text("times.txt", "# time stamp of each frame\n100.1\n100.2\n100.35\n100.4\n100.5\n100.6\n");
+  const auto source = open_source(uri("video", "/v1.avi?times=" + (dir() / "times.txt").string()));
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ((*source)->frame_count(), 6u);
+  const auto taken = take_all(**source);
+  EXPECT_TRUE(taken.errors.empty());
+  ASSERT_EQ(taken.frames.size(), 6u);
+  EXPECT_EQ(taken.frames[2].time.nanoseconds, 100'350'000'000);
+  for (int i = 0; i < 6; ++i) EXPECT_EQ(number_of(taken.frames[static_cast<size_t>(i)]), i);
+}
+
+TEST_F(FrameSourceFiles, VideoWithoutTimesUsesTheContainers) {
+  write_video("v.avi", 5);
+  const auto source = open_source(uri("video", "/v.avi"));
+  ASSERT_TRUE(source) << source.error().message;
+  const auto taken = take_all(**source);
+  ASSERT_EQ(taken.frames.size(), 5u);
+  for (size_t i = 1; i < 5; ++i) {
+    EXPECT_NEAR(seconds_between(taken.frames[i].time, taken.frames[i - 1].time), 0.05, 1e-3) << i;
+  }
+}
+
+TEST_F(FrameSourceFiles, VideoAndTimesThatDoNotAgree) {
+  write_video("v.avi", 4);
+  write_text("short.txt", "1\n2\n3\n");
+  write_text("long.txt", "1\n2\n3\n4\n5\n");
+  auto source = open_source(uri("video", "/v.avi?times=" + (dir() / "short.txt").string()));
+  ASSERT_TRUE(source) << source.error().message;
+  auto taken = take_all(**source);
+  EXPECT_EQ(taken.frames.size(), 3u);
+  EXPECT_THAT(taken.errors, ElementsAre(AllOf(HasSubstr("short.txt"), HasSubstr("3 times"))));
+  source = open_source(uri("video", "/v.avi?times=" + (dir() / "long.txt").string()));
+  ASSERT_TRUE(source) << source.error().message;
+  taken = take_all(**source);
+  EXPECT_EQ(taken.frames.size(), 4u);
+  EXPECT_THAT(taken.errors, ElementsAre(AllOf(HasSubstr("v.avi"), HasSubstr("frame 4 of the 5"))));
+}
+
+TEST_F(FrameSourceFiles, VideoErrors) {
+  expect_open_error(uri("video", "/none.mp4"), ErrorCode::kNotFound, "none.mp4: no such video");
+  write_text("not.mp4", "this is no video");
+  expect_open_error(uri("video", "/not.mp4"), ErrorCode::kDamaged, "not.mp4");
+  write_video("v.avi", 2);
+  expect_open_error(uri("video", "/v.avi?times=/nowhere/times.txt"), ErrorCode::kNotFound,
+                    "/nowhere/times.txt");
+  write_text("bad.txt", "1.0\n# c\nnow\n");
+  expect_open_error(uri("video", "/v.avi?times=" + (dir() / "bad.txt").string()), ErrorCode::kDamaged,
+                    "bad.txt:3: 'now'");
+  write_text("empty.txt", "\n");
+  expect_open_error(uri("video", "/v.avi?times=" + (dir() / "empty.txt").string()), ErrorCode::kDamaged,
+                    "no time");
+  expect_open_error(uri("video", "/v.avi?fps=3"), ErrorCode::kUsage, "it takes times");
+}
+
+TEST_F(FrameSourceFiles, CameraErrors) {
+  expect_open_error(uri("v4l2", "/video99"), ErrorCode::kNotFound, "no such camera");
+  expect_open_error("v4l2:/dev/null", ErrorCode::kIo, "cannot be opened as a camera");
+  expect_open_error("v4l2:/dev/null?size=640", ErrorCode::kUsage, "size=640");
+  expect_open_error("v4l2:/dev/null?size=0x480", ErrorCode::kUsage, "size=0x480");
+  expect_open_error("v4l2:/dev/null?fps=x", ErrorCode::kUsage, "fps=x");
+  expect_open_error("v4l2:/dev/null?gain=1", ErrorCode::kUsage, "size, fps");
+}
+
+TEST_F(FrameSourceFiles, UnknownSchemeListsTheOthers) {
+  expect_open_error("kitti:/x", ErrorCode::kUsage, "tum:, images:, video:, v4l2:");
+  expect_open_error("/dev/video0", ErrorCode::kUsage, "scheme:path");
+}
+
+TEST_F(FrameSourceFiles, CalibrationLiesBesideTheImages) {
+  write_picture("images/0.png", 0);
+  const auto video = uri("video", "/v.avi?times=x");
+  for (const auto& source : {uri("tum"), uri("images", "/images"), video})
+    EXPECT_FALSE(find_calibration(source)) << source;
+  write_text("camera.txt", "640 480 525 525 320 240\n");
+  for (const auto& source : {uri("tum"), uri("images", "/images"), uri("images"), video}) {
+    EXPECT_EQ(find_calibration(source), dir() / "camera.txt") << source;
+  }
+  write_text("images/camera.txt", "640 480 525 525 320 240\n");
+  EXPECT_EQ(find_calibration(uri("images", "/images")), dir() / "images/camera.txt");
+  EXPECT_FALSE(find_calibration("v4l2:/dev/video0"));
+  EXPECT_FALSE(find_calibration("nonsense"));
+}
+
+/// Real recordings, where there are some: all open, their first frames decode and their size is that of
+/// camera.txt.
+TEST(Recordings, OpenAndDecode) {
+  const char* data = std::getenv("CAIRN_DATA");
+  if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set";
+  int sequences = 0;
+  for (const auto& entry : fs::directory_iterator(data)) {
+    const auto dir = entry.path();
+    std::string uri;
+    if (fs::exists(dir / "rgb.txt")) uri = "tum:" + dir.string();
+    if (fs::exists(dir / "video.mp4")) {
+      uri = "video:" + (dir / "video.mp4").string() + "?times=" + (dir / "times.txt").string();
+    }
+    if (uri.empty()) continue;
+    ++sequences;
+    const auto source = open_source(uri);
+    ASSERT_TRUE(source) << source.error().message;
+    EXPECT_EQ(find_calibration(uri).has_value(), fs::exists(dir / "camera.txt"));
+    for (size_t i = 0; i < std::min<size_t>(10, (*source)->frame_count().value()); ++i) {
+      const auto frame = (*source)->next();
+      ASSERT_TRUE(frame) << frame.error().message;
+      ASSERT_TRUE(frame->has_value()) << uri;
+      if (!find_calibration(uri)) continue;
+      const auto calibration = read_calibration(*find_calibration(uri));
+      ASSERT_TRUE(calibration) << calibration.error().message;
+      EXPECT_EQ((*frame)->image->width(), calibration->width) << uri;
+      EXPECT_EQ((*frame)->image->height(), calibration->height) << uri;
+    }
+  }
+  EXPECT_GT(sequences, 0) << "nothing in " << data;
+}
+
+}  // namespace
+}  // namespace cairn

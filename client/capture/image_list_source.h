@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string_view>
+
+#include "client/capture/frame_source.h"
+#include "client/capture/source_uri.h"
+
+namespace cairn {
+
+[[nodiscard]] Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri);
+[[nodiscard]] Result<std::unique_ptr<FrameSource>> open_images_source(const SourceUri& uri);
+
+/// Order of file names in which runs of digits count by value: frame2 < frame10. A strict total order.
+[[nodiscard]] bool natural_less(std::string_view a, std::string_view b);
+
+}  // namespace cairn

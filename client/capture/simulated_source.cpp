@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/simulated_source.h"
+
+#include "tests/world/simulator.h"
+
+namespace cairn {
+namespace {
+
+/// Frames rendered as they are asked for; a run with the same options sees the same bytes.
+class SimulatedSource final : public FrameSource {
+ public:
+  SimulatedSource(std::string scenario, Simulator simulator)
+      : scenario_(std::move(scenario)), simulator_(std::move(simulator)) {}
+
+  Result<std::optional<Frame>> next() override {
+    if (next_ == simulator_.frame_count()) return std::nullopt;
+    const int index = next_++;
+    auto frame = simulator_.frame(index);
+    return Frame{static_cast<uint64_t>(index), frame.time,
+                 std::make_shared<const GrayImage>(std::move(frame.image))};
+  }
+  std::optional<size_t> frame_count() const override { return static_cast<size_t>(simulator_.frame_count()); }
+  std::optional<CameraParameters> builtin_calibration() const override {
+    return simulator_.camera().parameters();
+  }
+  std::string describe() const override {
+    return "simulated " + scenario_ + ", " + std::to_string(simulator_.frame_count()) + " frames";
+  }
+
+ private:
+  std::string scenario_;
+  Simulator simulator_;
+  int next_ = 0;
+};
+
+}  // namespace
+
+Result<std::unique_ptr<FrameSource>> open_simulated_source(const SourceUri& uri) {
+  SimulatorOptions options;
+  for (const auto& [key, value] : uri.options) {
+    if (auto status = options.set_option(key, value); !status) return tl::unexpected(status.error());
+  }
+  auto simulator = Simulator::make(uri.path, options);
+  if (!simulator) return tl::unexpected(simulator.error());
+  return std::make_unique<SimulatedSource>(uri.path, std::move(*simulator));
+}
+
+}  // namespace cairn

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/v4l2_source.h"
+
+#include <chrono>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "common/io/text.h"
+
+namespace cairn {
+namespace {
+
+struct Size {
+  int width = 0;
+  int height = 0;
+};
+
+/// A camera of the Linux kernel. Its stamps are of the monotonic clock; they are moved to the epoch by the
+/// difference of the clocks at the start, so that setting the wall clock in mid-run does not tear the motion
+/// model.
+class V4l2Source final : public FrameSource {
+ public:
+  V4l2Source(std::string path, std::unique_ptr<cv::VideoCapture> capture)
+      : path_(std::move(path)),
+        capture_(std::move(capture)),
+        epoch_from_monotonic_(std::chrono::system_clock::now().time_since_epoch() -
+                              std::chrono::steady_clock::now().time_since_epoch()) {}
+
+  Result<std::optional<Frame>> next() override {
+    if (failures_ >= kMaxFailures) return std::nullopt;
+    try {
+      if (!capture_->read(pixels_) || pixels_.empty())
+        return failure("gives no picture; is it unplugged or in use?");
+      if (pixels_.channels() == 3) {
+        cv::cvtColor(pixels_, gray_, cv::COLOR_BGR2GRAY);
+      } else {
+        gray_ = pixels_;
+      }
+    } catch (const cv::Exception& error) {
+      return failure(error.err);
+    }
+    failures_ = 0;
+    auto image = std::make_shared<const GrayImage>(
+        GrayView{gray_.data, gray_.cols, gray_.rows, static_cast<int>(gray_.step)});
+    return Frame{index_++, stamp(), std::move(image)};
+  }
+  std::optional<size_t> frame_count() const override { return std::nullopt; }
+  std::string describe() const override {
+    const auto property = [this](int id) { return std::to_string(static_cast<int>(capture_->get(id))); };
+    return "camera " + path_ + ", " + property(cv::CAP_PROP_FRAME_WIDTH) + "x" +
+           property(cv::CAP_PROP_FRAME_HEIGHT) + " at " + property(cv::CAP_PROP_FPS) + " Hz";
+  }
+  bool is_live() const override { return true; }
+
+ private:
+  static constexpr int kMaxFailures = 3;  ///< in a row; each takes up to OpenCV's time-out of 10 s
+
+  tl::unexpected<Error> failure(const std::string& what) {
+    ++failures_;
+    return fail(ErrorCode::kIo, path_ + ": " + what);
+  }
+
+  [[nodiscard]] Timestamp stamp() const {
+    const double milliseconds = capture_->get(cv::CAP_PROP_POS_MSEC);
+    const auto monotonic = milliseconds > 0 ? std::chrono::nanoseconds(std::llround(milliseconds * 1e6))
+                                            : std::chrono::steady_clock::now().time_since_epoch();
+    return Timestamp{(monotonic + epoch_from_monotonic_).count()};
+  }
+
+  std::string path_;
+  std::unique_ptr<cv::VideoCapture> capture_;
+  std::chrono::nanoseconds epoch_from_monotonic_;
+  cv::Mat pixels_;
+  cv::Mat gray_;
+  uint64_t index_ = 0;
+  int failures_ = 0;
+};
+
+/// A side in pixels, 0 if the text is not one.
+int parse_side(std::string_view text) {
+  constexpr double kMaxSide = 8192;
+  const double side = parse_number(text).value_or(0);
+  return side >= 1 && side <= kMaxSide && side == std::floor(side) ? static_cast<int>(side) : 0;
+}
+
+/// "640x480".
+Result<Size> parse_size(const std::string& text) {
+  const size_t cross = std::min(text.find('x'), text.size());
+  const std::string_view view(text);
+  const Size size{parse_side(view.substr(0, cross)),
+                  parse_side(view.substr(std::min(cross + 1, text.size())))};
+  if (size.width == 0 || size.height == 0) {
+    return fail(ErrorCode::kUsage, "source option size=" + text + ": not a size such as 640x480");
+  }
+  return size;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<FrameSource>> open_v4l2_source(const SourceUri& uri) {
+  if (auto status = uri.check_options({"size", "fps"}); !status) return tl::unexpected(status.error());
+  const auto option = uri.options.find("size");
+  const auto size = parse_size(option == uri.options.end() ? "640x480" : option->second);
+  if (!size) return tl::unexpected(size.error());
+  const auto fps = uri.positive_number("fps", 30.0);
+  if (!fps) return tl::unexpected(fps.error());
+  std::error_code error;
+  if (!std::filesystem::exists(uri.path, error)) {
+    return fail(ErrorCode::kNotFound,
+                uri.path + ": no such camera; `ls /dev/video* /dev/v4l/by-id` shows what there is");
+  }
+  try {
+    auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_V4L2);
+    if (!capture->isOpened()) {
+      return fail(ErrorCode::kIo,
+                  uri.path + ": cannot be opened as a camera; in use, or no right (group video)?");
+    }
+    capture->set(cv::CAP_PROP_FRAME_WIDTH, size->width);
+    capture->set(cv::CAP_PROP_FRAME_HEIGHT, size->height);
+    capture->set(cv::CAP_PROP_FPS, *fps);
+    capture->set(cv::CAP_PROP_BUFFERSIZE, 1);  // more would only add latency
+    return std::make_unique<V4l2Source>(uri.path, std::move(capture));
+  } catch (const cv::Exception& exception) {
+    return fail(ErrorCode::kIo, uri.path + ": " + exception.err);
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/session/receiver.h"
+
+#include <algorithm>
+#include <random>
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kPollInterval{100};  // liveliness is polled: it has no message
+
+/// All that has come, in order.
+template <typename Message, typename Use>
+void take_all(wire::Reader<Message>& reader, const Use& use) {
+  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
+    for (wire::Sample<Message>& sample : samples) use(sample);
+  }
+}
+
+}  // namespace
+
+SessionId random_session() {
+  std::random_device device;
+  const uint64_t high = device();
+  return {(high << 32 | device()) | 1};
+}
+
+Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
+                                                  const std::string& client_name, Logger log) {
+  const std::string partition = wire::client_partition(client_name);
+  auto status = wire::Reader<wire::ServerStatus>::create(participant, partition);
+  if (!status) return tl::unexpected(status.error());
+  auto maps = wire::Reader<wire::MapInfo>::create(participant, partition);
+  if (!maps) return tl::unexpected(maps.error());
+  auto seeds = wire::Reader<wire::SeedVerdict>::create(participant, partition);
+  if (!seeds) return tl::unexpected(seeds.error());
+  auto offers = wire::Reader<wire::OfferVerdict>::create(participant, partition);
+  if (!offers) return tl::unexpected(offers.error());
+  auto waiter = wire::Waiter::create(participant);
+  if (!waiter) return tl::unexpected(waiter.error());
+  for (const wire::ReaderBase* reader :
+       {static_cast<const wire::ReaderBase*>(&*status), static_cast<const wire::ReaderBase*>(&*maps),
+        static_cast<const wire::ReaderBase*>(&*seeds), static_cast<const wire::ReaderBase*>(&*offers)}) {
+    if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
+  }
+  return std::unique_ptr<Receiver>(
+      new Receiver(state, participant, client_name,
+                   {std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers)},
+                   std::move(*waiter), std::move(log)));
+}
+
+Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
+                   ServerReaders readers, wire::Waiter waiter, Logger log)
+    : state_(state),
+      participant_(std::move(participant)),
+      client_name_(std::move(client_name)),
+      server_(std::move(readers)),
+      waiter_(std::move(waiter)),
+      log_(std::move(log)),
+      thread_([this] { run(); }) {}
+
+Receiver::~Receiver() {
+  waiter_.wake();
+  thread_.join();
+}
+
+void Receiver::run() {
+  while (true) {
+    milliseconds wait = kPollInterval;
+    if (channel_ && channel_->replica.deadline()) {
+      const auto left = *channel_->replica.deadline() - std::chrono::steady_clock::now();
+      wait = std::clamp(std::chrono::ceil<milliseconds>(left), milliseconds(0), kPollInterval);
+    }
+    waiter_.wait(wait);
+    {
+      const std::scoped_lock lock(state_.mutex);
+      if (state_.stopping) return;
+    }
+    take_server_messages();
+    follow_map_in_use();
+    take_map_messages();
+  }
+}
+
+void Receiver::take_server_messages() {
+  take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
+    if (!sample.message) return;
+    const std::scoped_lock lock(state_.mutex);
+    act_on(state_.monitor.heard(sample.message->server, sample.message->start_count));
+  });
+  take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
+    const std::scoped_lock lock(state_.mutex);
+    if (sample.message) {
+      state_.monitor.map_listed(sample.message->map, sample.message->epoch);
+    } else if (sample.gone == wire::Gone::kDisposed) {
+      state_.monitor.map_removed(sample.key.map);
+    }
+  });
+  take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
+    if (sample.message) act_on(*sample.message);
+  });
+  take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
+    if (sample.message) act_on(*sample.message);
+  });
+  const bool is_alive = server_.status.alive_writers() > 0;
+  const std::scoped_lock lock(state_.mutex);
+  act_on(state_.monitor.alive(is_alive));
+}
+
+void Receiver::act_on(LinkMonitor::Event event) {
+  using Event = LinkMonitor::Event;
+  if (event == Event::kNone) return;
+  if (event == Event::kRestarted) {
+    log_->warn("the server has been started anew");
+    state_.restarted = true;
+    state_.session_id = random_session();
+    state_.seed.restart(state_.session_id);
+    for (OfferReply& reply : state_.spool.restart(state_.session_id, kRestartedText)) {
+      state_.offer_replies.push_back(std::move(reply));
+    }
+  } else if (event == Event::kGone) {
+    log_->warn("the server is gone");
+  } else {
+    log_->info("connected to {}", state_.options.server);
+    state_.spool.resend_all();
+    state_.seed.resend();
+  }
+  state_.tracker_changed = true;
+  state_.for_sender.notify_one();
+  state_.for_waiters.notify_all();
+}
+
+void Receiver::act_on(const wire::SeedVerdict& verdict) {
+  const std::scoped_lock lock(state_.mutex);
+  if (!state_.seed.apply(verdict)) return;
+  if (verdict.accepted) {
+    state_.seed_reply = SeedReply{
+        SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
+        {}};
+    if (state_.map_in_use != verdict.map) state_.snapshot = nullptr;
+    state_.map_in_use = verdict.map;
+    state_.restarted = false;
+    state_.monitor.map_listed(verdict.map, verdict.epoch);
+    state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
+  } else {
+    state_.seed_reply = SeedReply{std::nullopt, verdict.reason};
+  }
+  state_.for_waiters.notify_all();
+}
+
+void Receiver::act_on(const wire::OfferVerdict& verdict) {
+  const std::scoped_lock lock(state_.mutex);
+  if (verdict.session != state_.session_id) return;
+  // Sequence 0 is no offer: the server tells why it does not serve this process at all.
+  const auto notice = std::find_if(verdict.recent.begin(), verdict.recent.end(),
+                                   [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
+  const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
+  if (refusal != state_.refusal && !refusal.empty()) log_->error("refused by the server: {}", refusal);
+  state_.refusal = refusal;
+  for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
+  if (!verdict.recent.empty() && verdict.recent.back().revision) {
+    const wire::OfferOutcome& newest = verdict.recent.back();
+    state_.required = RequiredRevision{newest.map, newest.epoch, newest.revision};
+  }
+  state_.for_sender.notify_one();  // there may be credit again
+  state_.for_waiters.notify_all();
+}
+
+void Receiver::follow_map_in_use() {
+  MapId wanted;
+  {
+    const std::scoped_lock lock(state_.mutex);
+    wanted = state_.map_in_use;
+  }
+  const MapId open = channel_ ? channel_->replica.map() : MapId{};
+  if (wanted == open) return;
+  channel_.reset();
+  if (!wanted) return;
+  Result<MapChannel> channel = open_channel(wanted);
+  if (channel) {
+    channel_ = std::move(*channel);
+  } else {
+    log_->error("the map cannot be received: {}", channel.error().message);  // tried again in a moment
+  }
+}
+
+Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
+  const std::string partition = wire::map_partition(client_name_, map);
+  auto patches = wire::Reader<wire::PointPatches>::create(participant_, partition);
+  if (!patches) return tl::unexpected(patches.error());
+  auto positions = wire::Reader<wire::PointPositions>::create(participant_, partition);
+  if (!positions) return tl::unexpected(positions.error());
+  auto keyframes = wire::Reader<wire::KeyframePoses>::create(participant_, partition);
+  if (!keyframes) return tl::unexpected(keyframes.error());
+  auto commits = wire::Reader<wire::MapCommit>::create(participant_, partition);
+  if (!commits) return tl::unexpected(commits.error());
+  for (const wire::ReaderBase* reader :
+       {static_cast<const wire::ReaderBase*>(&*patches), static_cast<const wire::ReaderBase*>(&*positions),
+        static_cast<const wire::ReaderBase*>(&*keyframes), static_cast<const wire::ReaderBase*>(&*commits)}) {
+    if (Status attached = waiter_.attach(*reader); !attached) return tl::unexpected(attached.error());
+  }
+  return MapChannel{std::move(*patches), std::move(*positions), std::move(*keyframes), std::move(*commits),
+                    Replica(map)};
+}
+
+void Receiver::take_map_messages() {
+  if (!channel_) return;
+  Replica& replica = channel_->replica;
+  const auto receive = [&replica](auto& sample) {
+    if (sample.message) replica.receive(std::move(*sample.message));
+  };
+  take_all(channel_->patches, receive);
+  take_all(channel_->positions, receive);
+  take_all(channel_->keyframes, receive);
+  take_all(channel_->commits, receive);
+  if (!replica.update(std::chrono::steady_clock::now())) return;
+  const std::scoped_lock lock(state_.mutex);
+  if (state_.map_in_use != replica.map()) return;
+  state_.snapshot = replica.snapshot();
+  state_.tracker_changed = true;  // the server waits to hear that this revision is in use
+  state_.for_sender.notify_one();
+  state_.for_waiters.notify_all();
+}
+
+}  // namespace cairn

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "client/session/replica.h"
+#include "client/session/session_state.h"
+#include "common/base/log.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+
+namespace cairn {
+
+/// A session's incoming half, with its own thread: what the server says, and the replica of the map in use.
+class Receiver {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SessionState& state,
+                                                               const wire::Participant& participant,
+                                                               const std::string& client_name, Logger log);
+  /// Set state.stopping before.
+  ~Receiver();
+  Receiver(const Receiver&) = delete;
+  Receiver& operator=(const Receiver&) = delete;
+
+  /// The map in use is another one. Thread-safe.
+  void map_changed() { waiter_.wake(); }
+
+ private:
+  struct ServerReaders {
+    wire::Reader<wire::ServerStatus> status;
+    wire::Reader<wire::MapInfo> maps;
+    wire::Reader<wire::SeedVerdict> seeds;
+    wire::Reader<wire::OfferVerdict> offers;
+  };
+  /// The four topics of one map and what has come of them.
+  struct MapChannel {
+    wire::Reader<wire::PointPatches> patches;
+    wire::Reader<wire::PointPositions> positions;
+    wire::Reader<wire::KeyframePoses> keyframes;
+    wire::Reader<wire::MapCommit> commits;
+    Replica replica;
+  };
+
+  Receiver(SessionState& state, wire::Participant participant, std::string client_name, ServerReaders readers,
+           wire::Waiter waiter, Logger log);
+
+  void run();
+  void follow_map_in_use();
+  [[nodiscard]] Result<MapChannel> open_channel(MapId map);
+  void take_server_messages();
+  void take_map_messages();
+  void act_on(LinkMonitor::Event event);
+  void act_on(const wire::SeedVerdict& verdict);
+  void act_on(const wire::OfferVerdict& verdict);
+
+  SessionState& state_;
+  wire::Participant participant_;
+  std::string client_name_;
+  ServerReaders server_;
+  std::optional<MapChannel> channel_;
+  wire::Waiter waiter_;
+  Logger log_;
+  std::thread thread_;
+};
+
+/// Never 0, different for every run and process.
+[[nodiscard]] SessionId random_session();
+
+}  // namespace cairn

@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/session/sender.h"
+
+#include <utility>
+
+#include "client/session/image_encoder.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr milliseconds kLeastStateInterval{16};
+constexpr milliseconds kMostStateInterval{
+    200};  // keeps the name held (server: 3 s of silence) and the replica's progress known
+
+}  // namespace
+
+Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::Participant& participant,
+                                              const std::string& partition, const CameraParameters& camera,
+                                              wire::ImageEncoding encoding, Logger log) {
+  auto cameras = wire::Writer<wire::CameraMessage>::create(participant, partition);
+  if (!cameras) return tl::unexpected(cameras.error());
+  auto tracker = wire::Writer<wire::TrackerStateMessage>::create(participant, partition);
+  if (!tracker) return tl::unexpected(tracker.error());
+  auto seeds = wire::Writer<wire::MapSeed>::create(participant, partition);
+  if (!seeds) return tl::unexpected(seeds.error());
+  auto offers = wire::Writer<wire::KeyframeOffer>::create(participant, partition);
+  if (!offers) return tl::unexpected(offers.error());
+  wire::CameraMessage message;
+  message.client = state.client;
+  message.parameters = camera;
+  if (Status written = cameras->write(message); !written) return tl::unexpected(written.error());
+  return std::unique_ptr<Sender>(
+      new Sender(state, {std::move(*cameras), std::move(*tracker), std::move(*seeds), std::move(*offers)},
+                 encoding, std::move(log)));
+}
+
+Sender::Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log)
+    : state_(state), writers_(std::move(writers)), encoding_(encoding), log_(std::move(log)), thread_([this] {
+        run();
+      }) {}
+
+Sender::~Sender() {
+  thread_.join();
+}
+
+void Sender::run() {
+  std::unique_lock lock(state_.mutex);
+  while (!state_.stopping) {
+    const MonotonicTime now = std::chrono::steady_clock::now();
+    send_tracker_state(lock, now);
+    send_commands(lock, now);
+    if (state_.stopping) return;
+    // A change that came while the mutex was free for writing is seen within the least interval.
+    const auto wait = state_.tracker_changed ? kLeastStateInterval : kMostStateInterval;
+    state_.for_sender.wait_until(lock, state_sent_ + wait);
+  }
+}
+
+void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
+  const auto interval = state_.tracker_changed ? kLeastStateInterval : kMostStateInterval;
+  if (now - state_sent_ < interval) return;
+  state_sent_ = now;
+  state_.tracker_changed = false;
+  wire::TrackerStateMessage message = state_.tracker;
+  message.session = state_.session_id;
+  message.map = state_.map_in_use;
+  message.epoch = state_.snapshot ? state_.snapshot->epoch : Epoch{};
+  message.revision = state_.snapshot ? state_.snapshot->revision : Revision{};
+  lock.unlock();
+  report(writers_.tracker.write(message), "TrackerState");
+  lock.lock();
+}
+
+void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
+  while (!state_.stopping && state_.monitor.link() == ServerLink::kConnected) {
+    const auto seed = writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
+    const auto offer = !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
+    if (!seed && !offer) return;
+    lock.unlock();
+    if (seed) {
+      report(writers_.seeds.write(make_message(*seed)), "MapSeed");
+    } else {
+      report(writers_.offers.write(make_message(*offer)), "KeyframeOffer");
+    }
+    lock.lock();
+  }
+}
+
+wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
+  const SeedProposal& proposal = *sendable.proposal;
+  wire::MapSeed message;
+  message.client = state_.client;
+  message.command = sendable.command;
+  message.lockstep = state_.options.lockstep;
+  message.first_time = proposal.first_time;
+  message.second_time = proposal.second_time;
+  message.first_image = encode_image(*proposal.first_image, encoding_);
+  message.second_image = encode_image(*proposal.second_image, encoding_);
+  message.trails = proposal.trails;
+  return message;
+}
+
+wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const {
+  const KeyframeProposal& proposal = sendable.offer->proposal;
+  wire::KeyframeOffer message;
+  message.client = state_.client;
+  message.command = sendable.command;
+  message.map = proposal.map;
+  message.epoch = proposal.epoch;
+  message.revision = proposal.revision;
+  message.reference = proposal.reference;
+  message.camera_from_reference = proposal.camera_from_reference;
+  message.lockstep = state_.options.lockstep;
+  message.time = sendable.offer->time;
+  message.image = encode_image(*sendable.offer->image, encoding_);
+  message.measurements = proposal.measurements;
+  return message;
+}
+
+void Sender::report(const Status& written, const char* what) {
+  if (!written) log_->warn("{} could not be sent: {}", what, written.error().message);
+}
+
+}  // namespace cairn

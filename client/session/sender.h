@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <thread>
+
+#include "client/session/session_state.h"
+#include "common/base/log.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+
+namespace cairn {
+
+/// A session's outgoing half, with its own thread: the camera, the tracker's state (at most 60 times a
+/// second, at least five times), seeds and offers. Images are encoded here, off the frame loop.
+class Sender {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<Sender>> start(SessionState& state,
+                                                             const wire::Participant& participant,
+                                                             const std::string& partition,
+                                                             const CameraParameters& camera,
+                                                             wire::ImageEncoding encoding, Logger log);
+  /// Set state.stopping and notify state.for_sender before.
+  ~Sender();
+  Sender(const Sender&) = delete;
+  Sender& operator=(const Sender&) = delete;
+
+ private:
+  struct Writers {
+    wire::Writer<wire::CameraMessage> camera;
+    wire::Writer<wire::TrackerStateMessage> tracker;
+    wire::Writer<wire::MapSeed> seeds;
+    wire::Writer<wire::KeyframeOffer> offers;
+  };
+  Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log);
+
+  void run();
+  void send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now);
+  void send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now);
+  [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable) const;
+  [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable) const;
+  void report(const Status& written, const char* what);
+
+  SessionState& state_;
+  Writers writers_;
+  wire::ImageEncoding encoding_;
+  Logger log_;
+  MonotonicTime state_sent_{};
+  std::thread thread_;
+};
+
+}  // namespace cairn

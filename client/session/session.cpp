@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/session/session.h"
+
+#include <utility>
+
+#include "client/session/receiver.h"
+#include "client/session/sender.h"
+#include "client/session/session_state.h"
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+bool is_loopback(const std::string& host) {
+  return host == "localhost" || host == "127.0.0.1";
+}
+
+Result<wire::Participant> join(const SessionOptions& options, const std::string& profile) {
+  if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain)) {
+    return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  }
+  wire::ParticipantOptions participant;
+  participant.domain = static_cast<uint32_t>(options.domain);
+  participant.role = wire::Role::kClient;
+  participant.server_host = options.server;
+  participant.profile = profile;
+  participant.loss_per_mille = options.xmit_loss_permille;
+  return wire::Participant::create(participant);
+}
+
+}  // namespace
+
+/// In order of construction: the threads go first, the participant last.
+struct Session::State {
+  State(const SessionOptions& options, wire::Participant p)
+      : shared(options, client_id_from_name(options.name), random_session()), participant(std::move(p)) {}
+  ~State() {
+    {
+      const std::scoped_lock lock(shared.mutex);
+      shared.stopping = true;
+    }
+    shared.for_sender.notify_all();
+    shared.for_waiters.notify_all();
+  }
+
+  SessionState shared;
+  wire::Participant participant;
+  std::unique_ptr<Sender> sender;
+  std::unique_ptr<Receiver> receiver;
+};
+
+Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, CameraPtr camera, Logger log) {
+  if (!is_valid_name(options.name)) {
+    return fail(ErrorCode::kUsage, "name '" + options.name + "': expected 1 to 32 of a-z, 0-9 and -");
+  }
+  const std::string profile = !options.profile.empty()      ? options.profile
+                              : is_loopback(options.server) ? "loopback"
+                                                            : "wifi";
+  Result<wire::Participant> participant = join(options, profile);
+  if (!participant) return tl::unexpected(participant.error());
+  auto state = std::make_unique<State>(options, std::move(*participant));
+  auto receiver = Receiver::start(state->shared, state->participant, options.name, log);
+  if (!receiver) return tl::unexpected(receiver.error());
+  state->receiver = std::move(*receiver);
+  const auto encoding = profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
+  auto sender = Sender::start(state->shared, state->participant, wire::client_partition(options.name),
+                              camera->parameters(), encoding, std::move(log));
+  if (!sender) return tl::unexpected(sender.error());
+  state->sender = std::move(*sender);
+  return std::unique_ptr<Session>(new Session(std::move(state)));
+}
+
+Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Session::~Session() = default;
+
+MapSnapshotPtr Session::snapshot() const {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return state_->shared.snapshot;
+}
+
+void Session::leave_map() {
+  {
+    const std::scoped_lock lock(state_->shared.mutex);
+    state_->shared.map_in_use = {};
+    state_->shared.snapshot = nullptr;
+    state_->shared.required.reset();
+    state_->shared.restarted = false;
+    state_->shared.seed.drop();
+    state_->shared.seed_reply.reset();
+  }
+  state_->receiver->map_changed();
+}
+
+void Session::send_seed(SeedProposal proposal) {
+  const std::scoped_lock lock(state_->shared.mutex);
+  state_->shared.seed.put(std::move(proposal));
+  state_->shared.for_sender.notify_one();
+}
+
+void Session::send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  if (!shared.is_map_known()) {
+    shared.offer_replies.push_back({0, false, kRestartedText});
+    return;
+  }
+  auto lost = shared.spool.push({std::move(proposal), std::move(image), time});
+  if (lost) shared.offer_replies.push_back(std::move(*lost));
+  shared.for_sender.notify_one();
+}
+
+void Session::publish_state(const FrameResult& result, Timestamp time) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  shared.tracker.state = result.state;
+  shared.tracker.camera_from_map = result.camera_from_map;
+  shared.tracker.quality = result.quality;
+  shared.tracker.frame_time = time;
+  shared.tracker_changed = true;
+  shared.for_sender.notify_one();
+}
+
+std::optional<SeedReply> Session::take_seed_reply() {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return std::exchange(state_->shared.seed_reply, std::nullopt);
+}
+
+std::vector<OfferReply> Session::take_offer_replies() {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return std::exchange(state_->shared.offer_replies, {});
+}
+
+SessionStatus Session::status() const {
+  const SessionState& shared = state_->shared;
+  const wire::Traffic traffic = state_->participant.traffic();
+  const std::scoped_lock lock(shared.mutex);
+  SessionStatus status;
+  status.link = shared.monitor.link();
+  status.map_known = shared.is_map_known();
+  status.spooled = shared.spool.size();
+  status.bytes_sent = traffic.bytes_sent;
+  status.bytes_received = traffic.bytes_received;
+  if (status.link == ServerLink::kConnecting) {
+    status.text = "waiting for a server at " + shared.options.server;
+  } else if (status.link == ServerLink::kGone) {
+    status.text = shared.snapshot ? "server gone: tracking on the replica" : "server gone";
+  } else if (!shared.refusal.empty()) {
+    status.link = ServerLink::kRefused;
+    status.text = shared.refusal;
+  } else if (!status.map_known) {
+    status.link = ServerLink::kRestarted;
+    status.text = kRestartedText;
+  } else {
+    status.text = "connected to " + shared.options.server;
+  }
+  return status;
+}
+
+bool Session::wait_for_server(std::chrono::milliseconds timeout) {
+  SessionState& shared = state_->shared;
+  std::unique_lock lock(shared.mutex);
+  return shared.for_waiters.wait_for(lock, timeout,
+                                     [&] { return shared.monitor.link() == ServerLink::kConnected; });
+}
+
+bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
+  SessionState& shared = state_->shared;
+  std::unique_lock lock(shared.mutex);
+  const auto is_lost = [&] { return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known(); };
+  const auto is_settled = [&] {
+    return shared.seed.empty() && shared.spool.size() == 0 && shared.is_current();
+  };
+  shared.for_waiters.wait_for(lock, timeout, [&] { return is_lost() || is_settled(); });
+  return !is_lost() && is_settled();
+}
+
+}  // namespace cairn

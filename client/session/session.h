@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/tracking/tracker.h"
+#include "common/base/log.h"
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/image/image.h"
+#include "common/map/snapshot.h"
+
+/// A client's side of the service: replicas of maps, seeds and keyframe offers with a spool, the server's
+/// verdicts. All DDS work is done by the session's own threads; the frame loop's calls never wait (short
+/// mutex or atomic pointer).
+namespace cairn {
+
+struct SessionOptions {
+  std::string server = "localhost";
+  int domain = 0;
+  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+  std::string name;     ///< [a-z0-9-]{1,32}
+  bool lockstep = false;
+  size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
+  uint64_t seed = 0;        ///< session id in lockstep; 0: random
+  int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
+};
+
+enum class ServerLink : uint8_t { kConnecting, kConnected, kGone, kRestarted, kRefused };
+
+/// What the session has to say to a person, for the status line.
+struct SessionStatus {
+  ServerLink link = ServerLink::kConnecting;
+  /// "connected to ...", "server gone: tracking on the replica", "server restarted without this map", or why
+  /// it refuses us
+  std::string text;
+  bool map_known = true;  ///< whether the server knows the map in use
+  size_t spooled = 0;
+  uint64_t bytes_sent = 0;
+  uint64_t bytes_received = 0;
+};
+
+/// The server's answer to the latest seed.
+struct SeedReply {
+  std::optional<SeedAnswer> answer;  ///< nothing: refused
+  std::string reason;
+};
+
+struct OfferReply {
+  uint64_t seq = 0;
+  bool accepted = false;
+  std::string reason;
+};
+
+class Session {
+ public:
+  /// Joins the domain and announces the camera; does not wait for the server.
+  [[nodiscard]] static Result<std::unique_ptr<Session>> open(const SessionOptions& options, CameraPtr camera,
+                                                             Logger log);
+  ~Session();
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
+
+  /// Newest whole revision of the map in use (the one seeded, or chosen by use_map); null before the first.
+  [[nodiscard]] MapSnapshotPtr snapshot() const;
+  /// Forgets the map in use, e.g. to begin another.
+  void leave_map();
+
+  void send_seed(SeedProposal proposal);
+  void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time);
+  void publish_state(const FrameResult& result, Timestamp time);
+
+  [[nodiscard]] std::optional<SeedReply> take_seed_reply();
+  [[nodiscard]] std::vector<OfferReply> take_offer_replies();
+  [[nodiscard]] SessionStatus status() const;
+
+  /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.
+  [[nodiscard]] bool wait_for_server(std::chrono::milliseconds timeout);
+  /// Lockstep: waits until every command sent is decided and the revision named by the decision is swapped
+  /// in. False when the server was lost meanwhile or on time-out.
+  [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);
+
+ private:
+  struct State;
+  explicit Session(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn

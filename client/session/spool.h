@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/session/replica.h"
+#include "client/session/session.h"
+#include "common/wire/messages.h"
+
+namespace cairn {
+
+/// A command without a decision is sent again after this time, then after twice as long, and so on: it covers
+/// what a volatile topic loses while two participants find each other. The server knows repetitions by
+/// (session, seq).
+constexpr std::chrono::milliseconds kFirstResend{1000};
+constexpr std::chrono::milliseconds kLongestResend{16000};
+
+/// When to send one command (again).
+class ResendTimer {
+ public:
+  [[nodiscard]] bool due(MonotonicTime now) const { return now >= next_; }
+  void sent(MonotonicTime now);
+  void send_at_once();
+
+ private:
+  MonotonicTime next_ = MonotonicTime::min();
+  std::chrono::milliseconds wait_ = kFirstResend;
+};
+
+/// A frame offered as keyframe, as it waits for the server.
+struct SpooledOffer {
+  KeyframeProposal proposal;
+  GrayImagePtr image;
+  Timestamp time;
+};
+
+/// Offers from the moment they are made until the server has decided: bounded, in order, each with a sequence
+/// number from the first sending on (1, 2, ... within a session). At most `credit` are in flight. Pure: the
+/// time is handed in. One thread.
+class Spool {
+ public:
+  Spool(size_t limit, SessionId session) : limit_(limit), session_(session) {}
+
+  /// Takes an offer. When full, the oldest that was not sent yet goes (or, if all were, this one); the loss
+  /// is reported.
+  [[nodiscard]] std::optional<OfferReply> push(SpooledOffer offer);
+
+  struct Sendable {
+    wire::CommandId command;
+    std::shared_ptr<const SpooledOffer> offer;
+  };
+  /// The next offer that is due and within the credit, marked as sent now; nothing if there is none.
+  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
+
+  /// Takes in the server's word: what is newly decided leaves the spool and is reported. Verdicts on other
+  /// sessions are passed over; a decision that has left the list of recent ones is reported without its
+  /// reason.
+  [[nodiscard]] std::vector<OfferReply> apply(const wire::OfferVerdict& verdict);
+
+  /// The link was interrupted: everything undecided is due again.
+  void resend_all();
+
+  /// The server is another one and knows none of the maps: every offer is reported lost for `reason`,
+  /// counting begins anew.
+  [[nodiscard]] std::vector<OfferReply> restart(SessionId session, const std::string& reason);
+
+  [[nodiscard]] size_t size() const { return entries_.size(); }
+  [[nodiscard]] SessionId session() const { return session_; }
+
+ private:
+  struct Entry {
+    uint64_t seq = 0;  ///< 0: never sent
+    std::shared_ptr<const SpooledOffer> offer;
+    ResendTimer timer;
+  };
+
+  size_t limit_;
+  SessionId session_;
+  std::deque<Entry> entries_;
+  uint64_t last_seq_ = 0;
+  uint64_t last_decided_ = 0;
+  uint32_t credit_ = 1;  ///< until the server has said more
+};
+
+/// The one seed that may be under way (the tracker makes another only after a verdict). Pure. One thread.
+class SeedSlot {
+ public:
+  explicit SeedSlot(SessionId session) : session_(session) {}
+
+  /// Takes a seed; one that is still undecided is superseded.
+  void put(SeedProposal proposal);
+
+  struct Sendable {
+    wire::CommandId command;
+    std::shared_ptr<const SeedProposal> proposal;
+  };
+  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
+
+  /// Whether the verdict is on the seed under way, which it then ends.
+  [[nodiscard]] bool apply(const wire::SeedVerdict& verdict);
+
+  void resend();
+  /// Another server: the seed, which needs no map, is sent to it under the new session.
+  void restart(SessionId session);
+  void drop() { proposal_.reset(); }
+
+  [[nodiscard]] bool empty() const { return proposal_ == nullptr; }
+
+ private:
+  SessionId session_;
+  uint64_t seq_ = 0;
+  std::shared_ptr<const SeedProposal> proposal_;
+  ResendTimer timer_;
+};
+
+}  // namespace cairn

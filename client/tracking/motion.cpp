@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/motion.h"
+
+#include <algorithm>
+#include <array>
+
+#include "common/image/pyramid.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kDecay = 0.9;           // ptam.md 4, per frame
+constexpr double kLongestStep = 0.2;     // [s] a velocity is not believed for longer
+
+Vector6d scaled_step(const Vector6d& velocity, double seconds) {
+  return velocity * std::clamp(seconds, 0.0, kLongestStep);
+}
+
+}  // namespace
+
+SE3 MotionModel::predicted_step(Timestamp time) const {
+  return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
+}
+
+SE3 MotionModel::predict(Timestamp time) const { return predicted_step(time) * last_; }
+
+void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
+  const double seconds = seconds_between(time, time_);
+  if (seconds > 0 && seconds < kLongestStep) {
+    const Vector6d newest = (camera_from_map * last_.inverse()).log() / seconds;
+    velocity_ = kDecay * (0.5 * newest + 0.5 * velocity_);
+  } else if (seconds >= kLongestStep) {
+    velocity_.setZero();
+  }
+  last_ = camera_from_map;
+  time_ = time;
+}
+
+void MotionModel::missed() { velocity_ *= kDecay; }
+
+void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
+  last_ = camera_from_map;
+  time_ = time;
+  velocity_.setZero();
+}
+
+SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth) {
+  constexpr int kTinyLevel = kPyramidLevels;  // the tiny image is level 3 halved again
+  constexpr float kOffset = 5.0F;             // [tiny px] from the centre (ptam.md 4)
+  constexpr int kIterations = 3;
+  const Eigen::Vector2f center((static_cast<float>(camera.width() >> kTinyLevel) - 1.0F) / 2.0F,
+                               (static_cast<float>(camera.height() >> kTinyLevel) - 1.0F) / 2.0F);
+  const Eigen::Matrix2f turn = Eigen::Rotation2Df(seen.angle).toRotationMatrix();
+
+  std::array<Eigen::Vector3d, 2> moved;   // where the predicted step takes the two points
+  std::array<Eigen::Vector2d, 2> target;  // where the tiny images saw them go [px]
+  for (size_t i = 0; i < 2; ++i) {
+    const Eigen::Vector2f offset(i == 0 ? -kOffset : kOffset, 0.0F);
+    const auto full_pixel = [](const Eigen::Vector2f& tiny) {
+      return Eigen::Vector2d(from_level(tiny.x(), kTinyLevel), from_level(tiny.y(), kTinyLevel));
+    };
+    moved[i] = predicted_step * (mean_depth * camera.unproject(full_pixel(center + offset)));
+    target[i] = full_pixel(center + turn * offset + seen.shift);
+  }
+
+  Eigen::Quaterniond correction = Eigen::Quaterniond::Identity();
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 10.0;  // ptam.md 4: prior
+    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < 2; ++i) {
+      const Eigen::Vector3d point = correction * moved[i];
+      Matrix23d jacobian;
+      const auto pixel = camera.project(point, &jacobian);
+      if (!pixel) return predicted_step;
+      const Matrix23d by_rotation = -jacobian * skew(point);
+      normal += by_rotation.transpose() * by_rotation;
+      gradient += by_rotation.transpose() * (target[i] - *pixel);
+    }
+    correction = so3_exp(normal.ldlt().solve(gradient)) * correction;
+  }
+  return SE3(correction, Eigen::Vector3d::Zero()) * predicted_step;
+}
+
+}  // namespace cairn

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/tiny_image.h"
+
+namespace cairn {
+
+/// Decaying constant velocity in real time stamps (PTAM's counts frames and so breaks when frames are dropped; ptam.md 4).
+class MotionModel {
+ public:
+  /// Predicted camera_from_map at `time`: the last pose moved on by the velocity.
+  [[nodiscard]] SE3 predict(Timestamp time) const;
+  /// Camera motion from the last pose to `time`: predict(time) * last().inverse().
+  [[nodiscard]] SE3 predicted_step(Timestamp time) const;
+  /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
+  void measured(const SE3& camera_from_map, Timestamp time);
+  /// A frame without a measurement: the velocity decays, the pose stays.
+  void missed();
+  /// Starts from a pose at rest.
+  void reset(const SE3& camera_from_map, Timestamp time);
+  /// Moves the remembered pose with its map after an adjustment; the velocity, in camera coordinates, is unaffected.
+  void rebase(const SE3& camera_from_map) { last_ = camera_from_map; }
+
+  [[nodiscard]] const SE3& last() const { return last_; }
+  [[nodiscard]] Timestamp last_time() const { return time_; }
+  /// Tangent per second, camera frame: (m/s, rad/s).
+  [[nodiscard]] const Vector6d& velocity() const { return velocity_; }
+
+ private:
+  SE3 last_;
+  Timestamp time_;
+  Vector6d velocity_ = Vector6d::Zero();
+};
+
+/// Corrects a predicted camera step by what the tiny images saw: keeps its translation and adds the rotation that makes two points
+/// at `mean_depth`, +-5 tiny px from the image centre, move as `seen` says. Image motion that the translation explains
+/// already is not counted twice (PTAM drops the translation instead; ptam.md 4).
+[[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth);
+
+}  // namespace cairn

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/motion.h"
+
+#include <gtest/gtest.h>
+
+#include "common/image/pyramid.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kFrame = 33'333'333;  // [ns]
+
+CameraPtr test_camera() {
+  return *make_camera({CameraModel::kPinholeRadtan, 640, 480, {525, 525, 319.5, 239.5}});
+}
+
+TEST(MotionModel, PredictsConstantVelocityWhateverTheFrameSpacing) {
+  const Vector6d velocity = (Vector6d() << 0.3, -0.1, 0.2, 0.1, 0.4, -0.2).finished();  // per second
+  MotionModel model;
+  SE3 pose;
+  Timestamp time{1'000'000'000};
+  model.reset(pose, time);
+  // Frames are dropped now and then: the velocity is per second, so it does not care.
+  for (const int step : {1, 1, 2, 1, 3, 1, 1, 2, 1, 1, 1, 1}) {
+    const double seconds = step * kFrame * 1e-9;
+    pose = SE3::exp(velocity * seconds) * pose;
+    time = time + std::chrono::nanoseconds(step * kFrame);
+    model.measured(pose, time);
+  }
+  // The velocity converges to decay / (2 - decay) of the truth: 0.9 / 1.1.
+  EXPECT_NEAR(model.velocity().norm() / velocity.norm(), 0.9 / 1.1, 0.01);
+  EXPECT_NEAR(model.velocity().normalized().dot(velocity.normalized()), 1.0, 1e-9);
+}
+
+TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
+  MotionModel model;
+  model.reset(SE3(), {0});
+  model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0, 0).finished()), {kFrame});
+  const double before = model.velocity().norm();
+  model.missed();
+  EXPECT_LT(model.velocity().norm(), before);
+  EXPECT_GT(before, 0);
+}
+
+TEST(MotionModel, LongGapsAreNotExtrapolated) {
+  MotionModel model;
+  model.reset(SE3(), {0});
+  model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0, 0).finished()), {kFrame});
+  const double step = model.predicted_step({kFrame + 60'000'000'000}).translation().norm();
+  EXPECT_LE(step, 0.2 * model.velocity().norm() + 1e-12);
+}
+
+/// The motion of the tiny image that a camera step causes at a depth, from the two points that correct_step looks at.
+TinyMotion tiny_motion_of(const SE3& step, const Camera& camera, double depth) {
+  const Eigen::Vector2d center(319.5, 239.5);
+  const auto moved = [&](double dx) {
+    return *camera.project(step * (depth * camera.unproject(center + Eigen::Vector2d(dx, 0))));
+  };
+  const Eigen::Vector2d left = moved(-80);
+  const Eigen::Vector2d right = moved(80);
+  TinyMotion motion;
+  motion.shift = (((left + right) / 2 - center) / 16).cast<float>();
+  const Eigen::Vector2d across = right - left;
+  motion.angle = static_cast<float>(std::atan2(across.y(), across.x()));
+  return motion;
+}
+
+TEST(CorrectStep, LeavesAStepThatExplainsTheImageMotion) {
+  const auto camera = test_camera();
+  const double depth = 1.2;
+  const SE3 step = SE3::exp((Vector6d() << 0.02, -0.01, 0.0, 0.005, 0.01, 0.02).finished());
+  const SE3 corrected = correct_step(step, tiny_motion_of(step, *camera, depth), *camera, depth);
+  EXPECT_LT((corrected * step.inverse()).log().norm(), 2e-3);
+}
+
+TEST(CorrectStep, FindsARotationThatThePredictionMissed) {
+  const auto camera = test_camera();
+  for (const double angle : {-0.05, -0.02, 0.02, 0.05}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      Vector6d xi = Vector6d::Zero();
+      xi(3 + axis) = angle;
+      const SE3 truth = SE3::exp(xi);
+      const SE3 corrected = correct_step(SE3(), tiny_motion_of(truth, *camera, 1.0), *camera, 1.0);
+      EXPECT_LT((corrected * truth.inverse()).log().norm(), 0.1 * std::abs(angle)) << "axis " << axis;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace cairn

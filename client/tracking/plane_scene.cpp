@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/plane_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+#include "client/tracking/frame_images.h"
+
+namespace cairn::test {
+namespace {
+
+/// Where a ray of the camera meets Z = 0.
+Eigen::Vector3d on_plane(const SE3& map_from_camera, const Eigen::Vector3d& ray_in_camera) {
+  const Eigen::Vector3d ray = map_from_camera.rotation() * ray_in_camera;
+  const Eigen::Vector3d& center = map_from_camera.translation();
+  return center - ray * (center.z() / ray.z());
+}
+
+PointSource make_source(const Camera& camera, const SE3& camera_from_map, int level, Corner corner, uint64_t id) {
+  PointSource source;
+  source.id = PointId{id};
+  source.keyframe = KeyframeId{1};
+  source.level = static_cast<uint8_t>(level);
+  source.corner = corner;
+  const auto ray = [&](int dx, int dy) -> Eigen::Vector3f {
+    return camera
+        .unproject({from_level(static_cast<float>(corner.x + dx), level), from_level(static_cast<float>(corner.y + dy), level)})
+        .cast<float>();
+  };
+  source.ray_center = ray(0, 0);
+  source.ray_right = ray(1, 0);
+  source.ray_down = ray(0, 1);
+  source.normal = (camera_from_map.rotation() * Eigen::Vector3d::UnitZ()).cast<float>();
+  return source;
+}
+
+}  // namespace
+
+PlaneScene::PlaneScene(uint64_t seed, CameraPtr camera)
+    : camera_(std::move(camera)), texture_(static_cast<size_t>(kTexels) * kTexels, 128.0F) {
+  // Blobs of many sizes with sharp borders: corners on every pyramid level.
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> uniform(0, 1);
+  for (int blob = 0; blob < 6000; ++blob) {
+    const double size = 4 * std::pow(12.0, uniform(random) * uniform(random));
+    const auto x0 = static_cast<int>(uniform(random) * kTexels);
+    const auto y0 = static_cast<int>(uniform(random) * kTexels);
+    const auto w = static_cast<int>(size * (0.5 + uniform(random)));
+    const auto h = static_cast<int>(size * (0.5 + uniform(random)));
+    const auto grey = static_cast<float>(20 + 215 * uniform(random));
+    for (int y = y0; y < std::min(kTexels, y0 + h); ++y) {
+      for (int x = x0; x < std::min(kTexels, x0 + w); ++x) texture_[static_cast<size_t>(y * kTexels + x)] = grey;
+    }
+  }
+  for (int y = 0; y < camera_->height(); ++y) {
+    for (int x = 0; x < camera_->width(); ++x) {
+      for (int s = 0; s < kSamples * kSamples; ++s) {
+        const double dx = (s % kSamples + 0.5) / kSamples - 0.5;
+        const double dy = (s / kSamples + 0.5) / kSamples - 0.5;
+        rays_.push_back(camera_->unproject({x + dx, y + dy}));
+      }
+    }
+  }
+}
+
+double PlaneScene::brightness(double x, double y) const {
+  const double u = std::clamp(x * kTexelsPerMetre + kTexels / 2.0, 0.0, kTexels - 2.0);
+  const double v = std::clamp(y * kTexelsPerMetre + kTexels / 2.0, 0.0, kTexels - 2.0);
+  const auto iu = static_cast<size_t>(u);
+  const auto iv = static_cast<size_t>(v);
+  const double fu = u - static_cast<double>(iu);
+  const double fv = v - static_cast<double>(iv);
+  const float* t = &texture_[iv * kTexels + iu];
+  return (1 - fv) * ((1 - fu) * t[0] + fu * t[1]) + fv * ((1 - fu) * t[kTexels] + fu * t[kTexels + 1]);
+}
+
+GrayImagePtr PlaneScene::render(const SE3& camera_from_map) const {
+  auto image = std::make_shared<GrayImage>(camera_->width(), camera_->height());
+  const SE3 map_from_camera = camera_from_map.inverse();
+  const Eigen::Vector3d* ray = rays_.data();
+  for (int y = 0; y < camera_->height(); ++y) {
+    for (int x = 0; x < camera_->width(); ++x) {
+      double sum = 0;
+      for (int s = 0; s < kSamples * kSamples; ++s) {
+        const Eigen::Vector3d point = on_plane(map_from_camera, *ray++);
+        sum += brightness(point.x(), point.y());
+      }
+      image->row(y)[x] = static_cast<uint8_t>(std::lround(sum / (kSamples * kSamples)));
+    }
+  }
+  return image;
+}
+
+MapSnapshotPtr PlaneScene::make_map(const SE3& camera_from_map) const {
+  FrameImages frame;
+  frame.build_pyramid(render(camera_from_map)->view());
+  frame.find_corners();
+  const SE3 map_from_camera = camera_from_map.inverse();
+
+  auto keyframes = std::make_shared<KeyframeBlock>();
+  keyframes->version = 1;
+  keyframes->live = 1;
+  keyframes->keyframes = {
+      {KeyframeId{1}, camera_from_map, static_cast<float>(std::abs(map_from_camera.translation().z()))}};
+
+  auto map = std::make_shared<MapSnapshot>();
+  map->map.bytes[0] = 1;
+  map->epoch = Epoch{1};
+  map->revision = Revision{1};
+  map->keyframe_blocks = {keyframes};
+  auto patches = std::make_shared<PatchBlock>();
+  auto positions = std::make_shared<PositionBlock>();
+  uint64_t next_id = 1;
+  const auto finish_block = [&] {
+    if (patches->points.empty()) return;
+    patches->index = positions->index = static_cast<uint32_t>(map->point_blocks.size());
+    map->point_blocks.push_back(make_point_block(patches, positions, map->keyframe_blocks));
+    patches = std::make_shared<PatchBlock>();
+    positions = std::make_shared<PositionBlock>();
+  };
+  for (int level = kPyramidLevels - 1; level >= 0; --level) {
+    for (const Candidate& c : find_candidates(frame.pyramid.level(level), frame.corners[static_cast<size_t>(level)])) {
+      PointSource source = make_source(*camera_, camera_from_map, level, c.corner, next_id);
+      if (!cut_source_patch(frame.pyramid.level(level), c.corner, &source.pixels)) continue;
+      ++next_id;
+      const Eigen::Vector2d pixel(from_level(c.corner.x, level), from_level(c.corner.y, level));
+      positions->live |= uint64_t{1} << patches->points.size();
+      positions->positions.emplace_back(on_plane(map_from_camera, camera_->unproject(pixel)).cast<float>());
+      positions->visibility.emplace_back();
+      patches->points.push_back(source);
+      if (patches->points.size() == kBlockSlots) finish_block();
+    }
+  }
+  finish_block();
+  return map;
+}
+
+}  // namespace cairn::test

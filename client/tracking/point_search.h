@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <memory>
+#include <vector>
+
+#include "client/tracking/frame_images.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/patch.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// A map point that should be in view, and what came of looking for it.
+struct VisiblePoint {
+  PointId id;
+  PointSlot slot;
+  uint8_t level = 0;                                     ///< search level
+  bool searched = false;
+  bool found = false;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();    ///< map frame
+  Eigen::Vector2f expected = Eigen::Vector2f::Zero();    ///< level-0 px
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();       ///< level-0 px, when found
+  Warp level0_from_source = Warp::Identity();
+  float depth = 0;                                       ///< along the optical axis [map unit]
+};
+
+/// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the warped templates of
+/// points from frame to frame. One thread.
+class PointSearch {
+ public:
+  explicit PointSearch(CameraPtr camera);
+
+  /// From now on this revision. Templates survive revisions of one epoch (patches never change in it).
+  void use_map(const MapSnapshotPtr& map);
+
+  /// Live points that project into the image at a scale their patch allows and from a side and distance they can have been seen
+  /// from: the rest can not count against quality. At most `max_points`, a stable pseudo-random choice; `out` is
+  /// ordered by level, coarsest first.
+  void find_visible(const SE3& camera_from_map, int max_points, std::vector<VisiblePoint>* out);
+  /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves the view.
+  [[nodiscard]] bool reproject(const SE3& camera_from_map, VisiblePoint* point) const;
+  /// Looks for the point at corners within `radius` level-0 px of where it is expected, with sub-pixel refinement.
+  void search(const FrameImages& frame, float radius, int refine_iterations, VisiblePoint* point);
+
+ private:
+  struct CachedTemplate {
+    PatchTemplate patch;
+    Warp warp = Warp::Zero();
+    bool valid = false;
+  };
+  using CachedBlock = std::array<CachedTemplate, kBlockSlots>;
+
+  [[nodiscard]] bool block_in_view(const PointBlock& block, const SE3& camera_from_map) const;
+  void project_block(const PointBlock& block, int block_index, const SE3& camera_from_map,
+                     std::vector<VisiblePoint>* out) const;
+  [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point);
+
+  CameraPtr camera_;
+  double view_half_angle_ = 0;  ///< [rad] of the cone around the optical axis that holds the image
+  MapSnapshotPtr map_;
+  std::vector<std::unique_ptr<CachedBlock>> templates_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/tracker.h"
+
+#include <gtest/gtest.h>
+
+#include "client/tracking/plane_scene.h"
+#include "client/tracking/point_search.h"
+#include "common/geometry/two_view.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kFrame = 33'333'333;  // [ns]
+
+CameraPtr test_camera() {
+  return *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
+}
+
+/// A camera one metre above the plane, looking down at (x, y), turned a little.
+SE3 looking_down(double x, double y, double height = 1.0, double tilt = 0.1) {
+  const Eigen::Matrix3d down = (Eigen::Matrix3d() << 1, 0, 0, 0, -1, 0, 0, 0, -1).finished();
+  const Eigen::Quaterniond camera_from_map =
+      Eigen::Quaterniond(Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX())) * Eigen::Quaterniond(down);
+  return {camera_from_map, -(camera_from_map * Eigen::Vector3d(x, y, height))};
+}
+
+double center_distance(const SE3& a, const SE3& b) { return (a.center() - b.center()).norm(); }
+double angle_between(const SE3& a, const SE3& b) { return (a * b.inverse()).log().tail<3>().norm(); }
+
+struct SeedWorld {
+  CameraPtr camera = test_camera();
+  test::PlaneScene scene{7, camera};
+};
+
+TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
+  SeedWorld world;
+  Tracker tracker(world.camera, {});
+  std::optional<SeedProposal> seed;
+  for (int i = 0; i < 40 && !seed; ++i) {
+    const SE3 pose = looking_down(0.006 * i, 0.001 * i);
+    seed = tracker.track(world.scene.render(pose), {i * kFrame}, nullptr).seed;
+    if (!seed) continue;
+    // Each trail must follow its place on the plane.
+    const SE3 first = looking_down(0, 0);
+    int right = 0;
+    for (const Trail& t : seed->trails) {
+      const Eigen::Vector3d ray = first.rotation().conjugate() * world.camera->unproject(t.first.cast<double>());
+      const Eigen::Vector3d place = first.center() - ray * (first.center().z() / ray.z());
+      const auto expected = world.camera->project(pose * place);
+      if (expected && (*expected - t.second.cast<double>()).norm() < 0.5) ++right;
+    }
+    EXPECT_GT(right, 0.9 * static_cast<double>(seed->trails.size())) << "of " << seed->trails.size();
+  }
+  EXPECT_TRUE(seed.has_value());
+}
+
+TEST(Tracker, StandingAndTurningCamerasProposeNothing) {
+  SeedWorld world;
+  Tracker standing(world.camera, {});
+  Tracker turning(world.camera, {});
+  const auto still = world.scene.render(looking_down(0, 0));
+  for (int i = 0; i < 15; ++i) {
+    EXPECT_FALSE(standing.track(still, {i * kFrame}, nullptr).seed);
+    const SE3 turned = SE3(so3_exp({0.004 * i, 0.012 * i, 0.01 * i}), Eigen::Vector3d::Zero()) * looking_down(0, 0);
+    const FrameResult& result = turning.track(world.scene.render(turned), {i * kFrame}, nullptr);
+    EXPECT_FALSE(result.seed) << "frame " << i;
+    EXPECT_EQ(result.state, TrackingState::kStarting);
+  }
+}
+
+/// Starts a tracker on a finished map: a seed answer without trails makes it look from the keyframe.
+class OnMap : public ::testing::Test {
+ protected:
+  OnMap() : map(scene.make_map(looking_down(0, 0))), tracker(camera, options()) {
+    SeedAnswer answer;
+    answer.map = map->map;
+    answer.second_keyframe = KeyframeId{1};
+    tracker.seed_accepted(answer);
+    step(looking_down(0, 0));
+  }
+  static TrackerOptions options() {
+    TrackerOptions o;
+    o.make_maps = false;
+    return o;
+  }
+  const FrameResult& step(const SE3& pose) {
+    return tracker.track(scene.render(pose), {kFrame * frame++}, map);
+  }
+  const FrameResult& blank() {
+    auto image = std::make_shared<GrayImage>(camera->width(), camera->height());
+    return tracker.track(image, {kFrame * frame++}, map);
+  }
+
+  CameraPtr camera = test_camera();
+  test::PlaneScene scene{3, camera};
+  MapSnapshotPtr map;
+  Tracker tracker;
+  int64_t frame = 0;
+};
+
+TEST_F(OnMap, TracksAMovingCameraToAMillimetre) {
+  for (int i = 0; i < 30; ++i) {
+    const SE3 truth = looking_down(0.1 * std::sin(0.2 * i), 0.05 * std::sin(0.1 * i), 1.0 + 0.1 * std::sin(0.15 * i),
+                                   0.1 + 0.05 * std::sin(0.3 * i));
+    const FrameResult& result = step(truth);
+    ASSERT_TRUE(result.pose_measured) << "frame " << i << " " << result.note;
+    EXPECT_EQ(result.state, TrackingState::kTracking);
+    EXPECT_LT(center_distance(result.camera_from_map, truth), 1e-3) << "frame " << i;
+    EXPECT_LT(angle_between(result.camera_from_map, truth), 1e-3) << "frame " << i;
+    EXPECT_GT(result.quality, 0.5);
+  }
+}
+
+TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
+  for (int i = 0; i < 5; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  for (int i = 0; i < 10; ++i) {
+    const FrameResult& result = blank();
+    EXPECT_FALSE(result.pose_measured);
+    EXPECT_EQ(result.state, TrackingState::kLost);
+  }
+  bool recovered = false;
+  const SE3 truth = looking_down(0.05, 0.01);
+  for (int i = 0; i < 10 && !recovered; ++i) recovered = step(truth).pose_measured;
+  ASSERT_TRUE(recovered);
+  EXPECT_LT(center_distance(step(truth).camera_from_map, truth), 2e-3);
+}
+
+TEST_F(OnMap, KeyframesAreProposedFarFromOthersAndNotInARow) {
+  int proposed = 0;
+  int64_t last = -1000;
+  for (int i = 0; i < 60; ++i) {
+    const FrameResult& result = step(looking_down(0.005 * i, 0));
+    if (!result.keyframe) continue;
+    ++proposed;
+    EXPECT_GT(0.005 * i, 0.09);
+    EXPECT_GE(frame - last, 5);
+    last = frame;
+    EXPECT_EQ(result.keyframe->reference, KeyframeId{1});
+    EXPECT_GE(static_cast<int>(result.keyframe->measurements.size()), result.found);
+  }
+  EXPECT_GE(proposed, 1);
+}
+
+TEST_F(OnMap, PoseRidesOnAnAdjustmentOfItsKeyframe) {
+  const SE3 truth = looking_down(0.02, 0);
+  ASSERT_TRUE(step(truth).pose_measured);
+  // The whole map moves by a rigid motion, as an adjustment may do: so must the pose, at once.
+  const SE3 moved_from_map(so3_exp({0.02, -0.01, 0.03}), {0.05, 0.02, -0.01});
+  auto moved = std::make_shared<MapSnapshot>(*map);
+  auto keyframes = std::make_shared<KeyframeBlock>(*map->keyframe_blocks[0]);
+  keyframes->keyframes[0].camera_from_map = keyframes->keyframes[0].camera_from_map * moved_from_map.inverse();
+  moved->keyframe_blocks = {keyframes};
+  moved->revision = Revision{2};
+  for (auto& block : moved->point_blocks) {
+    auto positions = std::make_shared<PositionBlock>(*block->positions);
+    for (auto& p : positions->positions) p = (moved_from_map * p.cast<double>()).cast<float>();
+    block = make_point_block(block->patches, positions, moved->keyframe_blocks);
+  }
+  map = moved;
+  const FrameResult& result = step(truth);
+  ASSERT_TRUE(result.pose_measured) << result.note;
+  EXPECT_LT(center_distance(result.camera_from_map, truth * moved_from_map.inverse()), 1e-3);
+}
+
+TEST_F(OnMap, SameFramesSameBytes) {
+  Tracker other(camera, options());
+  SeedAnswer answer;
+  answer.map = map->map;
+  answer.second_keyframe = KeyframeId{1};
+  other.seed_accepted(answer);
+  static_cast<void>(other.track(scene.render(looking_down(0, 0)), {0}, map));
+  for (int i = 1; i < 6; ++i) {
+    const auto image = scene.render(looking_down(0.01 * i, 0.005 * i));
+    const SE3 a = tracker.track(image, {i * kFrame}, map).camera_from_map;
+    const SE3 b = other.track(image, {i * kFrame}, map).camera_from_map;
+    EXPECT_EQ(a.translation(), b.translation());
+    EXPECT_EQ(a.rotation().coeffs(), b.rotation().coeffs());
+  }
+}
+
+TEST(PointSearch, PointsSeenFromElsewhereAreNotExpected) {
+  const auto camera = test_camera();
+  const test::PlaneScene scene(5, camera);
+  const auto whole = scene.make_map(looking_down(0, 0));
+  PointSearch search(camera);
+  std::vector<VisiblePoint> visible;
+  search.use_map(whole);
+  search.find_visible(looking_down(0, 0), 100000, &visible);
+  const size_t all = visible.size();
+  ASSERT_GT(all, 100U);
+
+  auto one_sided = std::make_shared<MapSnapshot>(*whole);
+  for (auto& block : one_sided->point_blocks) {
+    auto positions = std::make_shared<PositionBlock>(*block->positions);
+    for (auto& v : positions->visibility) v = {-Eigen::Vector3f::UnitZ(), 0.9F, 0.9F, 1.1F};  // from below the plane
+    block = make_point_block(block->patches, positions, whole->keyframe_blocks);
+  }
+  search.use_map(one_sided);
+  search.find_visible(looking_down(0, 0), 100000, &visible);
+  EXPECT_TRUE(visible.empty());
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/tracking/frame_images.h"
+#include "client/tracking/tracker.h"
+#include "common/geometry/camera.h"
+#include "common/image/patch.h"
+
+namespace cairn {
+
+/// Follows corners of a first frame until two frames are far enough apart to make a map (PTAM 2007, section 6.1, without the key
+/// presses): frame to frame with a backward check, and the two-view tests of common/geometry when the picture has
+/// moved enough. Pure; one thread.
+class TrailFollower {
+ public:
+  TrailFollower(CameraPtr camera, const TrackerOptions& options);
+
+  /// Follows the trails into a frame; begins anew there when too few are left. `previous` is the frame before, `motion` how its
+  /// tiny image moved to this one's. Both are ignored by the first frame.
+  void follow(const GrayImagePtr& image, Timestamp time, const FrameImages& now, const FrameImages& previous,
+              const TinyMotion& motion);
+  /// A pair of frames that passes the two-view tests, once per enough new movement; none while a proposal is undecided.
+  [[nodiscard]] std::optional<SeedProposal> propose(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
+
+  /// The proposal was refused: try again after more movement.
+  void refused(const std::string& reason);
+  /// Forgets all trails; the next frame is a first frame.
+  void restart();
+
+  struct Live {
+    TrailId id;
+    Eigen::Vector2f now = Eigen::Vector2f::Zero();
+  };
+  [[nodiscard]] std::vector<Live> live() const;
+  void lines(std::vector<TrailLine>* out) const;
+  /// Why there is no proposal yet, for the status line.
+  [[nodiscard]] const std::string& note() const { return note_; }
+
+ private:
+  struct FollowedTrail {
+    TrailId id;
+    Eigen::Vector2f first = Eigen::Vector2f::Zero();
+    Eigen::Vector2f now = Eigen::Vector2f::Zero();
+    SourcePatch first_patch{};
+  };
+
+  void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
+  [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous, const Eigen::Vector2f& expected,
+                                FollowedTrail* trail) const;
+  [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now) const;
+  [[nodiscard]] float median_movement() const;
+
+  CameraPtr camera_;
+  TrackerOptions options_;
+  std::vector<FollowedTrail> trails_;
+  size_t begun_with_ = 0;
+  uint64_t next_id_ = 1;
+  GrayImagePtr first_image_;
+  Timestamp first_time_;
+  float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
+  bool undecided_ = false;
+  std::string note_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <spdlog/logger.h>
+
+#include <memory>
+#include <string>
+
+namespace cairn {
+
+using Logger = std::shared_ptr<spdlog::logger>;
+
+/// A logger that talks to stderr (data go to stdout), colour only on a terminal and never with NO_COLOR.
+/// `verbosity`: -1 quiet (warnings), 0 info, 1 debug. Thread-safe.
+[[nodiscard]] Logger make_logger(const std::string& process_name, int verbosity = 0);
+
+/// Says nothing; the default for engines and tests.
+[[nodiscard]] Logger null_logger();
+
+}  // namespace cairn

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace cairn {
+
+/// Names on the wire and in files; grow only at the end.
+enum class CameraModel : uint8_t {
+  kPinholeRadtan = 0,  ///< [fx fy cx cy k1 k2 p1 p2 k3], OpenCV's plumb bob; k3 may be 0
+};
+
+/// Everything that defines a camera. Pixels; (0,0) is the centre of the first pixel.
+struct CameraParameters {
+  CameraModel model = CameraModel::kPinholeRadtan;
+  int width = 0;
+  int height = 0;
+  std::vector<double> values;  ///< in the order of the model's comment; missing trailing distortion terms are 0
+  bool operator==(const CameraParameters&) const = default;
+};
+
+using Matrix23d = Eigen::Matrix<double, 2, 3>;
+
+/// A calibrated camera: immutable, shared between threads without locks.
+class Camera {
+ public:
+  virtual ~Camera() = default;
+
+  /// Pixel of a point in camera coordinates (x right, y down, z forward; any unit). Nothing for points behind the camera
+  /// or beyond the angle to which the distortion is monotonic. The pixel may lie outside the image.
+  [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const = 0;
+  /// As project(), with the derivative of the pixel by the point (2x3, pixels per unit of the point).
+  [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point,
+                                                               Matrix23d* d_pixel_d_point) const = 0;
+  /// Unit ray in camera coordinates through a pixel; project(unproject(p)) == p within 1e-6 px inside the image.
+  [[nodiscard]] virtual Eigen::Vector3d unproject(const Eigen::Vector2d& pixel) const = 0;
+  /// d pixel / d parameters (2 x parameters().values.size()) at a point that projects; for calibration.
+  [[nodiscard]] virtual Eigen::Matrix2Xd d_pixel_d_parameters(const Eigen::Vector3d& point) const = 0;
+
+  [[nodiscard]] const CameraParameters& parameters() const { return parameters_; }
+  [[nodiscard]] int width() const { return parameters_.width; }
+  [[nodiscard]] int height() const { return parameters_.height; }
+  /// Mean focal length [px].
+  [[nodiscard]] double focal_length() const { return 0.5 * (parameters_.values[0] + parameters_.values[1]); }
+  /// Whether a pixel lies at least `border` px inside the image.
+  [[nodiscard]] bool in_image(const Eigen::Vector2d& pixel, double border = 0) const {
+    return pixel.x() >= border && pixel.y() >= border && pixel.x() <= width() - 1 - border &&
+           pixel.y() <= height() - 1 - border;
+  }
+
+ protected:
+  explicit Camera(CameraParameters parameters) : parameters_(std::move(parameters)) {}
+
+ private:
+  CameraParameters parameters_;
+};
+
+using CameraPtr = std::shared_ptr<const Camera>;
+
+/// The camera of the given parameters, or what is wrong with them (count, finiteness, focal length <= 0, size).
+[[nodiscard]] Result<CameraPtr> make_camera(const CameraParameters& parameters);
+
+}  // namespace cairn

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/epipolar.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/SVD>
+#include <cmath>
+#include <numbers>
+
+#include "common/geometry/robust.h"
+
+namespace cairn {
+namespace {
+
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+
+// In units of sigma^2, 3.5 sigma: keeps nearly all of the good, none of the wild.
+constexpr double kTukeyCutoff = 12.25;
+
+double epipolar_cost(const NormalisedMatches& data, const SE3& pose) {
+  const Eigen::Matrix3d E = essential_of(pose);
+  double cost = 0;
+  for (const auto& m : data.matches) {
+    cost += tukey_cost(sampson_error(E, m, data.variance_a, data.variance_b), kTukeyCutoff);
+  }
+  return cost;
+}
+
+/// Two unit vectors that span the plane orthogonal to t.
+Eigen::Matrix<double, 3, 2> tangent_basis(const Eigen::Vector3d& t) {
+  const Eigen::Vector3d u = t.unitOrthogonal();
+  Eigen::Matrix<double, 3, 2> basis;
+  basis << u, t.cross(u);
+  return basis;
+}
+
+/// Normal equations of the Sampson residuals b^T [t]x R a / spread. The spread counts as constant: its change
+/// multiplies a residual of zero mean.
+void linearise(const NormalisedMatches& data, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
+  const Eigen::Matrix3d R = pose.rotation_matrix();
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Matrix3d E = skew(t) * R;
+  const Eigen::Matrix<double, 3, 2> basis = tangent_basis(t);
+  information->setZero();
+  gradient->setZero();
+  for (const auto& m : data.matches) {
+    const Eigen::Vector3d line_b = E * m.a;
+    const Eigen::Vector3d line_a = E.transpose() * m.b;
+    const double variance =
+        data.variance_b * line_b.head<2>().squaredNorm() + data.variance_a * line_a.head<2>().squaredNorm();
+    const double algebraic = m.b.dot(line_b);
+    const double weight = tukey_weight(algebraic * algebraic / variance, kTukeyCutoff) / variance;
+    if (!(weight > 0)) continue;
+    const Eigen::Vector3d rotated = R * m.a;
+    Vector5d jacobian;
+    jacobian << rotated.cross(m.b.cross(t)), basis.transpose() * rotated.cross(m.b);
+    information->noalias() += weight * jacobian * jacobian.transpose();
+    gradient->noalias() += weight * algebraic * jacobian;
+  }
+}
+
+}  // namespace
+
+Eigen::Matrix3d essential_of(const SE3& b_from_a) {
+  return skew(b_from_a.translation()) * b_from_a.rotation_matrix();
+}
+
+double sampson_error(const Eigen::Matrix3d& E, const NormalisedMatch& m, double variance_a,
+                     double variance_b) {
+  const double x = m.a.x();
+  const double y = m.a.y();
+  const double u = m.b.x();
+  const double v = m.b.y();
+  const double bx = E(0, 0) * x + E(0, 1) * y + E(0, 2);
+  const double by = E(1, 0) * x + E(1, 1) * y + E(1, 2);
+  const double bz = E(2, 0) * x + E(2, 1) * y + E(2, 2);
+  const double ax = E(0, 0) * u + E(1, 0) * v + E(2, 0);
+  const double ay = E(0, 1) * u + E(1, 1) * v + E(2, 1);
+  const double algebraic = u * bx + v * by + bz;
+  return algebraic * algebraic / (variance_b * (bx * bx + by * by) + variance_a * (ax * ax + ay * ay));
+}
+
+SE3 pose_of_essential(const Eigen::Matrix3d& E) {
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(E, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d w;
+  w << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  Eigen::Matrix3d rotation = svd.matrixU() * w * svd.matrixV().transpose();
+  if (rotation.determinant() < 0) rotation = -rotation;
+  return {rotation, svd.matrixU().col(2)};
+}
+
+std::array<SE3, 4> twisted_poses(const SE3& pose) {
+  const Eigen::Vector3d& t = pose.translation();
+  const Eigen::Quaterniond half_turn(0, t.x(), t.y(), t.z());
+  const Eigen::Quaterniond twisted = half_turn * pose.rotation();
+  return {pose, SE3(pose.rotation(), -t), SE3(twisted, t), SE3(twisted, -t)};
+}
+
+SE3 refine_epipolar(const NormalisedMatches& data, const SE3& start, int iterations) {
+  SE3 pose = start;
+  double cost = epipolar_cost(data, pose);
+  double damping = 1e-4;
+  for (int iteration = 0; iteration < iterations; ++iteration) {
+    Matrix5d information;
+    Vector5d gradient;
+    linearise(data, pose, &information, &gradient);
+    bool improved = false;
+    double gain = 0;
+    for (int attempt = 0; attempt < 4 && !improved; ++attempt) {
+      Matrix5d damped = information;
+      damped.diagonal() *= 1 + damping;
+      const Vector5d step = -damped.ldlt().solve(gradient);
+      if (!step.allFinite()) return pose;
+      const Eigen::Vector3d t =
+          (pose.translation() + tangent_basis(pose.translation()) * step.tail<2>()).normalized();
+      const SE3 candidate(so3_exp(step.head<3>()) * pose.rotation(), t);
+      const double candidate_cost = epipolar_cost(data, candidate);
+      improved = candidate_cost < cost;
+      if (improved) {
+        gain = cost - candidate_cost;
+        pose = candidate;
+        cost = candidate_cost;
+      }
+      damping *= improved ? 0.1 : 20;
+    }
+    if (!improved || gain < 1e-6 * cost) break;
+  }
+  return pose;
+}
+
+}  // namespace cairn

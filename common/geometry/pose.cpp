@@ -1,0 +1,227 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/pose.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "common/geometry/robust.h"
+#include "common/geometry/sampling.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMinObservations = 4;
+
+/// One observation linearised at the present pose, whitened by its sigma.
+struct Linearised {
+  Eigen::Vector2d residual;  ///< (projected - measured) / sigma
+  std::array<std::array<double, 6>, 2>
+      d_residual_d_xi{};  ///< rows x, y; left tangent (translation, rotation)
+  double squared = 0;
+  bool in_view = false;
+};
+
+/// Upper triangle, row by row, of sum w J^T J; and sum w J^T r.
+struct NormalEquations {
+  std::array<double, 21> upper{};
+  std::array<double, 6> gradient{};
+
+  void add(const Linearised& o, double weight) {
+    const auto& [jx, jy] = o.d_residual_d_xi;
+    size_t k = 0;
+    for (size_t i = 0; i < 6; ++i) {
+      const double wx = weight * jx[i];
+      const double wy = weight * jy[i];
+      gradient[i] += wx * o.residual.x() + wy * o.residual.y();
+      for (size_t j = i; j < 6; ++j) upper[k++] += wx * jx[j] + wy * jy[j];
+    }
+  }
+
+  [[nodiscard]] Matrix6d information() const {
+    Matrix6d m;
+    size_t k = 0;
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i; j < 6; ++j) m(i, j) = m(j, i) = upper[k++];
+    }
+    return m;
+  }
+};
+
+void linearise(const Camera& camera, const SE3& camera_from_map,
+               std::span<const PointObservation> observations, std::vector<Linearised>& out) {
+  const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
+  const Eigen::Vector3d& translation = camera_from_map.translation();
+  for (size_t i = 0; i < observations.size(); ++i) {
+    const PointObservation& observation = observations[i];
+    Linearised& o = out[i];
+    const Eigen::Vector3d p = rotation * observation.point_in_map + translation;
+    Matrix23d d_pixel_d_point;
+    const auto pixel = camera.project(p, &d_pixel_d_point);
+    o.in_view = pixel.has_value();
+    if (!o.in_view) continue;
+    const double whitening = 1.0 / observation.sigma;
+    o.residual = whitening * (*pixel - observation.pixel);
+    o.squared = o.residual.squaredNorm();
+    for (int row = 0; row < 2; ++row) {
+      const Eigen::Vector3d a = whitening * d_pixel_d_point.row(row).transpose();
+      const Eigen::Vector3d b = p.cross(a);  // a^T (-[p]x)
+      o.d_residual_d_xi[static_cast<size_t>(row)] = {a.x(), a.y(), a.z(), b.x(), b.y(), b.z()};
+    }
+  }
+}
+
+/// Tukey's cut-off for an iteration: from the median of what is in view, never below the floor.
+double cutoff_for(const std::vector<Linearised>& linearised, int iteration, const PoseOptions& options,
+                  std::vector<double>& scratch) {
+  if (iteration >= options.fixed_cutoff_after) return options.late_squared_cutoff;
+  scratch.clear();
+  for (const auto& o : linearised) {
+    if (o.in_view) scratch.push_back(o.squared);
+  }
+  return std::max(tukey_squared_cutoff(scratch), options.min_squared_cutoff);
+}
+
+NormalEquations accumulate(const std::vector<Linearised>& linearised, double cutoff) {
+  NormalEquations sum;
+  for (const auto& o : linearised) {
+    if (!o.in_view) continue;
+    if (const double weight = tukey_weight(o.squared, cutoff); weight > 0) sum.add(o, weight);
+  }
+  return sum;
+}
+
+/// Cholesky of a matrix that must be safely positive definite: nothing if a direction of the pose is not
+/// determined.
+std::optional<Eigen::LDLT<Matrix6d>> factorise(const Matrix6d& m) {
+  Eigen::LDLT<Matrix6d> ldlt(m);
+  const Vector6d d = ldlt.vectorD();
+  if (ldlt.info() != Eigen::Success || !d.allFinite() || !(d.minCoeff() > 1e-13 * d.maxCoeff()))
+    return std::nullopt;
+  return ldlt;
+}
+
+tl::unexpected<Error> singular() {
+  return fail(ErrorCode::kDegenerate, "pose: the observations do not determine it");
+}
+
+/// Weights, inliers, rms and covariance (inverse information, for the sigmas as given, without the prior) at
+/// the end.
+Result<PoseEstimate> summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff) {
+  PoseEstimate estimate;
+  estimate.camera_from_map = pose;
+  estimate.weights.resize(linearised.size());
+  NormalEquations sum;
+  double total_weight = 0;
+  double total_squared = 0;
+  for (size_t i = 0; i < linearised.size(); ++i) {
+    const Linearised& o = linearised[i];
+    const double weight = o.in_view ? tukey_weight(o.squared, cutoff) : 0.0;
+    estimate.weights[i] = weight;
+    if (!(weight > 0)) continue;
+    sum.add(o, weight);
+    ++estimate.inliers;
+    total_weight += weight;
+    total_squared += weight * o.squared;
+  }
+  const auto factor = factorise(sum.information());
+  if (!factor || static_cast<size_t>(estimate.inliers) < kMinObservations) return singular();
+  estimate.rms = std::sqrt(total_squared / total_weight);
+  estimate.covariance = factor->solve(Matrix6d::Identity());
+  return estimate;
+}
+
+/// Truncated squared error (MSAC) of a pose; gives up once it exceeds `limit`.
+double msac_cost(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
+                 double squared_threshold, double limit) {
+  double cost = 0;
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
+  for (const auto& o : observations) {
+    const auto pixel = camera.project(Eigen::Vector3d(rotation * o.point_in_map + pose.translation()));
+    const double squared = pixel ? (*pixel - o.pixel).squaredNorm() / (o.sigma * o.sigma) : squared_threshold;
+    cost += std::min(squared, squared_threshold);
+    if (cost >= limit) break;
+  }
+  return cost;
+}
+
+}  // namespace
+
+Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
+                                   std::span<const PointObservation> observations,
+                                   const PoseOptions& options) {
+  if (observations.size() < kMinObservations) {
+    return fail(ErrorCode::kDegenerate, "pose: fewer than 4 observations");
+  }
+  constexpr double kConverged = 1e-18;  // squared step [m^2, rad^2]: nothing left but rounding
+  std::vector<Linearised> linearised(observations.size());
+  std::vector<double> scratch;
+  scratch.reserve(observations.size());
+  SE3 pose = camera_from_map_start;
+  for (int iteration = 0; iteration < options.iterations; ++iteration) {
+    linearise(camera, pose, observations, linearised);
+    const NormalEquations sum = accumulate(linearised, cutoff_for(linearised, iteration, options, scratch));
+    const auto factor = factorise(sum.information() + options.prior * Matrix6d::Identity());
+    if (!factor) return singular();
+    const Vector6d step = -factor->solve(Vector6d(Eigen::Map<const Vector6d>(sum.gradient.data())));
+    pose = SE3::exp(step) * pose;
+    if (!pose.is_finite()) return singular();
+    // While a switch of the cut-off is still to come, a small step does not mean the end.
+    const bool cutoff_settled =
+        options.fixed_cutoff_after >= options.iterations || iteration >= options.fixed_cutoff_after;
+    if (cutoff_settled && step.squaredNorm() < kConverged) break;
+  }
+  linearise(camera, pose, observations, linearised);
+  return summarise(pose, linearised, cutoff_for(linearised, options.iterations, options, scratch));
+}
+
+Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObservation> observations,
+                                 const PoseRansacOptions& options) {
+  if (observations.size() <
+      std::max<size_t>(kMinObservations, static_cast<size_t>(std::max(options.min_inliers, 0)))) {
+    return fail(ErrorCode::kDegenerate, "pose: " + std::to_string(observations.size()) +
+                                            " matches, at least " + std::to_string(options.min_inliers) +
+                                            " needed");
+  }
+  const double squared_threshold = options.threshold * options.threshold;
+  const auto count = static_cast<double>(observations.size());
+  MinimalSampler sampler(options.seed, observations.size());
+  std::optional<SE3> best;
+  double best_cost = squared_threshold * count;
+  int trials = options.iterations;
+  for (int trial = 0; trial < trials; ++trial) {
+    const auto sample = sampler.draw<3>();
+    std::array<Eigen::Vector3d, 3> rays;
+    std::array<Eigen::Vector3d, 3> points;
+    for (size_t i = 0; i < 3; ++i) {
+      rays[i] = camera.unproject(observations[sample[i]].pixel);
+      points[i] = observations[sample[i]].point_in_map;
+    }
+    for (const SE3& pose : solve_p3p(rays, points)) {
+      const double cost = msac_cost(camera, pose, observations, squared_threshold, best_cost);
+      if (cost >= best_cost) continue;
+      best_cost = cost;
+      best = pose;
+      trials =
+          std::min(trials, required_trials(1 - cost / (squared_threshold * count), 3, options.iterations));
+    }
+  }
+  if (!best) return fail(ErrorCode::kDegenerate, "pose: no triple of matches gives a pose");
+
+  // Tukey's cut-off is fixed at the RANSAC threshold: with outliers in the majority the median would be
+  // theirs.
+  PoseOptions refinement;
+  refinement.fixed_cutoff_after = 0;
+  refinement.late_squared_cutoff = squared_threshold;
+  auto estimate = optimize_pose(camera, *best, observations, refinement);
+  if (estimate && estimate->inliers < options.min_inliers) {
+    return fail(ErrorCode::kDegenerate, "pose: " + std::to_string(estimate->inliers) + " inliers, at least " +
+                                            std::to_string(options.min_inliers) + " needed");
+  }
+  return estimate;
+}
+
+}  // namespace cairn

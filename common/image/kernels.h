@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "common/image/corners.h"
+#include "common/image/image.h"
+#include "common/image/patch.h"
+#include "common/image/simd.h"
+
+/// Private to common/image and its tests: the public functions of pyramid.h, corners.h and patch.h with the
+/// variant chosen by the caller. A variant that the machine lacks must not be asked for; one that a kernel
+/// lacks falls to the next narrower.
+namespace cairn::kernels {
+
+void halve(const GrayView& src, GrayImage* dst, Simd simd);
+
+void detect_fast10(const GrayView& image, int threshold, CornerList* out, Simd simd);
+
+[[nodiscard]] int zmssd_at(const PatchTemplate& patch, const GrayView& level_image, int x, int y, Simd simd);
+
+[[nodiscard]] std::optional<PatchMatch> find_patch(const PatchTemplate& patch, const GrayView& level_image,
+                                                   const CornerList& corners, const Eigen::Vector2f& center,
+                                                   float radius, int max_zmssd, Simd simd);
+
+[[nodiscard]] bool make_template(const SourcePatch& source, const Warp& level0_from_source, int level,
+                                 PatchTemplate* out, Simd simd);
+
+[[nodiscard]] std::optional<Eigen::Vector2f> refine_patch(const PatchTemplate& patch,
+                                                          const GrayView& level_image,
+                                                          const Eigen::Vector2f& start, int max_iterations,
+                                                          float max_shift, int max_zmssd, Simd simd);
+
+}  // namespace cairn::kernels

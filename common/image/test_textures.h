@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "common/image/image.h"
+#include "common/image/simd.h"
+
+/// Images for the tests of common/image.
+namespace cairn::test {
+
+/// The variants that this machine has, the reference first.
+inline std::vector<Simd> simd_variants() {
+  std::vector<Simd> variants = {Simd::kScalar, Simd::kSse2};
+  if (best_simd() == Simd::kAvx2) variants.push_back(Simd::kAvx2);
+  return variants;
+}
+
+/// A random smooth function of the plane or of space: a sum of plane waves, mean 128, known everywhere.
+template <int dimensions>
+class Waves {
+ public:
+  using Point = Eigen::Matrix<double, dimensions, 1>;
+
+  /// Wave numbers up to `max_frequency` [rad per unit].
+  Waves(uint32_t seed, double max_frequency, int count = 12) {
+    std::mt19937 rng(seed);
+    std::normal_distribution<double> normal;
+    std::uniform_real_distribution<double> unit(0, 1);
+    for (int i = 0; i < count; ++i) {
+      Point direction;
+      for (int d = 0; d < dimensions; ++d) direction(d) = normal(rng);
+      waves_.push_back({direction.normalized() * max_frequency * (0.2 + 0.8 * unit(rng)), 6.3 * unit(rng)});
+    }
+    amplitude_ = 100.0 / std::sqrt(static_cast<double>(count));
+  }
+
+  double operator()(const Point& p) const {
+    double sum = 128;
+    for (const Wave& w : waves_) sum += amplitude_ * std::cos(w.number.dot(p) + w.phase);
+    return std::clamp(sum, 0.0, 255.0);
+  }
+
+ private:
+  struct Wave {
+    Point number;
+    double phase;
+  };
+  std::vector<Wave> waves_;
+  double amplitude_ = 0;
+};
+
+/// The image whose pixel (x, y) is f(x, y), rounded.
+template <class Function>
+GrayImage render(int width, int height, const Function& f) {
+  GrayImage image(width, height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) image.row(y)[x] = static_cast<uint8_t>(std::lround(f(x, y)));
+  }
+  return image;
+}
+
+/// Pixels with no byte to spare around them: AddressSanitizer sees every read outside.
+class TightImage {
+ public:
+  TightImage(int width, int height)
+      : pixels_(static_cast<size_t>(width * height)), width_(width), height_(height) {}
+
+  /// Noise that is smooth enough to have arcs: neighbours differ by at most `step`.
+  static TightImage noise(int width, int height, int step, std::mt19937* rng) {
+    TightImage image(width, height);
+    std::uniform_int_distribution<int> delta(-step, step);
+    int value = 128;
+    for (uint8_t& p : image.pixels_) {
+      value = std::clamp(value + delta(*rng), 0, 255);
+      p = static_cast<uint8_t>(value);
+    }
+    return image;
+  }
+
+  [[nodiscard]] GrayView view() const { return {pixels_.data(), width_, height_, width_}; }
+  [[nodiscard]] std::vector<uint8_t>& pixels() { return pixels_; }
+
+ private:
+  std::vector<uint8_t> pixels_;
+  int width_;
+  int height_;
+};
+
+}  // namespace cairn::test

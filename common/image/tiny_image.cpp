@@ -1,0 +1,356 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/image/tiny_image.h"
+
+#include <immintrin.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+namespace cairn {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+constexpr int kLanes = 4;  ///< SSE floats: part of x86-64, so no dispatch, and the same sums on every machine
+
+float sum_of_lanes(__m128 v) {
+  const __m128 pairs = _mm_add_ps(v, _mm_movehl_ps(v, v));
+  return _mm_cvtss_f32(_mm_add_ss(pairs, _mm_shuffle_ps(pairs, pairs, 1)));
+}
+
+// ---- Blur
+// ----------------------------------------------------------------------------------------------------------
+
+/// One half of a normalised Gaussian: weights of distances 0 .. radius.
+void gaussian(float sigma, int radius, float* weights) {
+  float sum = 0;
+  for (int i = 0; i <= radius; ++i) {
+    const float z = static_cast<float>(i) / sigma;
+    weights[i] = std::exp(-0.5F * z * z);
+    sum += i == 0 ? weights[i] : 2 * weights[i];
+  }
+  for (int i = 0; i <= radius; ++i) weights[i] /= sum;
+}
+
+void blur_rows(const float* in, int width, int height, const float* weights, int radius, float* padded,
+               float* out) {
+  for (int y = 0; y < height; ++y, in += width, out += width) {
+    std::fill_n(padded, radius, in[0]);
+    std::copy_n(in, width, padded + radius);
+    std::fill_n(padded + radius + width, radius, in[width - 1]);
+    const float* center = padded + radius;
+    for (int x = 0; x < width; ++x) out[x] = weights[0] * center[x];
+    for (int i = 1; i <= radius; ++i) {
+      for (int x = 0; x < width; ++x) out[x] += weights[i] * (center[x - i] + center[x + i]);
+    }
+  }
+}
+
+void blur_columns(const float* in, int width, int height, const float* weights, int radius, float* out) {
+  for (int y = 0; y < height; ++y, out += width) {
+    const float* center = in + y * width;
+    for (int x = 0; x < width; ++x) out[x] = weights[0] * center[x];
+    for (int i = 1; i <= radius; ++i) {
+      const float* above = in + std::max(y - i, 0) * width;
+      const float* below = in + std::min(y + i, height - 1) * width;
+      for (int x = 0; x < width; ++x) out[x] += weights[i] * (above[x] + below[x]);
+    }
+  }
+}
+
+void subtract_mean(float* values, size_t n) {
+  double sum = 0;
+  for (size_t i = 0; i < n; ++i) sum += values[i];
+  const auto mean = static_cast<float>(sum / static_cast<double>(n));
+  for (size_t i = 0; i < n; ++i) values[i] -= mean;
+}
+
+// ---- Alignment
+// -----------------------------------------------------------------------------------------------------
+
+constexpr int kMaxAlignWidth = 512;  ///< px; bounds the rows kept on the stack
+
+/// Sums of the normal equations of one pass. The unknowns are (x, y, angle) of a motion applied to the
+/// reference before the present one, and the mean offset.
+struct NormalEquations {
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
+  Eigen::Vector4d vector = Eigen::Vector4d::Zero();
+  double squared_residuals = 0;
+  double count = 0;
+
+  /// Mean squared residual, mean offset removed.
+  [[nodiscard]] double score() const {
+    const double mean = vector(3) / count;
+    return squared_residuals / count - mean * mean;
+  }
+};
+
+/// One row of the current image, sampled where the motion puts the pixels of a reference row; [begin, end)
+/// lie in the image.
+struct WarpedRow {
+  std::array<float, kMaxAlignWidth> values;
+  int begin = 0;
+  int end = 0;
+};
+
+class Aligner {
+ public:
+  Aligner(const TinyImage& reference, const TinyImage& current)
+      : reference_(reference),
+        current_(current),
+        center_(0.5F * static_cast<float>(reference.width() - 1),
+                0.5F * static_cast<float>(reference.height() - 1)) {}
+
+  /// Normal equations of efficient second-order minimisation at `motion`: the Jacobian is the mean of the
+  /// gradients of the reference and of the warped current image (Benhimane and Malis 2004, eq. 14), both in
+  /// reference coordinates.
+  NormalEquations linearize(const TinyMotion& motion) {
+    Sums sums{};
+    for (int y = 0; y < reference_.height(); ++y) {
+      warp_row(motion, y);
+      if (y >= 2) add_row(y - 1, &sums);
+    }
+    return finish(sums);
+  }
+
+ private:
+  // Products of the Jacobian (x, y, t for the angle), the residual r and 1.
+  enum Product { kXX, kXY, kXT, kX, kYY, kYT, kY, kTT, kT, kXR, kYR, kTR, kR, kRR, kOne, kProducts };
+  struct Sums {
+    __m128 of[kProducts];  // not std::array: __m128 as a template argument loses its alignment
+  };
+
+  WarpedRow& row(int y) { return rows_[static_cast<size_t>(y % 3)]; }
+
+  void warp_row(const TinyMotion& motion, int y) {
+    const int width = current_.width();
+    const int height = current_.height();
+    const float c = std::cos(motion.angle);
+    const float s = std::sin(motion.angle);
+    const float dy = static_cast<float>(y) - center_.y();
+    const float u0 = center_.x() + motion.shift.x() - s * dy;
+    const float v0 = center_.y() + motion.shift.y() + c * dy;
+    const auto max_u = static_cast<float>(width - 1);
+    const auto max_v = static_cast<float>(height - 1);
+    const float* pixels = current_.values().data();
+    WarpedRow& out = row(y);
+    // The pixels that stay inside are neighbours: u and v are monotonic along the row, also as rounded.
+    out.begin = out.end = 0;
+    for (int x = 0; x < width; ++x) {
+      const float dx = static_cast<float>(x) - center_.x();
+      const float u = u0 + c * dx;
+      const float v = v0 + s * dx;
+      if (!(u >= 0 && v >= 0 && u <= max_u && v <= max_v)) {
+        if (out.end > 0) break;
+        continue;
+      }
+      if (out.end == 0) out.begin = x;
+      out.end = x + 1;
+      const int iu = std::min(static_cast<int>(u), width - 2);
+      const int iv = std::min(static_cast<int>(v), height - 2);
+      const float fu = u - static_cast<float>(iu);
+      const float fv = v - static_cast<float>(iv);
+      const float* p = pixels + iv * width + iu;
+      const float top = p[0] + fu * (p[1] - p[0]);
+      const float bottom = p[width] + fu * (p[width + 1] - p[width]);
+      out.values[static_cast<size_t>(x)] = top + fv * (bottom - top);
+    }
+  }
+
+  /// Adds the pixels of row y of which all four neighbours are known.
+  void add_row(int y, Sums* sums) {
+    const WarpedRow& above = row(y - 1);
+    const WarpedRow& here = row(y);
+    const WarpedRow& below = row(y + 1);
+    const int begin = std::max({here.begin + 1, above.begin, below.begin});
+    const int end = std::min({here.end - 1, above.end, below.end});
+    if (end - begin < kLanes) return;
+    for (int x = begin; x < end; x += kLanes) {
+      // The last group overlaps the one before; lanes that were counted get weight 0.
+      const int first = std::min(x, end - kLanes);
+      add_group(above, here, below, first, y, x - first, sums);
+    }
+  }
+
+  void add_group(const WarpedRow& above, const WarpedRow& here, const WarpedRow& below, int x, int y,
+                 int skip, Sums* sums) const {
+    const int width = reference_.width();
+    const float* ref = reference_.values().data() + y * width + x;
+    const float* cur = here.values.data() + x;
+    const __m128 lane = _mm_setr_ps(0, 1, 2, 3);
+    const __m128 weight =
+        _mm_and_ps(_mm_cmpge_ps(lane, _mm_set1_ps(static_cast<float>(skip))), _mm_set1_ps(1.0F));
+    const __m128 quarter =
+        _mm_mul_ps(weight, _mm_set1_ps(0.25F));  // mean of two central differences over two pixels
+    const __m128 ref_x = _mm_sub_ps(_mm_loadu_ps(ref + 1), _mm_loadu_ps(ref - 1));
+    const __m128 ref_y = _mm_sub_ps(_mm_loadu_ps(ref + width), _mm_loadu_ps(ref - width));
+    const __m128 cur_x = _mm_sub_ps(_mm_loadu_ps(cur + 1), _mm_loadu_ps(cur - 1));
+    const __m128 cur_y =
+        _mm_sub_ps(_mm_loadu_ps(below.values.data() + x), _mm_loadu_ps(above.values.data() + x));
+    const __m128 jx = _mm_mul_ps(quarter, _mm_add_ps(ref_x, cur_x));
+    const __m128 jy = _mm_mul_ps(quarter, _mm_add_ps(ref_y, cur_y));
+    const __m128 dx = _mm_add_ps(lane, _mm_set1_ps(static_cast<float>(x) - center_.x()));
+    const __m128 dy = _mm_set1_ps(static_cast<float>(y) - center_.y());
+    const __m128 jt = _mm_sub_ps(_mm_mul_ps(dx, jy), _mm_mul_ps(dy, jx));
+    const __m128 r = _mm_mul_ps(weight, _mm_sub_ps(_mm_loadu_ps(cur), _mm_loadu_ps(ref)));
+    const auto add = [&](Product p, __m128 value) { sums->of[p] = _mm_add_ps(sums->of[p], value); };
+    add(kXX, _mm_mul_ps(jx, jx));
+    add(kXY, _mm_mul_ps(jx, jy));
+    add(kXT, _mm_mul_ps(jx, jt));
+    add(kX, jx);
+    add(kYY, _mm_mul_ps(jy, jy));
+    add(kYT, _mm_mul_ps(jy, jt));
+    add(kY, jy);
+    add(kTT, _mm_mul_ps(jt, jt));
+    add(kT, jt);
+    add(kXR, _mm_mul_ps(jx, r));
+    add(kYR, _mm_mul_ps(jy, r));
+    add(kTR, _mm_mul_ps(jt, r));
+    add(kR, r);
+    add(kRR, _mm_mul_ps(r, r));
+    add(kOne, weight);
+  }
+
+  static NormalEquations finish(const Sums& sums) {
+    std::array<double, kProducts> s{};
+    for (size_t i = 0; i < kProducts; ++i) s[i] = sum_of_lanes(sums.of[i]);
+    NormalEquations equations;
+    equations.matrix << s[kXX], s[kXY], s[kXT], s[kX],  //
+        s[kXY], s[kYY], s[kYT], s[kY],                  //
+        s[kXT], s[kYT], s[kTT], s[kT],                  //
+        s[kX], s[kY], s[kT], s[kOne];
+    equations.vector << s[kXR], s[kYR], s[kTR], s[kR];
+    equations.squared_residuals = s[kRR];
+    equations.count = s[kOne];
+    return equations;
+  }
+
+  const TinyImage& reference_;
+  const TinyImage& current_;
+  Eigen::Vector2f center_;
+  std::array<WarpedRow, 3> rows_;  ///< the last three, by y modulo 3
+};
+
+/// Pixels between neighbouring ones of a level that many halvings above level 0.
+int tiny_scale(int camera_width, int tiny_width) {
+  const double ratio = static_cast<double>(camera_width) / std::max(tiny_width, 1);
+  return 1 << std::max(static_cast<int>(std::lround(std::log2(ratio))), 0);
+}
+
+/// Right-handed orthonormal frame that two unit rays define symmetrically: their bisector, their difference,
+/// the normal.
+Eigen::Matrix3d frame_of_rays(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  Eigen::Matrix3d frame;
+  frame.col(0) = (a + b).normalized();
+  frame.col(1) = (b - a).normalized();
+  frame.col(2) = frame.col(0).cross(frame.col(1));
+  return frame;
+}
+
+}  // namespace
+
+void TinyImage::assign(const GrayView& level3, float sigma) {
+  width_ = level3.width / 2;
+  height_ = level3.height / 2;
+  const size_t n = static_cast<size_t>(width_) * static_cast<size_t>(height_);
+  const int radius = sigma > 0 ? static_cast<int>(std::ceil(3 * sigma)) : 0;
+  const size_t padded_width = static_cast<size_t>(width_) + 2 * static_cast<size_t>(radius);
+  if (n == 0) {
+    values_.clear();
+    return;
+  }
+  // Behind the image lies, for the time of the blur, its scratch: weights, a padded row, the image blurred
+  // one way.
+  values_.resize(2 * n + padded_width + static_cast<size_t>(radius) + 1);
+  for (int y = 0; y < height_; ++y) {
+    const uint8_t* top = level3.row(2 * y);
+    const uint8_t* bottom = level3.row(2 * y + 1);
+    float* out = values_.data() + static_cast<ptrdiff_t>(y) * width_;
+    for (int x = 0; x < width_; ++x) {
+      out[x] = 0.25F * static_cast<float>(top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1]);
+    }
+  }
+  if (radius > 0) {
+    float* half_blurred = values_.data() + n;
+    float* padded = half_blurred + n;
+    float* weights = padded + padded_width;
+    gaussian(sigma, radius, weights);
+    blur_rows(values_.data(), width_, height_, weights, radius, padded, half_blurred);
+    blur_columns(half_blurred, width_, height_, weights, radius, values_.data());
+  }
+  values_.resize(n);
+  subtract_mean(values_.data(), n);
+}
+
+float tiny_difference(const TinyImage& a, const TinyImage& b) {
+  if (a.empty() || a.width() != b.width() || a.height() != b.height()) return kInfinity;
+  const float* p = a.values().data();
+  const float* q = b.values().data();
+  const size_t n = a.values().size();
+  constexpr size_t kChains = 4;  // sums in flight hide the latency of the addition
+  __m128 sums[kChains] = {};
+  size_t i = 0;
+  for (; i + kChains * kLanes <= n; i += kChains * kLanes) {
+    for (size_t k = 0; k < kChains; ++k) {
+      const __m128 d = _mm_sub_ps(_mm_loadu_ps(p + i + k * kLanes), _mm_loadu_ps(q + i + k * kLanes));
+      sums[k] = _mm_add_ps(sums[k], _mm_mul_ps(d, d));
+    }
+  }
+  float rest = 0;
+  for (; i < n; ++i) rest += (p[i] - q[i]) * (p[i] - q[i]);
+  const __m128 sum = _mm_add_ps(_mm_add_ps(sums[0], sums[1]), _mm_add_ps(sums[2], sums[3]));
+  return (sum_of_lanes(sum) + rest) / static_cast<float>(n);
+}
+
+TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations) {
+  constexpr double kMinOverlap = 0.25;  // of the image
+  constexpr double kConverged = 1e-3;   // tiny px
+  constexpr double kDamping = 1e-3;     // keeps a textureless image at rest
+  const TinyMotion failed{.score = kInfinity};
+  const bool comparable = !reference.empty() && reference.width() == current.width() &&
+                          reference.height() == current.height() && reference.width() <= kMaxAlignWidth;
+  if (!comparable || reference.width() < kLanes + 2 || reference.height() < 3) return failed;
+  const double min_count = kMinOverlap * (reference.width() - 2) * (reference.height() - 2);
+  const double half_width = 0.5 * reference.width();
+
+  Aligner aligner(reference, current);
+  TinyMotion motion;
+  NormalEquations equations = aligner.linearize(motion);
+  for (int i = 0; i < iterations; ++i) {
+    if (equations.count < min_count) return failed;
+    equations.matrix.diagonal().head<3>().array() += kDamping;
+    // r + J d - m = 0: the sign of the mean offset is of no interest, it is found anew each time.
+    const Eigen::Vector4d step = -equations.matrix.ldlt().solve(equations.vector);
+    if (!step.allFinite()) return failed;
+    // W(p) becomes W(W_step(p)): the step acts on reference coordinates.
+    motion.shift += Eigen::Rotation2Df(motion.angle) * step.head<2>().cast<float>();
+    motion.angle += static_cast<float>(step(2));
+    equations = aligner.linearize(motion);
+    if (step.head<2>().norm() + std::abs(step(2)) * half_width < kConverged) break;
+  }
+  if (equations.count < min_count) return failed;
+  motion.score = static_cast<float>(equations.score());
+  return motion;
+}
+
+SE3 rotation_from_tiny(const TinyMotion& motion, const Camera& camera, int tiny_width) {
+  constexpr double kArm = 5;  // tiny px
+  const int scale = tiny_scale(camera.width(), tiny_width);
+  const Eigen::Vector2d center(0.5 * (camera.width() / scale - 1), 0.5 * (camera.height() / scale - 1));
+  const auto ray = [&](const Eigen::Vector2d& tiny) {
+    return camera.unproject((tiny.array() + 0.5).matrix() * scale - Eigen::Vector2d(0.5, 0.5));
+  };
+  const Eigen::Vector2d arm(kArm, 0);
+  const Eigen::Vector2d moved_arm = Eigen::Rotation2Dd(motion.angle) * arm;
+  const Eigen::Vector2d moved_center = center + motion.shift.cast<double>();
+  const Eigen::Matrix3d reference_rays = frame_of_rays(ray(center - arm), ray(center + arm));
+  const Eigen::Matrix3d current_rays =
+      frame_of_rays(ray(moved_center - moved_arm), ray(moved_center + moved_arm));
+  const Eigen::Matrix3d rotation = current_rays * reference_rays.transpose();
+  return {rotation, Eigen::Vector3d::Zero()};
+}
+
+}  // namespace cairn

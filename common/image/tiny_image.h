@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// The tiny blurred image of PTAM (Klein and Murray, ECCV 2008): pyramid level 3 halved again (40x30 for
+/// 640x480), zero mean, Gaussian blur. Blur sigma 2.5 for relocalization, 0.75 for the frame-to-frame
+/// rotation prior (ptam.md 1).
+class TinyImage {
+ public:
+  TinyImage() = default;
+  TinyImage(const GrayView& level3, float sigma) { assign(level3, sigma); }
+  /// As the constructor, in the memory that is there: no allocation after the first frame of a size.
+  void assign(const GrayView& level3, float sigma);
+
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  [[nodiscard]] bool empty() const { return values_.empty(); }
+  [[nodiscard]] float at(int x, int y) const { return values_[static_cast<size_t>(y * width_ + x)]; }
+  [[nodiscard]] const std::vector<float>& values() const { return values_; }
+
+ private:
+  std::vector<float> values_;
+  int width_ = 0;
+  int height_ = 0;
+};
+
+/// Mean squared difference; images of other sizes are infinitely far.
+[[nodiscard]] float tiny_difference(const TinyImage& a, const TinyImage& b);
+
+/// Rigid motion in the image plane about the image centre: a pixel at `p` of the reference appears at
+/// center + R(angle) * (p - center) + shift of the current image. Tiny pixels, radians.
+struct TinyMotion {
+  Eigen::Vector2f shift = Eigen::Vector2f::Zero();
+  float angle = 0;
+  float score = 0;  ///< mean squared difference over the overlap after alignment (mean offset removed)
+};
+
+/// Aligns `current` to `reference` by efficient second-order minimisation (Benhimane and Malis, IROS 2004)
+/// over (x, y, angle, mean offset). ptam.md 4.
+[[nodiscard]] TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations = 6);
+
+/// The camera rotation (current_from_reference) that explains a tiny motion, by aligning two points +-5 tiny
+/// px from the image centre. `camera` is the full-size camera of both images.
+[[nodiscard]] SE3 rotation_from_tiny(const TinyMotion& motion, const Camera& camera, int tiny_width);
+
+}  // namespace cairn

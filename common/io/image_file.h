@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+
+#include "common/base/result.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// No side of an image may be longer: keeps a forged header from taking the machine's memory.
+inline constexpr int kMaxImageSide = 8192;
+
+/// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey; the orientation tag of phones is ignored, because
+/// calibrations are of the sensor's rows and columns. Error kDamaged (without a file name) for anything that
+/// is not a whole image of at most kMaxImageSide. Thread-safe.
+[[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes);
+
+/// As decode_gray_image() from a file; errors name it: kNotFound, kIo, kDamaged (empty, cut, not an image).
+[[nodiscard]] Result<GrayImage> read_gray_image(const std::filesystem::path& path);
+
+}  // namespace cairn

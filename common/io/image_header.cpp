@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/io/image_header.h"
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+namespace cairn {
+namespace {
+
+using Bytes = std::span<const uint8_t>;
+
+bool starts_with(Bytes bytes, Bytes prefix) {
+  return bytes.size() >= prefix.size() && std::equal(prefix.begin(), prefix.end(), bytes.begin());
+}
+uint32_t big_endian_16(Bytes bytes, size_t at) {
+  return uint32_t{bytes[at]} << 8 | bytes[at + 1];
+}
+uint32_t big_endian_32(Bytes bytes, size_t at) {
+  return big_endian_16(bytes, at) << 16 | big_endian_16(bytes, at + 2);
+}
+
+tl::unexpected<Error> cut_short() {
+  return fail(ErrorCode::kDamaged, "the file ends within its header");
+}
+
+/// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1); the last chunk is IEND.
+Result<ImageHeader> read_png(Bytes bytes) {
+  constexpr std::array<uint8_t, 4> kIend = {'I', 'E', 'N', 'D'};
+  if (bytes.size() < 24) return cut_short();
+  const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
+  const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
+  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), complete};
+}
+
+bool is_start_of_frame(uint8_t marker) {
+  return marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+}
+
+/// Walks the marker segments (ITU T.81, B.1). Thumbnails lie inside segments, so they are stepped over by
+/// their length.
+Result<ImageHeader> read_jpeg(Bytes bytes) {
+  constexpr uint8_t kStartOfScan = 0xDA;
+  constexpr uint8_t kEndOfImage = 0xD9;
+  std::optional<ImageHeader> header;
+  bool in_scan = false;
+  for (size_t at = 2; at + 1 < bytes.size();) {
+    if (in_scan && bytes[at] != 0xFF) {
+      at = static_cast<size_t>(std::find(bytes.begin() + static_cast<ptrdiff_t>(at), bytes.end(), 0xFF) -
+                               bytes.begin());
+      continue;
+    }
+    if (bytes[at] != 0xFF) break;
+    const uint8_t marker = bytes[at + 1];
+    if (marker == 0xFF) {  // fill byte
+      ++at;
+      continue;
+    }
+    if (marker == kEndOfImage) {
+      if (!header) break;
+      header->complete = true;
+      return *header;
+    }
+    if (marker == 0x00 || marker == 0x01 ||
+        (marker >= 0xD0 && marker <= 0xD7)) {  // stuffed byte, TEM, restarts
+      at += 2;
+      continue;
+    }
+    if (at + 4 > bytes.size()) break;
+    if (is_start_of_frame(marker)) {
+      if (at + 9 > bytes.size()) break;
+      header =
+          ImageHeader{ImageFormat::kJpeg, big_endian_16(bytes, at + 7), big_endian_16(bytes, at + 5), false};
+    }
+    in_scan = marker == kStartOfScan;
+    at += 2 + std::max<size_t>(2, big_endian_16(bytes, at + 2));
+  }
+  if (!header) return cut_short();
+  return *header;
+}
+
+/// "P2".."P6", then width and height in decimal; '#' comments up to the line's end (netpbm).
+Result<ImageHeader> read_pnm(Bytes bytes) {
+  std::array<int64_t, 2> sides{};
+  size_t at = 2;
+  for (auto& side : sides) {
+    while (at < bytes.size() && (bytes[at] <= ' ' || bytes[at] == '#')) {
+      if (bytes[at] == '#') {
+        while (at < bytes.size() && bytes[at] != '\n') ++at;
+      } else {
+        ++at;
+      }
+    }
+    for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9'; ++at) {
+      side = std::min<int64_t>(side * 10 + (bytes[at] - '0'), int64_t{1} << 32);
+    }
+    if (at == bytes.size()) return cut_short();
+  }
+  return ImageHeader{ImageFormat::kPnm, sides[0], sides[1], true};
+}
+
+}  // namespace
+
+Result<ImageHeader> read_image_header(Bytes bytes) {
+  constexpr std::array<uint8_t, 8> kPngSignature = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  constexpr std::array<uint8_t, 2> kJpegSignature = {0xFF, 0xD8};
+  if (starts_with(bytes, kPngSignature)) return read_png(bytes);
+  if (starts_with(bytes, kJpegSignature)) return read_jpeg(bytes);
+  if (bytes.size() >= 3 && bytes[0] == 'P' && bytes[1] >= '2' && bytes[1] <= '6' && bytes[1] != '4') {
+    return read_pnm(bytes);
+  }
+  return fail(ErrorCode::kDamaged, "not an image (PNG, JPEG and PGM/PPM are read)");
+}
+
+}  // namespace cairn

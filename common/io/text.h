@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// A line of a text file, without its end ("\n" or "\r\n"). Views into the file's content.
+struct TextLine {
+  size_t number = 0;  ///< from 1, as editors count
+  std::string_view text;
+};
+
+/// The bytes of a regular file of at most `max_bytes`. Errors name the file: kNotFound (missing), kIo (not a
+/// regular file, not readable), kDamaged (larger than `max_bytes`).
+[[nodiscard]] Result<std::string> read_file(const std::filesystem::path& path,
+                                            size_t max_bytes = size_t{256} << 20);
+
+/// Lines that are neither blank nor begin with '#', trimmed of blanks. `content` must outlive the result.
+[[nodiscard]] std::vector<TextLine> data_lines(std::string_view content);
+/// All lines, trimmed of blanks. `content` must outlive the result.
+[[nodiscard]] std::vector<TextLine> all_lines(std::string_view content);
+
+/// Without leading and trailing blanks, tabs and carriage returns.
+[[nodiscard]] std::string_view trim(std::string_view text);
+/// Fields between blanks, tabs or commas; never an empty one.
+[[nodiscard]] std::vector<std::string_view> split_fields(std::string_view line);
+
+/// The whole of `text` as a finite number, in the C locale.
+[[nodiscard]] std::optional<double> parse_number(std::string_view text);
+/// Decimal seconds, exact to the nanosecond (further digits are rounded); exponents are taken, at the
+/// precision of a double.
+[[nodiscard]] std::optional<Timestamp> parse_timestamp(std::string_view text);
+/// Decimal seconds with 9 decimals; parse_timestamp(format_timestamp(t)) == t.
+[[nodiscard]] std::string format_timestamp(Timestamp time);
+
+/// 'text', cut to 60 bytes and without control characters: quotes of what a file or a peer said, for
+/// messages.
+[[nodiscard]] std::string in_quotes(std::string_view text);
+
+/// "FILE:LINE: MESSAGE", the form that editors jump to.
+[[nodiscard]] std::string at_line(const std::filesystem::path& path, size_t line, std::string_view message);
+
+}  // namespace cairn

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/geometry/se3.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// "Camera in map" at an instant: the form of trajectory files. Metres (or the map's unit).
+struct StampedPose {
+  Timestamp time;
+  SE3 map_from_camera;
+};
+
+/// Consecutive rows in one map. Poses of different maps share no frame.
+struct TrajectorySegment {
+  MapId map;             ///< none where no map row came before
+  std::string map_name;  ///< may be empty
+  std::vector<StampedPose> poses;
+};
+
+struct Trajectory {
+  std::vector<TrajectorySegment> segments;  ///< in file order, none empty
+  [[nodiscard]] size_t pose_count() const;
+};
+
+/// Reads TUM rows `t tx ty tz qx qy qz qw` (seconds; Hamilton, x y z w; blanks, tabs or commas between). '#'
+/// begins a comment row; `# map ID NAME` with ID of 32 hex digits begins a segment. Quaternions are
+/// normalised. Errors name file and line: kNotFound, kIo, kDamaged (also for a file without a row).
+[[nodiscard]] Result<Trajectory> read_trajectory(const std::filesystem::path& path);
+
+/// Writes a TUM trajectory row by row; each row is in the file when append() returns. Not thread-safe;
+/// movable.
+class TrajectoryWriter {
+ public:
+  /// Truncates or creates the file. Error kIo.
+  [[nodiscard]] static Result<TrajectoryWriter> open(const std::filesystem::path& path);
+
+  /// Appends a row, and before it `# map ID NAME` when the map is not that of the row before. Time to the
+  /// nanosecond, 9 decimals, qw >= 0. Error kIo (disk full); the next call tries again.
+  [[nodiscard]] Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
+
+ private:
+  TrajectoryWriter(std::filesystem::path path, std::ofstream file)
+      : path_(std::move(path)), file_(std::move(file)) {}
+
+  std::filesystem::path path_;
+  std::ofstream file_;
+  std::optional<MapId> current_map_;
+};
+
+}  // namespace cairn

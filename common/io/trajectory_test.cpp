@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/io/trajectory.h"
+
+#include <gmock/gmock.h>
+
+#include <random>
+#include <sstream>
+
+#include "common/io/test_directory.h"
+#include "common/io/text.h"
+
+namespace cairn {
+namespace {
+
+using testing::HasSubstr;
+
+MapId map_id(uint8_t n) {
+  MapId id;
+  id.bytes.fill(n);
+  return id;
+}
+
+class TrajectoryFile : public testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& content) {
+    std::ofstream(path_) << content;
+    return path_;
+  }
+  std::string written() { return *read_file(path_); }
+
+  TestDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "trajectory.txt";
+};
+
+TEST_F(TrajectoryFile, WrittenPosesReadBack) {
+  std::mt19937 random(11);
+  std::normal_distribution<double> normal;
+  std::vector<StampedPose> poses;
+  auto writer = TrajectoryWriter::open(path_);
+  ASSERT_TRUE(writer) << writer.error().message;
+  for (int64_t i = 0; i < 200; ++i) {
+    const Eigen::Quaterniond q =
+        Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random));
+    poses.push_back({Timestamp{1'305'031'098'665'900'001 + i * 33'333'333},
+                     SE3(q, Eigen::Vector3d(normal(random), normal(random), normal(random)))});
+    ASSERT_TRUE(writer->append(map_id(1 + i / 100), "desk", poses.back()));
+  }
+  const auto read = read_trajectory(path_);
+  ASSERT_TRUE(read) << read.error().message;
+  ASSERT_EQ(read->segments.size(), 2u);
+  ASSERT_EQ(read->pose_count(), poses.size());
+  for (size_t i = 0; i < poses.size(); ++i) {
+    const auto& segment = read->segments[i / 100];
+    EXPECT_EQ(segment.map, map_id(1 + i / 100));
+    EXPECT_EQ(segment.map_name, "desk");
+    const auto& pose = segment.poses[i % 100];
+    ASSERT_EQ(pose.time, poses[i].time);
+    ASSERT_LT((pose.map_from_camera.translation() - poses[i].map_from_camera.translation()).norm(), 1e-9);
+    ASSERT_LT(pose.map_from_camera.rotation().angularDistance(poses[i].map_from_camera.rotation()), 1e-8);
+  }
+}
+
+TEST_F(TrajectoryFile, RowsHaveExactlyEightFieldsAndAMapRowWheneverTheMapChanges) {
+  auto writer = TrajectoryWriter::open(path_);
+  ASSERT_TRUE(writer);
+  const StampedPose pose{Timestamp{33'333'333},
+                         SE3(Eigen::Quaterniond(-1, 0, 0, 0), Eigen::Vector3d(1, -2, 3))};
+  for (const int map : {1, 1, 2, 1})
+    ASSERT_TRUE(writer->append(map_id(map), map == 2 ? "" : "my desk", pose));
+  const std::string row = "0.033333333 1.000000000 -2.000000000 3.000000000 ";
+  std::istringstream lines(written());
+  std::vector<std::string> maps;
+  int rows = 0;
+  for (std::string line; std::getline(lines, line);) {
+    EXPECT_FALSE(line.ends_with(' '));
+    if (line.front() == '#') {
+      maps.push_back(line);
+      continue;
+    }
+    ++rows;
+    EXPECT_EQ(split_fields(line).size(), 8u);
+    EXPECT_EQ(std::count(line.begin(), line.end(), ' '), 7);
+    EXPECT_TRUE(line.starts_with(row) && line.ends_with(" 1.000000000")) << line;
+  }
+  EXPECT_EQ(rows, 4);
+  const std::string one = "# map 01010101010101010101010101010101 my desk";
+  EXPECT_THAT(maps, testing::ElementsAre(one, "# map 02020202020202020202020202020202", one));
+}
+
+TEST_F(TrajectoryFile, EachRowIsInTheFileWhenAppendReturns) {
+  auto writer = TrajectoryWriter::open(path_);
+  ASSERT_TRUE(writer);
+  for (size_t n = 1; n <= 3; ++n) {
+    ASSERT_TRUE(writer->append(map_id(1), "desk", {}));
+    EXPECT_EQ(read_trajectory(path_)->pose_count(), n);
+  }
+}
+
+TEST_F(TrajectoryFile, AMapNameCannotForgeRows) {
+  auto writer = TrajectoryWriter::open(path_);
+  ASSERT_TRUE(writer);
+  ASSERT_TRUE(writer->append(map_id(1), "a\n9 9 9 9 0 0 0 1\n", {}));
+  const auto read = read_trajectory(path_);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->pose_count(), 1u);
+}
+
+TEST_F(TrajectoryFile, TakesTheFormsThatPeopleHave) {
+  const auto read =
+      read_trajectory(write("# timestamp tx ty tz qx qy qz qw\r\n\r\n"
+                            "1.5 1 2 3 0 0 0 1 \r\n2.5\t1\t2\t3\t0\t0\t0.7071\t0.7071\n"
+                            "# map of nothing\n3.5,1,2,3,0,0,0,1"));
+  ASSERT_TRUE(read) << read.error().message;
+  ASSERT_EQ(read->segments.size(), 1u);
+  EXPECT_EQ(read->pose_count(), 3u);
+  EXPECT_FALSE(read->segments[0].map);
+  EXPECT_NEAR(read->segments[0].poses[1].map_from_camera.rotation().norm(), 1, 1e-12);
+}
+
+TEST_F(TrajectoryFile, ErrorsNameFileAndLine) {
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"# c\n1 2 3 4 0 0 0\n", ":2: 7 fields"},
+      {"1 2 3 4 0 0 0 1 9\n", ":1: 9 fields"},
+      {"x 2 3 4 0 0 0 1\n", "'x' is not a time"},
+      {"1 2 3 y 0 0 0 1\n", "'y' is not a number"},
+      {"1 nan 3 4 0 0 0 1\n", "'nan'"},
+      {"1 2 3 4 0 0 0 0\n", "norm"},
+      {"1 2 3 4 5 6 7 8\n", "norm"},
+      {"", "no pose"},
+      {"# map 01010101010101010101010101010101 desk\n", "no pose"}};
+  for (const auto& [content, part] : cases) {
+    const auto read = read_trajectory(write(content));
+    ASSERT_FALSE(read) << content;
+    EXPECT_EQ(read.error().code, ErrorCode::kDamaged);
+    EXPECT_THAT(read.error().message, HasSubstr("trajectory.txt"));
+    EXPECT_THAT(read.error().message, HasSubstr(part));
+  }
+  EXPECT_EQ(read_trajectory(directory_.path() / "none").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(TrajectoryWriter::open("/nowhere/t.txt").error().code, ErrorCode::kIo);
+}
+
+TEST_F(TrajectoryFile, AFullDiskIsAnError) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  auto writer = TrajectoryWriter::open("/dev/full");
+  ASSERT_TRUE(writer) << writer.error().message;
+  EXPECT_EQ(writer->append(map_id(1), "desk", {}).error().code, ErrorCode::kIo);
+}
+
+}  // namespace
+}  // namespace cairn

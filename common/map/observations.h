@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// A trail from the first image of a two-view start to the second, level-0 px (distorted, as seen).
+struct Trail {
+  TrailId id;
+  Eigen::Vector2f first = Eigen::Vector2f::Zero();
+  Eigen::Vector2f second = Eigen::Vector2f::Zero();
+};
+
+/// What a tracker says of itself with every frame.
+enum class TrackingState : uint8_t {
+  kStarting = 0,  ///< no map yet: following trails
+  kTracking = 1,
+  kPoor = 2,      ///< tracked, but too few points found to make keyframes
+  kLost = 3,
+};
+
+/// A map point found in a frame.
+struct PointMeasurement {
+  PointId id;
+  uint8_t level = 0;                                ///< pyramid level at which it was found; sigma = 2^level px
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px (distorted, as seen)
+};
+
+}  // namespace cairn

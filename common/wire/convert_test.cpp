@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/internal/convert.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+
+#include "common/wire/test_messages.h"
+
+namespace cairn::wire {
+namespace {
+
+using internal::DdsType;
+using internal::decode;
+using internal::encode;
+using internal::Scratch;
+using testing::RandomMessages;
+
+constexpr unsigned kSeed = 5;
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+template <typename Message>
+class RoundTrip : public ::testing::Test {};
+using AllMessages =
+    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
+                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict>;
+TYPED_TEST_SUITE(RoundTrip, AllMessages);
+
+TYPED_TEST(RoundTrip, KeepsEveryMember) {
+  RandomMessages random(kSeed);
+  for (int i = 0; i < 50; ++i) {
+    SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", message " << i);
+    const auto message = random.make<TypeParam>();
+    Scratch scratch;
+    const auto decoded = decode<TypeParam>(encode(message, &scratch));
+    ASSERT_TRUE(decoded.has_value()) << decoded.error().message;
+    EXPECT_TRUE(testing::same(message, *decoded));
+    EXPECT_FALSE(testing::same(message, random.make<TypeParam>())) << "the comparison sees nothing";
+  }
+}
+
+TYPED_TEST(RoundTrip, RefusesAnUnknownSchema) {
+  RandomMessages random(kSeed);
+  const auto message = random.make<TypeParam>();
+  Scratch scratch;
+  auto sample = encode(message, &scratch);
+  sample.schema_version = 0;
+  EXPECT_FALSE(decode<TypeParam>(sample).has_value());
+  sample.schema_version = 7;
+  EXPECT_TRUE(decode<TypeParam>(sample).has_value()) << "a newer writer only appends";
+}
+
+/// Spoils a valid message in one way at a time.
+template <typename Message>
+class Spoiler {
+ public:
+  explicit Spoiler(std::function<bool(const Message&)> usable = [](const Message&) { return true; }) {
+    RandomMessages random(kSeed);
+    do {
+      good_ = random.make<Message>();
+    } while (!usable(good_));
+  }
+  void refuses(const char* what, const std::function<void(Message&)>& spoil) const {
+    Message bad = good_;
+    spoil(bad);
+    Scratch scratch;
+    const auto decoded = decode<Message>(encode(bad, &scratch));
+    EXPECT_FALSE(decoded.has_value()) << what;
+    if (!decoded) {
+      EXPECT_EQ(decoded.error().code, ErrorCode::kDamaged);
+    }
+  }
+
+ private:
+  Message good_;
+};
+
+void refuse_bad_images(
+    const std::function<void(const char*, const std::function<void(ImageMessage&)>&)>& refuses) {
+  refuses("no width", [](ImageMessage& m) { m.width = 0; });
+  refuses("too wide", [](ImageMessage& m) {
+    m.width = 4097;
+    m.encoding = ImageEncoding::kJpeg;
+  });
+  refuses("width times height beyond 32 bits", [](ImageMessage& m) { m.width = m.height = 65536; });
+  refuses("raw, too short", [](ImageMessage& m) {
+    m.encoding = ImageEncoding::kRaw;
+    m.bytes.resize(size_t{m.width} * m.height - 1);
+  });
+  refuses("raw, too long", [](ImageMessage& m) {
+    m.encoding = ImageEncoding::kRaw;
+    m.bytes.resize(size_t{m.width} * m.height + 1);
+  });
+  refuses("empty jpeg", [](ImageMessage& m) {
+    m.encoding = ImageEncoding::kJpeg;
+    m.bytes.clear();
+  });
+  refuses("unknown encoding", [](ImageMessage& m) { m.encoding = static_cast<ImageEncoding>(2); });
+}
+
+TEST(Validation, Camera) {
+  const Spoiler<CameraMessage> camera([](const auto& m) { return !m.sigma.empty(); });
+  camera.refuses("unknown model", [](auto& m) { m.parameters.model = static_cast<CameraModel>(200); });
+  camera.refuses("no width", [](auto& m) { m.parameters.width = 0; });
+  camera.refuses("negative height", [](auto& m) { m.parameters.height = -1; });
+  camera.refuses("NaN", [](auto& m) { m.parameters.values[3] = kNan; });
+  camera.refuses("infinity", [](auto& m) { m.parameters.values[3] = -kInfinity; });
+  camera.refuses("too many values", [](auto& m) {
+    m.parameters.values.resize(33);
+    m.sigma.resize(33);
+  });
+  camera.refuses("sigma of another length", [](auto& m) { m.sigma.pop_back(); });
+  camera.refuses("negative sigma", [](auto& m) { m.sigma[0] = -1; });
+}
+
+TEST(Validation, MapSeed) {
+  const Spoiler<MapSeed> seed([](const auto& m) { return !m.trails.empty(); });
+  refuse_bad_images([&](const char* what, const auto& spoil) {
+    seed.refuses(what, [&](auto& m) { spoil(m.first_image); });
+    seed.refuses(what, [&](auto& m) { spoil(m.second_image); });
+  });
+  seed.refuses("images of unequal size", [](auto& m) {
+    m.first_image = {ImageEncoding::kRaw, 2, 3, std::vector<uint8_t>(6)};
+    m.second_image = {ImageEncoding::kRaw, 3, 2, std::vector<uint8_t>(6)};
+  });
+  seed.refuses("no session", [](auto& m) { m.command.session = {}; });
+  seed.refuses("no number", [](auto& m) { m.command.seq = 0; });
+  seed.refuses("NaN pixel", [](auto& m) { m.trails.back().second.y() = kNan; });
+  seed.refuses("far pixel", [](auto& m) { m.trails.back().first.x() = 1e9F; });
+  seed.refuses("too many trails", [](auto& m) { m.trails.resize(8193, m.trails[0]); });
+  seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
+  seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
+}
+
+TEST(Validation, KeyframeOffer) {
+  const Spoiler<KeyframeOffer> offer([](const auto& m) { return !m.measurements.empty(); });
+  refuse_bad_images(
+      [&](const char* what, const auto& spoil) { offer.refuses(what, [&](auto& m) { spoil(m.image); }); });
+  offer.refuses("no number", [](auto& m) { m.command.seq = 0; });
+  offer.refuses("NaN translation", [](auto& m) {
+    m.camera_from_reference = SE3(Eigen::Quaterniond::Identity(), {0, kNan, 0});
+  });
+  offer.refuses("unknown level", [](auto& m) { m.measurements[0].level = 4; });
+  offer.refuses("infinite pixel", [](auto& m) { m.measurements[0].pixel.x() = kInfinity; });
+  offer.refuses("too many measurements", [](auto& m) { m.measurements.resize(8193, m.measurements[0]); });
+}
+
+TEST(Validation, Quaternions) {
+  RandomMessages random(kSeed);
+  const auto message = random.make<TrackerStateMessage>();
+  Scratch scratch;
+  auto sample = encode(message, &scratch);
+  for (double& value : sample.camera_from_map.rotation) value *= 1.01;
+  EXPECT_FALSE(decode<TrackerStateMessage>(sample).has_value()) << "not of unit length";
+  for (double& value : sample.camera_from_map.rotation) value = 0;
+  EXPECT_FALSE(decode<TrackerStateMessage>(sample).has_value()) << "zero";
+  sample.camera_from_map.rotation[3] = kNan;
+  EXPECT_FALSE(decode<TrackerStateMessage>(sample).has_value()) << "NaN";
+}
+
+TEST(Validation, TrackerState) {
+  const Spoiler<TrackerStateMessage> state;
+  state.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(4); });
+  state.refuses("no session", [](auto& m) { m.session = {}; });
+  state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
+  state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });
+  state.refuses("far away", [](auto& m) {
+    m.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e7, 0, 0});
+  });
+}
+
+TEST(Validation, ServerStatusAndMapInfo) {
+  const Spoiler<ServerStatus> status;
+  status.refuses("NaN load", [](auto& m) { m.load = kNan; });
+  status.refuses("control character", [](auto& m) { m.health = std::string("a\nb"); });
+  const Spoiler<MapInfo> info;
+  info.refuses("unknown right", [](auto& m) { m.right = static_cast<MapRight>(3); });
+  info.refuses("bounds upside down", [](auto& m) { std::swap(m.bounds_min, m.bounds_max); });
+  info.refuses("NaN bounds", [](auto& m) { m.bounds_max.z() = kNan; });
+  info.refuses("name too long", [](auto& m) { m.name.assign(129, 'x'); });
+}
+
+TEST(Validation, PointPatches) {
+  const Spoiler<PointPatches> patches([](const auto& m) { return m.block.points.size() > 2; });
+  patches.refuses("block index", [](auto& m) { m.block.index = 2048; });
+  patches.refuses("too many points", [](auto& m) {
+    while (m.block.points.size() < 65) {
+      m.block.points.push_back(m.block.points.back());
+      ++m.block.points.back().id.value;
+    }
+  });
+  patches.refuses("ids out of order", [](auto& m) { std::swap(m.block.points[0].id, m.block.points[1].id); });
+  patches.refuses("id twice", [](auto& m) { m.block.points[1].id = m.block.points[0].id; });
+  patches.refuses("no id", [](auto& m) { m.block.points[0].id = {}; });
+  patches.refuses("level", [](auto& m) { m.block.points[0].level = 4; });
+  patches.refuses("corner", [](auto& m) { m.block.points[0].corner.x = -1; });
+  patches.refuses("ray", [](auto& m) { m.block.points[0].ray_center *= 1.1F; });
+  patches.refuses("NaN ray", [](auto& m) { m.block.points[0].ray_down.x() = kNan; });
+  patches.refuses("no normal", [](auto& m) { m.block.points[0].normal.setZero(); });
+}
+
+TEST(Validation, PointPositions) {
+  const Spoiler<PointPositions> positions(
+      [](const auto& m) { return m.block.positions.size() > 2 && m.block.positions.size() < 64; });
+  positions.refuses("block index", [](auto& m) { m.block.index = ~0U; });
+  positions.refuses("NaN", [](auto& m) { m.block.positions[1].y() = kNan; });
+  positions.refuses("far away", [](auto& m) { m.block.positions[1].y() = -1e7F; });
+  positions.refuses("live bit without slot",
+                    [](auto& m) { m.block.live |= uint64_t{1} << m.block.positions.size(); });
+  positions.refuses("direction", [](auto& m) { m.block.visibility[0].mean_direction = {0, 0, 0.5F}; });
+  positions.refuses("cosine", [](auto& m) { m.block.visibility[0].min_cosine = -1.5F; });
+  positions.refuses("distance", [](auto& m) { m.block.visibility[0].max_distance = kInfinity; });
+  positions.refuses("negative distance", [](auto& m) { m.block.visibility[0].min_distance = -1; });
+  positions.refuses("too many points", [](auto& m) {
+    m.block.positions.resize(65, m.block.positions[0]);
+    m.block.visibility.resize(65, m.block.visibility[0]);
+  });
+}
+
+TEST(Validation, KeyframePoses) {
+  const Spoiler<KeyframePoses> poses(
+      [](const auto& m) { return m.block.keyframes.size() > 2 && m.block.keyframes.size() < 64; });
+  poses.refuses("block index", [](auto& m) { m.block.index = 2048; });
+  poses.refuses("ids out of order",
+                [](auto& m) { std::swap(m.block.keyframes[0].id, m.block.keyframes[1].id); });
+  poses.refuses("infinite", [](auto& m) {
+    m.block.keyframes[0].camera_from_map = SE3(Eigen::Quaterniond::Identity(), {kInfinity, 0, 0});
+  });
+  poses.refuses("depth", [](auto& m) { m.block.keyframes[0].mean_depth = -1; });
+  poses.refuses("live bit without slot", [](auto& m) { m.block.live |= uint64_t{1} << 63; });
+}
+
+TEST(Validation, MapCommit) {
+  const Spoiler<MapCommit> commit([](const auto& m) { return m.points.size() > 2; });
+  commit.refuses("block left out", [](auto& m) { m.points.erase(m.points.begin()); });
+  commit.refuses("block twice", [](auto& m) { m.points[1].index = 0; });
+  commit.refuses("too many blocks", [](auto& m) {
+    while (m.points.size() < 2049) m.points.push_back({static_cast<uint32_t>(m.points.size()), 1, 1});
+  });
+  commit.refuses("too many keyframe blocks", [](auto& m) { m.keyframe_versions.resize(2049); });
+}
+
+TEST(Validation, Verdicts) {
+  const Spoiler<SeedVerdict> seed([](const auto& m) { return !m.points.empty(); });
+  seed.refuses("too many points", [](auto& m) { m.points.resize(4001, m.points[0]); });
+  seed.refuses("control character", [](auto& m) { m.reason = std::string("\r"); });
+  const Spoiler<OfferVerdict> offer([](const auto& m) { return !m.recent.empty(); });
+  offer.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<OfferDecision>(8); });
+  offer.refuses("too many outcomes", [](auto& m) { m.recent.resize(17, m.recent[0]); });
+  offer.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
+}
+
+TEST(Sizes, StateSamplesStayBelow64kB) {
+  PointPatches patches{{}, {}, {0, 1, std::vector<PointSource>(kBlockSlots)}};
+  Scratch scratch;
+  EXPECT_LT(internal::payload_bytes<PointPatches>(encode(patches, &scratch)), 64'000U);
+  MapCommit commit;
+  commit.points.resize(internal::kMaxBlocks);
+  commit.keyframe_versions.resize(internal::kMaxBlocks / 16);
+  EXPECT_LT(internal::payload_bytes<MapCommit>(encode(commit, &scratch)), 64'000U);
+  EXPECT_LT(internal::payload_bytes<TrackerStateMessage>(encode(TrackerStateMessage{}, &scratch)), 1300U);
+}
+
+}  // namespace
+}  // namespace cairn::wire

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <mutex>
+#include <string>
+
+#include "common/wire/internal/entity.h"
+#include "common/wire/internal/qos.h"
+#include "common/wire/participant.h"
+
+namespace cairn::wire::internal {
+
+/// Name, type and QoS of a topic.
+struct TopicDescription {
+  const char* name = nullptr;
+  const dds_topic_descriptor_t* type = nullptr;
+  QosClass qos_class = QosClass::kState;
+};
+
+/// The domain, the participant and the topics of a Participant. Thread-safe.
+class Context {
+ public:
+  [[nodiscard]] static Result<std::shared_ptr<Context>> create(const ParticipantOptions& options);
+
+  [[nodiscard]] dds_entity_t participant() const { return participant_; }
+  /// Made when first asked for; lives as long as the context.
+  [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
+
+  std::atomic<uint64_t> bytes_sent{0};
+  std::atomic<uint64_t> bytes_received{0};
+
+ private:
+  Context(Entity domain, dds_entity_t participant) : domain_(std::move(domain)), participant_(participant) {}
+
+  Entity domain_;  ///< owns the rest
+  dds_entity_t participant_ = 0;
+  std::mutex mutex_;
+  std::map<std::string, dds_entity_t, std::less<>> topics_;
+};
+
+}  // namespace cairn::wire::internal

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <idl/cairn.h>
+
+#include <cstddef>
+#include <memory>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/wire/messages.h"
+
+/// Between the value types of messages.h and the generated structs. decode() believes nothing: what it lets
+/// through has finite numbers of sensible size, unit quaternions and directions, known enumerators, counts
+/// within bounds, printable texts, and lists that agree with each other. Pure; thread-safe.
+namespace cairn::wire::internal {
+
+constexpr int kMaxImageSide = 4096;    ///< px
+constexpr uint32_t kMaxBlocks = 2048;  ///< of a map: 131 072 points
+constexpr double kMaxLength = 1e6;     ///< [map unit] of coordinates and distances
+constexpr size_t kMaxNameBytes = 128;  ///< of a map's name
+constexpr size_t kMaxReasonBytes = 1024;
+
+/// Memory for the array elements of one encoded sample; keeps it while the sample is written.
+class Scratch {
+ public:
+  template <typename T>
+  T* array(size_t count) {
+    arrays_.push_back(
+        std::make_unique<std::byte[]>(count * sizeof(T)));  // new is aligned for every generated struct
+    return reinterpret_cast<T*>(arrays_.back().get());
+  }
+
+ private:
+  std::vector<std::unique_ptr<std::byte[]>> arrays_;
+};
+
+/// Generated struct of a message type: `DdsType<MapInfo>` is cairn_MapInfo.
+template <typename Message>
+struct DdsTypeOf;
+template <typename Message>
+using DdsType = typename DdsTypeOf<Message>::type;
+
+/// The sample to write. It borrows from `message` and `scratch`, and goes with the shorter-lived of them.
+/// Never freed as a sample.
+template <typename Message>
+[[nodiscard]] DdsType<Message> encode(const Message& message, Scratch* scratch);
+/// A copy as value, or why the sample is unfit (for the log).
+template <typename Message>
+[[nodiscard]] Result<Message> decode(const DdsType<Message>& sample);
+/// The key members only; of an invalid sample (dispose) no others are set.
+template <typename Message>
+[[nodiscard]] Message decode_key(const DdsType<Message>& sample);
+/// Size of the content, within a few per cent of what is serialised.
+template <typename Message>
+[[nodiscard]] size_t payload_bytes(const DdsType<Message>& sample);
+
+#define CAIRN_WIRE_MESSAGES(X)               \
+  X(CameraMessage, cairn_Camera)             \
+  X(MapSeed, cairn_MapSeed)                  \
+  X(KeyframeOffer, cairn_KeyframeOffer)      \
+  X(TrackerStateMessage, cairn_TrackerState) \
+  X(ServerStatus, cairn_ServerStatus)        \
+  X(MapInfo, cairn_MapInfo)                  \
+  X(PointPatches, cairn_PointPatches)        \
+  X(PointPositions, cairn_PointPositions)    \
+  X(KeyframePoses, cairn_KeyframePoses)      \
+  X(MapCommit, cairn_MapCommit)              \
+  X(SeedVerdict, cairn_SeedVerdict)          \
+  X(OfferVerdict, cairn_OfferVerdict)
+
+#define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
+  template <>                             \
+  struct DdsTypeOf<Message> {             \
+    using type = Dds;                     \
+  };
+CAIRN_WIRE_MESSAGES(CAIRN_WIRE_DDS_TYPE)
+#undef CAIRN_WIRE_DDS_TYPE
+
+}  // namespace cairn::wire::internal

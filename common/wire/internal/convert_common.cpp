@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/internal/convert_common.h"
+
+namespace cairn::wire::internal {
+namespace {
+
+constexpr double kUnitTolerance = 1e-6;            ///< of a quaternion's norm, double
+constexpr float kUnitToleranceFloat = 1e-3F;       ///< of a direction's norm
+constexpr float kMaxPixel = 4 * kMaxImageSide;     ///< measurements may lie outside the image
+constexpr size_t kMaxEncodedOverhead = 64 * 1024;  ///< of a JPEG over its raw size
+
+}  // namespace
+
+cairn_Pose encode_pose(const SE3& pose) {
+  cairn_Pose encoded{};
+  put_vector(pose.rotation().coeffs(), encoded.rotation);
+  put_vector(pose.translation(), encoded.translation);
+  return encoded;
+}
+
+SE3 decode_pose(const cairn_Pose& pose) {
+  const auto& q = pose.rotation;
+  return {Eigen::Quaterniond(q[3], q[0], q[1], q[2]), Eigen::Vector3d(pose.translation)};
+}
+
+cairn_Image encode_image(const ImageMessage& image) {
+  cairn_Image encoded{};
+  encoded.encoding = static_cast<uint8_t>(image.encoding);
+  encoded.width = image.width;
+  encoded.height = image.height;
+  borrow_sequence(image.bytes, &encoded.bytes);
+  return encoded;
+}
+
+ImageMessage decode_image(const cairn_Image& image) {
+  return {static_cast<ImageEncoding>(image.encoding), image.width, image.height,
+          get_sequence<uint8_t>(image.bytes)};
+}
+
+void Check::text(const char* text, size_t max_bytes) {
+  const std::string_view view(text == nullptr ? "" : text);
+  require(view.size() <= max_bytes, "text too long");
+  // They end in terminals and logs.
+  require(std::none_of(view.begin(), view.end(),
+                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }),
+          "control character in a text");
+}
+
+void Check::unit(const float (&vector)[3]) {
+  const float norm = get_vector(vector).norm();
+  require(std::abs(norm - 1) <= kUnitToleranceFloat, "direction not of unit length");
+}
+
+void Check::pose(const cairn_Pose& pose) {
+  const double norm = Eigen::Map<const Eigen::Vector4d>(pose.rotation).norm();
+  require(std::abs(norm - 1) <= kUnitTolerance, "quaternion not of unit length");
+  for (const double value : pose.translation) length(value);
+}
+
+void Check::image(const cairn_Image& image) {
+  require(
+      image.width >= 1 && image.width <= kMaxImageSide && image.height >= 1 && image.height <= kMaxImageSide,
+      "image size out of range");
+  const size_t raw = size_t{image.width} * image.height;
+  switch (static_cast<ImageEncoding>(image.encoding)) {
+    case ImageEncoding::kRaw:
+      require(image.bytes._length == raw, "raw image of the wrong size");
+      return;
+    case ImageEncoding::kJpeg:
+      require(image.bytes._length > 0 && image.bytes._length <= raw + kMaxEncodedOverhead,
+              "encoded image of the wrong size");
+      return;
+  }
+  require(false, "unknown image encoding");
+}
+
+void Check::pixel(const float (&pixel)[2]) {
+  for (const float value : pixel) require(std::abs(value) <= kMaxPixel, "pixel out of range");
+}
+
+void Check::command(const cairn_CommandNumber& number) {
+  require(number.session != 0 && number.seq != 0, "command without session or number");
+}
+
+void Check::live_mask(uint64_t live, size_t slots) {
+  require(slots <= kBlockSlots, "count out of range");
+  require(slots >= kBlockSlots || (live >> slots) == 0, "live bit without slot");
+}
+
+}  // namespace cairn::wire::internal

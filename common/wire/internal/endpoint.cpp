@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/internal/endpoint.h"
+
+#include <array>
+
+namespace cairn::wire::internal {
+namespace {
+
+constexpr int kBatch = 32;     ///< samples on loan at a time
+constexpr int kMaxTake = 256;  ///< per call: a flood on one reader must not starve the thread's other work
+
+Error endpoint_error(std::string_view what, std::string_view topic, dds_return_t code) {
+  return {ErrorCode::kInternal,
+          std::string(what).append(" ").append(topic).append(": ").append(dds_strretcode(-code))};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<WriterEntity>> WriterEntity::create(std::shared_ptr<Context> context,
+                                                           const TopicDescription& topic,
+                                                           std::string_view partition) {
+  const auto topic_entity = context->topic(topic);
+  if (!topic_entity) return tl::unexpected(topic_entity.error());
+  std::unique_ptr<WriterEntity> made(new WriterEntity(std::move(context), topic.name));
+  auto publisher = checked(dds_create_publisher(made->context_->participant(),
+                                                partition_qos(std::string(partition)).get(), nullptr),
+                           "publisher");
+  if (!publisher) return tl::unexpected(publisher.error());
+  made->publisher_ = *std::move(publisher);
+  auto writer = checked(
+      dds_create_writer(made->publisher_.handle(), *topic_entity, writer_qos(topic.qos_class).get(), nullptr),
+      std::string("writer of ") + topic.name);
+  if (!writer) return tl::unexpected(writer.error());
+  made->writer_ = *std::move(writer);
+  return made;
+}
+
+Status WriterEntity::write(const void* sample, size_t payload_bytes) {
+  const dds_return_t code = dds_write(writer_.handle(), sample);
+  if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("writing", topic_, code));
+  context_->bytes_sent += payload_bytes;
+  return {};
+}
+
+Status WriterEntity::dispose(const void* sample) {
+  const dds_return_t code = dds_dispose(writer_.handle(), sample);
+  if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("removing from", topic_, code));
+  return {};
+}
+
+int WriterEntity::matched() const {
+  dds_publication_matched_status_t status{};
+  dds_get_publication_matched_status(writer_.handle(), &status);
+  return static_cast<int>(status.current_count);
+}
+
+Result<std::unique_ptr<ReaderEntity>> ReaderEntity::create(std::shared_ptr<Context> context,
+                                                           const TopicDescription& topic,
+                                                           std::string_view partition) {
+  const auto topic_entity = context->topic(topic);
+  if (!topic_entity) return tl::unexpected(topic_entity.error());
+  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context)));
+  auto subscriber = checked(dds_create_subscriber(made->context_->participant(),
+                                                  partition_qos(std::string(partition)).get(), nullptr),
+                            "subscriber");
+  if (!subscriber) return tl::unexpected(subscriber.error());
+  made->subscriber_ = *std::move(subscriber);
+  const Status adopted = made->adopt(dds_create_reader(made->subscriber_.handle(), *topic_entity,
+                                                       reader_qos(topic.qos_class).get(), nullptr),
+                                     std::string("reader of ") + topic.name);
+  if (!adopted) return tl::unexpected(adopted.error());
+  return made;
+}
+
+Result<std::unique_ptr<ReaderEntity>> ReaderEntity::create_built_in(std::shared_ptr<Context> context,
+                                                                    dds_entity_t topic) {
+  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context)));
+  const Status adopted =
+      made->adopt(dds_create_reader(made->context_->participant(), topic, nullptr, nullptr),
+                  "reader of a built-in topic");
+  if (!adopted) return tl::unexpected(adopted.error());
+  return made;
+}
+
+Status ReaderEntity::adopt(dds_entity_t reader, const std::string& what) {
+  auto owned = checked(reader, what);
+  if (!owned) return tl::unexpected(owned.error());
+  reader_ = *std::move(owned);
+  condition_ = dds_create_readcondition(reader_.handle(), DDS_ANY_STATE);
+  if (condition_ < 0) return tl::unexpected(endpoint_error("condition of", what, condition_));
+  return {};
+}
+
+void ReaderEntity::take(const std::function<void(const void*, const dds_sample_info_t&)>& visit) {
+  for (int taken = 0; taken < kMaxTake;) {
+    std::array<void*, kBatch> samples{};
+    std::array<dds_sample_info_t, kBatch> infos;
+    const dds_return_t count = dds_take(reader_.handle(), samples.data(), infos.data(), kBatch, kBatch);
+    if (count <= 0) return;
+    for (size_t i = 0; i < static_cast<size_t>(count); ++i) visit(samples[i], infos[i]);
+    dds_return_loan(reader_.handle(), samples.data(), count);
+    taken += count;
+  }
+}
+
+int ReaderEntity::matched() const {
+  dds_subscription_matched_status_t status{};
+  dds_get_subscription_matched_status(reader_.handle(), &status);
+  return static_cast<int>(status.current_count);
+}
+
+int ReaderEntity::alive_writers() const {
+  dds_liveliness_changed_status_t status{};
+  dds_get_liveliness_changed_status(reader_.handle(), &status);
+  return static_cast<int>(status.alive_count);
+}
+
+std::optional<std::string> ReaderEntity::partition_of(dds_instance_handle_t publication) const {
+  dds_builtintopic_endpoint_t* endpoint = dds_get_matched_publication_data(reader_.handle(), publication);
+  if (endpoint == nullptr) return std::nullopt;
+  std::optional<std::string> partition;
+  uint32_t count = 0;
+  char** names = nullptr;
+  if (dds_qget_partition(endpoint->qos, &count, &names)) {
+    if (count == 1) partition = names[0];
+    for (uint32_t i = 0; i < count; ++i) dds_free(names[i]);
+    dds_free(static_cast<void*>(names));
+  }
+  dds_builtintopic_free_endpoint(endpoint);
+  return partition;
+}
+
+}  // namespace cairn::wire::internal

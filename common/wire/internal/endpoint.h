@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/wire/internal/context.h"
+
+/// Writers and readers without types: what topic.cpp dresses up.
+namespace cairn::wire::internal {
+
+class WriterEntity {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<WriterEntity>> create(std::shared_ptr<Context> context,
+                                                                    const TopicDescription& topic,
+                                                                    std::string_view partition);
+  /// `payload_bytes` for the statistics.
+  Status write(const void* sample, size_t payload_bytes);
+  Status dispose(const void* sample);
+  [[nodiscard]] int matched() const;
+
+ private:
+  WriterEntity(std::shared_ptr<Context> context, const char* topic)
+      : context_(std::move(context)), topic_(topic) {}
+  std::shared_ptr<Context> context_;  ///< outlives the entities below
+  const char* topic_;
+  Entity publisher_;
+  Entity writer_;
+};
+
+class ReaderEntity {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<ReaderEntity>> create(std::shared_ptr<Context> context,
+                                                                    const TopicDescription& topic,
+                                                                    std::string_view partition);
+  /// Reader of a built-in topic (DDS_BUILTIN_TOPIC_*).
+  [[nodiscard]] static Result<std::unique_ptr<ReaderEntity>> create_built_in(std::shared_ptr<Context> context,
+                                                                             dds_entity_t topic);
+
+  /// Shows every sample to `visit` and removes it; at most kMaxTake.
+  void take(const std::function<void(const void* sample, const dds_sample_info_t& info)>& visit);
+  [[nodiscard]] int matched() const;
+  [[nodiscard]] int alive_writers() const;
+  [[nodiscard]] std::optional<std::string> partition_of(dds_instance_handle_t publication) const;
+  [[nodiscard]] uint64_t invalid() const { return invalid_; }
+
+  void count_invalid() { ++invalid_; }
+  void count_received(size_t bytes) { context_->bytes_received += bytes; }
+  [[nodiscard]] Context& context() const { return *context_; }
+  /// Triggers while there is anything to take.
+  [[nodiscard]] dds_entity_t condition() const { return condition_; }
+
+ private:
+  explicit ReaderEntity(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+  Status adopt(dds_entity_t reader, const std::string& what);
+  std::shared_ptr<Context> context_;
+  Entity subscriber_;
+  Entity reader_;
+  dds_entity_t condition_ = 0;  ///< child of reader_
+  std::atomic<uint64_t> invalid_{0};
+};
+
+}  // namespace cairn::wire::internal

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/internal/qos.h"
+
+namespace cairn::wire::internal {
+namespace {
+
+constexpr dds_duration_t kServerLiveliness = DDS_SECS(1);
+constexpr dds_duration_t kTrackerLiveliness = DDS_SECS(3);
+
+QosPtr common_qos(QosClass qos_class) {
+  QosPtr qos(dds_create_qos());
+  switch (qos_class) {
+    case QosClass::kStatus:
+      dds_qset_liveliness(qos.get(), DDS_LIVELINESS_MANUAL_BY_TOPIC, kServerLiveliness);
+      [[fallthrough]];
+    case QosClass::kState:
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+      dds_qset_durability_service(qos.get(), 0, DDS_HISTORY_KEEP_LAST, 1, DDS_LENGTH_UNLIMITED,
+                                  DDS_LENGTH_UNLIMITED, DDS_LENGTH_UNLIMITED);
+      break;
+    case QosClass::kCommand:
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kCommandDepth);
+      break;
+    case QosClass::kStream:
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+      dds_qset_liveliness(qos.get(), DDS_LIVELINESS_AUTOMATIC, kTrackerLiveliness);
+      break;
+  }
+  return qos;
+}
+
+}  // namespace
+
+QosPtr writer_qos(QosClass qos_class) {
+  QosPtr qos = common_qos(qos_class);
+  // A removal is said, never implied: a server that shuts down does not delete its clients' maps.
+  dds_qset_writer_data_lifecycle(qos.get(), false);
+  return qos;
+}
+
+QosPtr reader_qos(QosClass qos_class) {
+  QosPtr qos = common_qos(qos_class);
+  // Never resource limits: a full reader stops every reader of the process (reference/dds.md 3).
+  if (qos_class == QosClass::kCommand) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
+  return qos;
+}
+
+QosPtr partition_qos(const std::string& partition) {
+  QosPtr qos(dds_create_qos());
+  dds_qset_partition1(qos.get(), partition.c_str());
+  return qos;
+}
+
+}  // namespace cairn::wire::internal

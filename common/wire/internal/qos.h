@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/wire/internal/entity.h"
+
+/// The QoS classes of DESIGN 4, all of them, in one place.
+namespace cairn::wire::internal {
+
+enum class QosClass : uint8_t {
+  kState,    ///< newest value of every key, also for those who come later
+  kStatus,   ///< state, whose writer must say at least once a second that it is not hung (MANUAL_BY_TOPIC)
+  kCommand,  ///< every one, in order, once applied; the application bounds how many are in flight (credit)
+  kStream,   ///< newest value, lost ones are not repeated; silent writers are seen within 3 s
+};
+
+/// Commands that a writer keeps for repetition. More than any credit, so none is overwritten unacknowledged;
+/// bounded, so that a writer never waits for a dead server (a KEEP_ALL writer blocks at the high-water mark
+/// until the lease is over, measured).
+constexpr int32_t kCommandDepth = 32;
+
+[[nodiscard]] QosPtr writer_qos(QosClass qos_class);
+[[nodiscard]] QosPtr reader_qos(QosClass qos_class);
+/// For publishers and subscribers.
+[[nodiscard]] QosPtr partition_qos(const std::string& partition);
+
+}  // namespace cairn::wire::internal

@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+#include "common/map/ids.h"
+#include "common/map/observations.h"
+#include "common/map/snapshot.h"
+
+/// What travels, as value types: one struct per topic of idl/README.md. Conversion to and from the generated
+/// DDS structs, and validation of everything a peer sends (finite numbers, sizes, enums, unit quaternions),
+/// is inside common/wire.
+namespace cairn::wire {
+
+/// A command's place in a client's stream of one topic: de-duplicated by (client, topic, session, seq).
+struct CommandId {
+  SessionId session;
+  uint64_t seq = 0;  ///< from 1, no gaps
+  auto operator<=>(const CommandId&) const = default;
+};
+
+// ---- client -> server
+// -------------------------------------------------------------------------------------------------
+
+/// Topic Camera: state, keyed by (client, camera).
+struct CameraMessage {
+  ClientId client;
+  uint32_t camera = 0;
+  uint32_t version = 1;
+  CameraParameters parameters;
+  std::vector<double> sigma;  ///< of each parameter; empty = taken as exact
+  bool frozen = true;
+};
+
+enum class ImageEncoding : uint8_t { kRaw = 0, kJpeg = 1 };
+
+/// A grey keyframe image; encoded where the link is slow.
+struct ImageMessage {
+  ImageEncoding encoding = ImageEncoding::kRaw;
+  uint32_t width = 0;
+  uint32_t height = 0;
+  std::vector<uint8_t> bytes;  ///< raw: width * height, no padding
+};
+
+/// Topic MapSeed: command.
+struct MapSeed {
+  ClientId client;
+  CommandId command;
+  uint32_t camera = 0;
+  uint32_t camera_version = 1;
+  bool lockstep = false;
+  Timestamp first_time;
+  Timestamp second_time;
+  ImageMessage first_image;
+  ImageMessage second_image;
+  std::vector<Trail> trails;
+  std::string map_name;  ///< wished for; empty = the server names it
+};
+
+/// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.
+struct KeyframeOffer {
+  ClientId client;
+  CommandId command;
+  MapId map;
+  Epoch epoch;
+  Revision revision;  ///< of the replica that the frame was tracked on
+  KeyframeId reference;
+  SE3 camera_from_reference;  ///< this camera from the reference keyframe's camera
+  uint32_t camera = 0;
+  uint32_t camera_version = 1;
+  bool lockstep = false;
+  Timestamp time;
+  ImageMessage image;
+  std::vector<PointMeasurement> measurements;
+};
+
+/// Topic TrackerState: stream, liveliness 3 s.
+struct TrackerStateMessage {
+  ClientId client;
+  SessionId session;
+  TrackingState state = TrackingState::kStarting;
+  MapId map;  ///< none while starting
+  Epoch epoch;
+  Revision revision;  ///< of the replica in use
+  SE3 camera_from_map;
+  float quality = 0;  ///< found / attempted, 0..1
+  Timestamp frame_time;
+};
+
+// ---- server -> client
+// -------------------------------------------------------------------------------------------------
+
+/// Topic ServerStatus: state, liveliness MANUAL_BY_TOPIC 1 s (asserted by every write).
+struct ServerStatus {
+  ServerId server;           ///< new with every start of a server without a store
+  uint64_t start_count = 0;  ///< epoch of the server
+  std::string version;
+  std::string health;  ///< "ok" or what is wrong
+  uint32_t clients = 0;
+  uint32_t maps = 0;
+  float load = 0;  ///< busy share of the worker pool, 0..1
+};
+
+enum class MapRight : uint8_t { kNone = 0, kRead = 1, kWrite = 2 };
+
+/// Topic MapInfo: state, keyed by map; disposed when the map goes.
+struct MapInfo {
+  MapId map;
+  std::string name;
+  Epoch epoch;
+  Revision revision;
+  uint32_t keyframes = 0;
+  uint32_t points = 0;
+  Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();
+  Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
+  bool plane_aligned = false;  ///< Z = 0 is the dominant plane
+  bool metric = false;
+  MapRight right = MapRight::kWrite;
+};
+
+/// A block and the least version of it that belongs to a revision.
+struct BlockVersion {
+  uint32_t index = 0;
+  uint64_t patches = 0;
+  uint64_t positions = 0;
+};
+
+/// Topic PointPatches / PointPositions / KeyframePoses: state, keyed by (map, block), in the partition of one
+/// client and map.
+struct PointPatches {
+  MapId map;
+  Epoch epoch;
+  PatchBlock block;
+};
+struct PointPositions {
+  MapId map;
+  Epoch epoch;
+  PositionBlock block;
+};
+struct KeyframePoses {
+  MapId map;
+  Epoch epoch;
+  KeyframeBlock block;
+};
+
+/// Topic MapCommit: state, keyed by map. Ends the burst of a revision.
+struct MapCommit {
+  MapId map;
+  std::string name;
+  Epoch epoch;
+  Revision revision;
+  bool metric = false;
+  std::vector<BlockVersion> points;         ///< every block of the revision, by index
+  std::vector<uint64_t> keyframe_versions;  ///< of keyframe block 0, 1, ...
+};
+
+/// Topic SeedVerdict: state, keyed by client.
+struct SeedVerdict {
+  ClientId client;
+  CommandId command;  ///< of the seed judged
+  bool accepted = false;
+  std::string reason;  ///< of a refusal, for a person
+  MapId map;
+  Epoch epoch;
+  Revision revision;  ///< first revision of the map
+  KeyframeId first_keyframe;
+  KeyframeId second_keyframe;
+  std::vector<std::pair<TrailId, PointId>> points;
+};
+
+enum class OfferDecision : uint8_t {
+  kAccepted = 0,
+  kTooClose = 1,      ///< a keyframe is there already
+  kTooFewPoints = 2,  ///< not enough of its measurements agree with the map
+  kStale = 3,         ///< its epoch or reference keyframe is gone
+  kNoRight = 4,
+  kUnknownMap = 5,  ///< e.g. the server restarted without it
+  kDamaged = 6,     ///< image or numbers unusable
+  kBusy = 7,        ///< more offers in flight than the credit allows
+};
+
+struct OfferOutcome {
+  uint64_t seq = 0;
+  OfferDecision decision = OfferDecision::kAccepted;
+  std::string reason;
+  MapId map;
+  KeyframeId keyframe;  ///< when accepted
+  Epoch epoch;
+  Revision revision;  ///< lockstep: to be swapped in before the next frame; otherwise the newest
+};
+
+/// Topic OfferVerdict: state, keyed by client.
+struct OfferVerdict {
+  ClientId client;
+  SessionId session;
+  uint64_t last_decided = 0;         ///< every seq up to here has been decided
+  uint32_t credit = 0;               ///< offers that may be in flight beyond last_decided
+  std::vector<OfferOutcome> recent;  ///< the last up to 16
+};
+
+}  // namespace cairn::wire

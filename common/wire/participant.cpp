@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/participant.h"
+
+#include "common/wire/internal/context.h"
+
+namespace cairn::wire {
+
+Result<Participant> Participant::create(const ParticipantOptions& options) {
+  auto context = internal::Context::create(options);
+  if (!context) return tl::unexpected(context.error());
+  return Participant(*std::move(context));
+}
+
+Traffic Participant::traffic() const {
+  return {context_->bytes_sent, context_->bytes_received};
+}
+
+}  // namespace cairn::wire

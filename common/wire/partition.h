@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/map/ids.h"
+
+/// Partitions carry identity and rights (DESIGN 4). A client writes and reads in `client.<name>` and receives
+/// a map in `client.<name>.map.<32 hex digits>`; with DDS Security on it can do neither in another's.
+namespace cairn::wire {
+
+/// What the server reads in: every client's partition. The '*' spans dots too, so it also matches the map
+/// partitions; no topic that the server reads is written there.
+constexpr std::string_view kEveryClient = "client.*";
+
+/// `client.<name>`; the name is valid (is_valid_name).
+[[nodiscard]] std::string client_partition(std::string_view name);
+/// `client.<name>.map.<map>`.
+[[nodiscard]] std::string map_partition(std::string_view name, const MapId& map);
+
+struct PartitionIdentity {
+  std::string client;        ///< name
+  std::optional<MapId> map;  ///< of a map partition
+  bool operator==(const PartitionIdentity&) const = default;
+};
+
+/// Inverse of the two above; nothing for any other text, wildcards among them.
+[[nodiscard]] std::optional<PartitionIdentity> parse_partition(std::string_view partition);
+
+}  // namespace cairn::wire

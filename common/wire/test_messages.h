@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <random>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "common/wire/messages.h"
+
+/// Random but valid messages, and member-by-member comparison, for the tests of the wire.
+namespace cairn::wire::testing {
+
+// A member added to a struct and forgotten here does not compile.
+#define CAIRN_MEMBERS(Type, ...)           \
+  inline auto members(const Type& value) { \
+    const auto& [__VA_ARGS__] = value;     \
+    return std::tie(__VA_ARGS__);          \
+  }
+CAIRN_MEMBERS(ImageMessage, a, b, c, d)
+CAIRN_MEMBERS(Trail, a, b, c)
+CAIRN_MEMBERS(PointMeasurement, a, b, c)
+CAIRN_MEMBERS(PointSource, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(PatchBlock, a, b, c)
+CAIRN_MEMBERS(PointVisibility, a, b, c, d)
+CAIRN_MEMBERS(PositionBlock, a, b, c, d, e)
+CAIRN_MEMBERS(KeyframePose, a, b, c)
+CAIRN_MEMBERS(KeyframeBlock, a, b, c, d)
+CAIRN_MEMBERS(BlockVersion, a, b, c)
+CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
+CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k)
+CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m)
+CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k)
+CAIRN_MEMBERS(PointPatches, a, b, c)
+CAIRN_MEMBERS(PointPositions, a, b, c)
+CAIRN_MEMBERS(KeyframePoses, a, b, c)
+CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(SeedVerdict, a, b, c, d, e, f, g, h, i, j)
+CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
+#undef CAIRN_MEMBERS
+
+/// Equal in every member; poses up to the rounding of one normalisation.
+template <typename T>
+bool same(const T& x, const T& y);
+inline bool same(const SE3& x, const SE3& y) {
+  return x.rotation().coeffs().isApprox(y.rotation().coeffs(), 1e-15) && x.translation() == y.translation();
+}
+template <typename T>
+bool same(const std::vector<T>& x, const std::vector<T>& y) {
+  return std::equal(x.begin(), x.end(), y.begin(), y.end(),
+                    [](const T& a, const T& b) { return same(a, b); });
+}
+template <typename T>
+bool same(const T& x, const T& y) {
+  if constexpr (requires { members(x); }) {
+    return [&]<size_t... I>(std::index_sequence<I...>, const auto& a, const auto& b) {
+      return (same(std::get<I>(a), std::get<I>(b)) && ...);
+    }
+    (std::make_index_sequence<std::tuple_size_v<decltype(members(x))>>(), members(x), members(y));
+  } else {
+    return x == y;
+  }
+}
+
+class RandomMessages {
+ public:
+  explicit RandomMessages(unsigned seed) : random_(seed) {}
+
+  template <typename Message>
+  Message make();
+
+  uint64_t number(uint64_t low = 1, uint64_t high = ~uint64_t{0}) {
+    return std::uniform_int_distribution<uint64_t>(low, high)(random_);
+  }
+  float uniform(float low, float high) { return std::uniform_real_distribution<float>(low, high)(random_); }
+  bool coin() { return number(0, 1) == 1; }
+
+  template <typename Id>
+  Id id() {
+    Id made;
+    for (uint8_t& byte : made.bytes) byte = static_cast<uint8_t>(number(0, 255));
+    return made;
+  }
+  std::string text(size_t max) {
+    std::string made(number(0, max), ' ');
+    for (char& c : made) c = static_cast<char>(number(0x20, 0x7e));
+    return made;
+  }
+  Eigen::Vector3f vector(float range) {
+    return {uniform(-range, range), uniform(-range, range), uniform(-range, range)};
+  }
+  Eigen::Vector3f direction() { return Eigen::Vector3f(vector(1) + Eigen::Vector3f(0, 0, 3)).normalized(); }
+  Eigen::Vector2f pixel() { return {uniform(-10, 2000), uniform(-10, 2000)}; }
+  SE3 pose() {
+    return {Eigen::Quaterniond(Eigen::AngleAxisd(uniform(-3, 3), direction().cast<double>())),
+            vector(100).cast<double>()};
+  }
+  ImageMessage image(uint32_t width, uint32_t height) {
+    ImageMessage made{ImageEncoding::kRaw, width, height, std::vector<uint8_t>(size_t{width} * height)};
+    if (coin()) {
+      made.encoding = ImageEncoding::kJpeg;
+      made.bytes.resize(number(1, made.bytes.size()));
+    }
+    for (uint8_t& byte : made.bytes) byte = static_cast<uint8_t>(random_());
+    return made;
+  }
+  uint64_t live(size_t slots) {
+    return number(0) & (slots >= kBlockSlots ? ~uint64_t{0} : (uint64_t{1} << slots) - 1);
+  }
+  CommandId command() { return {{number()}, number()}; }
+  PointSource source(PointId point) {
+    PointSource made{point,       {number()},  static_cast<uint8_t>(number(0, 3)),
+                     {},          direction(), direction(),
+                     direction(), direction(), {}};
+    made.corner = {static_cast<int16_t>(number(0, 4095)), static_cast<int16_t>(number(0, 4095))};
+    for (uint8_t& byte : made.pixels) byte = static_cast<uint8_t>(random_());
+    return made;
+  }
+
+ private:
+  std::mt19937_64 random_;
+};
+
+template <>
+inline CameraMessage RandomMessages::make() {
+  CameraMessage made{
+      id<ClientId>(), static_cast<uint32_t>(number(0, 9)), static_cast<uint32_t>(number(1, 9)), {}, {},
+      coin()};
+  made.parameters.width = static_cast<int>(number(1, 4096));
+  made.parameters.height = static_cast<int>(number(1, 4096));
+  for (int i = 0; i < 9; ++i) made.parameters.values.push_back(uniform(-500, 500));
+  if (coin()) made.sigma.assign(9, uniform(0, 1));
+  return made;
+}
+template <>
+inline MapSeed RandomMessages::make() {
+  const auto width = static_cast<uint32_t>(number(1, 320));
+  const auto height = static_cast<uint32_t>(number(1, 240));
+  MapSeed made{id<ClientId>(), command(), 1,  2,  coin(),  {static_cast<int64_t>(number(0, 1'000'000))},
+               {12345},        {},        {}, {}, text(40)};
+  made.first_image = image(width, height);
+  made.second_image = image(width, height);
+  for (uint64_t i = 0, n = number(0, 300); i < n; ++i) made.trails.push_back({{number()}, pixel(), pixel()});
+  return made;
+}
+template <>
+inline KeyframeOffer RandomMessages::make() {
+  KeyframeOffer made{id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3, 4,
+                     coin(),         {-7},      {},          {}};
+  made.image = image(static_cast<uint32_t>(number(1, 320)), static_cast<uint32_t>(number(1, 240)));
+  for (uint64_t i = 0, n = number(0, 300); i < n; ++i) {
+    made.measurements.push_back({{number()}, static_cast<uint8_t>(number(0, 3)), pixel()});
+  }
+  return made;
+}
+template <>
+inline TrackerStateMessage RandomMessages::make() {
+  return {id<ClientId>(), {number()},    static_cast<TrackingState>(number(0, 3)),
+          id<MapId>(),    {number()},    {number()},
+          pose(),         uniform(0, 1), {static_cast<int64_t>(number(0, 1) << 61)}};
+}
+template <>
+inline ServerStatus RandomMessages::make() {
+  return {id<ServerId>(), number(), text(20), text(40), static_cast<uint32_t>(number(0, 99)), 7,
+          uniform(0, 1)};
+}
+template <>
+inline MapInfo RandomMessages::make() {
+  return {id<MapId>(),
+          text(64),
+          {number()},
+          {number()},
+          17,
+          99,
+          vector(5) - Eigen::Vector3f::Constant(20),
+          vector(5) + Eigen::Vector3f::Constant(20),
+          coin(),
+          coin(),
+          static_cast<MapRight>(number(0, 2))};
+}
+template <>
+inline PointPatches RandomMessages::make() {
+  PointPatches made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), {}}};
+  for (uint64_t i = 0, n = number(0, 64), point = 0; i < n; ++i)
+    made.block.points.push_back(source({point += number(1, 9)}));
+  return made;
+}
+template <>
+inline PointPositions RandomMessages::make() {
+  PointPositions made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), 0, {}, {}}};
+  const size_t count = number(0, 64);
+  made.block.live = live(count);
+  for (size_t i = 0; i < count; ++i) {
+    made.block.positions.push_back(vector(100));
+    made.block.visibility.push_back(
+        {coin() ? direction() : Eigen::Vector3f(0, 0, 0), uniform(-1, 1), uniform(0, 9), uniform(0, 9)});
+  }
+  return made;
+}
+template <>
+inline KeyframePoses RandomMessages::make() {
+  KeyframePoses made{id<MapId>(), {number()}, {static_cast<uint32_t>(number(0, 2047)), number(), 0, {}}};
+  const size_t count = number(0, 64);
+  made.block.live = live(count);
+  for (size_t i = 0, keyframe = 0; i < count; ++i)
+    made.block.keyframes.push_back({{keyframe += number(1, 9)}, pose(), uniform(0, 9)});
+  return made;
+}
+template <>
+inline MapCommit RandomMessages::make() {
+  MapCommit made{id<MapId>(), text(64), {number()}, {number()}, coin(), {}, {}};
+  for (uint32_t i = 0, n = static_cast<uint32_t>(number(0, 500)); i < n; ++i)
+    made.points.push_back({i, number(), number()});
+  for (uint64_t i = 0, n = number(0, 50); i < n; ++i) made.keyframe_versions.push_back(number());
+  return made;
+}
+template <>
+inline SeedVerdict RandomMessages::make() {
+  SeedVerdict made{id<ClientId>(), command(),  coin(),     text(100),  id<MapId>(),
+                   {number()},     {number()}, {number()}, {number()}, {}};
+  for (uint64_t i = 0, n = number(0, 500); i < n; ++i)
+    made.points.emplace_back(TrailId{number()}, PointId{number()});
+  return made;
+}
+template <>
+inline OfferVerdict RandomMessages::make() {
+  OfferVerdict made{id<ClientId>(), {number()}, number(), static_cast<uint32_t>(number(0, 9)), {}};
+  for (uint64_t i = 0, n = number(0, 16); i < n; ++i) {
+    made.recent.push_back({number(),
+                           static_cast<OfferDecision>(number(0, 7)),
+                           text(60),
+                           id<MapId>(),
+                           {number()},
+                           {number()},
+                           {number()}});
+  }
+  return made;
+}
+
+}  // namespace cairn::wire::testing

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/topic.h"
+
+#include "common/wire/discovered_readers.h"
+#include "common/wire/internal/convert.h"
+#include "common/wire/internal/endpoint.h"
+
+namespace cairn::wire {
+namespace {
+
+using internal::QosClass;
+using internal::TopicDescription;
+
+/// The table of idl/README.md.
+template <typename Message>
+TopicDescription topic_of();
+#define CAIRN_WIRE_TOPIC(Message, Name, Class)             \
+  template <>                                              \
+  TopicDescription topic_of<Message>() {                   \
+    return {#Name, &cairn_##Name##_desc, QosClass::Class}; \
+  }
+CAIRN_WIRE_TOPIC(CameraMessage, Camera, kState)
+CAIRN_WIRE_TOPIC(MapSeed, MapSeed, kCommand)
+CAIRN_WIRE_TOPIC(KeyframeOffer, KeyframeOffer, kCommand)
+CAIRN_WIRE_TOPIC(TrackerStateMessage, TrackerState, kStream)
+CAIRN_WIRE_TOPIC(ServerStatus, ServerStatus, kStatus)
+CAIRN_WIRE_TOPIC(MapInfo, MapInfo, kState)
+CAIRN_WIRE_TOPIC(PointPatches, PointPatches, kState)
+CAIRN_WIRE_TOPIC(PointPositions, PointPositions, kState)
+CAIRN_WIRE_TOPIC(KeyframePoses, KeyframePoses, kState)
+CAIRN_WIRE_TOPIC(MapCommit, MapCommit, kState)
+CAIRN_WIRE_TOPIC(SeedVerdict, SeedVerdict, kState)
+CAIRN_WIRE_TOPIC(OfferVerdict, OfferVerdict, kState)
+#undef CAIRN_WIRE_TOPIC
+
+}  // namespace
+
+template <typename Message>
+std::string_view topic_name() {
+  return topic_of<Message>().name;
+}
+
+// ---- Writer
+// -----------------------------------------------------------------------------------------------------------------
+
+template <typename Message>
+Result<Writer<Message>> Writer<Message>::create(const Participant& participant, std::string_view partition) {
+  auto entity = internal::WriterEntity::create(participant.context(), topic_of<Message>(), partition);
+  if (!entity) return tl::unexpected(entity.error());
+  return Writer(*std::move(entity));
+}
+
+template <typename Message>
+Writer<Message>::Writer(std::unique_ptr<internal::WriterEntity> entity) : entity_(std::move(entity)) {}
+template <typename Message>
+Writer<Message>::Writer(Writer&&) noexcept = default;
+template <typename Message>
+Writer<Message>& Writer<Message>::operator=(Writer&&) noexcept = default;
+template <typename Message>
+Writer<Message>::~Writer() = default;
+
+template <typename Message>
+Status Writer<Message>::write(const Message& message) {
+  internal::Scratch scratch;
+  const auto sample = internal::encode(message, &scratch);
+  return entity_->write(&sample, internal::payload_bytes<Message>(sample));
+}
+
+template <typename Message>
+Status Writer<Message>::dispose(const Message& key) {
+  internal::Scratch scratch;
+  const auto sample = internal::encode(key, &scratch);
+  return entity_->dispose(&sample);
+}
+
+template <typename Message>
+int Writer<Message>::matched() const {
+  return entity_->matched();
+}
+
+// ---- Reader
+// -----------------------------------------------------------------------------------------------------------------
+
+ReaderBase::ReaderBase(std::unique_ptr<internal::ReaderEntity> entity) : entity_(std::move(entity)) {}
+ReaderBase::ReaderBase(ReaderBase&&) noexcept = default;
+ReaderBase& ReaderBase::operator=(ReaderBase&&) noexcept = default;
+ReaderBase::~ReaderBase() = default;
+
+int ReaderBase::matched() const {
+  return entity_->matched();
+}
+int ReaderBase::alive_writers() const {
+  return entity_->alive_writers();
+}
+uint64_t ReaderBase::invalid() const {
+  return entity_->invalid();
+}
+
+std::optional<std::string> ReaderBase::partition_of(PublicationHandle publication) const {
+  return entity_->partition_of(publication.value);
+}
+
+template <typename Message>
+Result<Reader<Message>> Reader<Message>::create(const Participant& participant, std::string_view partition) {
+  auto entity = internal::ReaderEntity::create(participant.context(), topic_of<Message>(), partition);
+  if (!entity) return tl::unexpected(entity.error());
+  return Reader(*std::move(entity));
+}
+
+template <typename Message>
+std::vector<Sample<Message>> Reader<Message>::take() {
+  std::vector<Sample<Message>> samples;
+  entity_->take([&](const void* data, const dds_sample_info_t& info) {
+    const auto& sample = *static_cast<const internal::DdsType<Message>*>(data);
+    const PublicationHandle publication{info.publication_handle};
+    if (info.valid_data) {
+      entity_->count_received(internal::payload_bytes<Message>(sample));
+      if (Result<Message> message = internal::decode<Message>(sample)) {
+        samples.push_back({*std::move(message), {}, {}, publication});
+      } else {
+        entity_->count_invalid();
+      }
+    }
+    // The end of an instance comes as a sample without data or, when its last value has not been taken yet,
+    // as the state of that value.
+    if (info.instance_state != DDS_ALIVE_INSTANCE_STATE && info.sample_rank == 0) {
+      const Gone gone =
+          info.instance_state == DDS_NOT_ALIVE_DISPOSED_INSTANCE_STATE ? Gone::kDisposed : Gone::kNoWriters;
+      samples.push_back({std::nullopt, gone, internal::decode_key<Message>(sample), publication});
+    }
+  });
+  return samples;
+}
+
+#define CAIRN_WIRE_INSTANTIATE(Message, Dds)       \
+  template std::string_view topic_name<Message>(); \
+  template class Writer<Message>;                  \
+  template class Reader<Message>;
+CAIRN_WIRE_MESSAGES(CAIRN_WIRE_INSTANTIATE)
+#undef CAIRN_WIRE_INSTANTIATE
+
+}  // namespace cairn::wire

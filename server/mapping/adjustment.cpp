@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/adjustment.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMinAnchorPoints = 10;
+constexpr KeyframeId kFirstKeyframe{1};
+
+/// Index of each id in an ascending list, -1 where absent; indexed by id - 1.
+template <typename Id>
+std::vector<int> index_by_id(const std::vector<Id>& ids, size_t count) {
+  std::vector<int> index(count, -1);
+  for (size_t i = 0; i < ids.size(); ++i) index[ids[i].value - 1] = static_cast<int>(i);
+  return index;
+}
+
+/// The problem of the given points as seen by all their observers.
+MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const std::vector<bool>& moves) {
+  MapProblem problem;
+  std::vector<int> pose_index(map.keyframes().size(), -1);
+  for (const PointId id : points) {
+    for (const KeyframeId observer : map.point(id).observers) pose_index[observer.value - 1] = 0;
+  }
+  for (const MapKeyframe& k : map.keyframes()) {
+    int& index = pose_index[k.id.value - 1];
+    if (index < 0) continue;
+    index = static_cast<int>(problem.keyframes.size());
+    problem.keyframes.push_back(k.id);
+    problem.bundle.poses.push_back({k.camera_from_map, k.camera, !moves[k.id.value - 1]});
+  }
+  problem.bundle.points.reserve(points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    const MapPoint& point = map.point(points[i]);
+    problem.bundle.points.push_back(point.position);
+    for (const KeyframeId observer : point.observers) {
+      const Measurement& m = *map.find_measurement(observer, points[i]);
+      problem.bundle.observations.push_back({pose_index[observer.value - 1], static_cast<int>(i),
+                                             m.pixel.cast<double>(), m.inverse_sigma()});
+    }
+  }
+  problem.points = std::move(points);
+  return problem;
+}
+
+void fix_gauge(MapProblem* problem) {
+  std::vector<BundlePose>& poses = problem->bundle.poses;
+  const bool any = std::any_of(poses.begin(), poses.end(), [](const BundlePose& p) { return p.fixed; });
+  if (!any && !poses.empty()) poses.front().fixed = true;
+}
+
+void drop_outliers(const MapProblem& solved, double squared_cutoff, MapState* map) {
+  for (const BundleObservation& o : solved.bundle.observations) {
+    if (squared_residual(solved.bundle, o) < squared_cutoff) continue;
+    const KeyframeId keyframe = solved.keyframes[static_cast<size_t>(o.pose)];
+    const PointId point = solved.points[static_cast<size_t>(o.point)];
+    if (map->find_measurement(keyframe, point)) map->drop_measurement(keyframe, point);
+  }
+}
+
+void write_poses(const MapProblem& solved, MapState* map) {
+  const std::vector<int> index = index_by_id(solved.keyframes, map->keyframes().size());
+  std::vector<SE3> old_poses;
+  old_poses.reserve(map->keyframes().size());
+  for (const MapKeyframe& k : map->keyframes()) old_poses.push_back(k.camera_from_map);
+  for (size_t i = 0; i < old_poses.size(); ++i) {
+    MapKeyframe& k = map->keyframe(KeyframeId{i + 1});
+    if (index[i] >= 0) {
+      k.camera_from_map = solved.bundle.poses[static_cast<size_t>(index[i])].camera_from_map;
+    } else if (k.reference) {
+      const SE3& reference_old = old_poses[k.reference.value - 1];
+      const SE3& reference_new = map->keyframe(k.reference).camera_from_map;
+      k.camera_from_map = old_poses[i] * reference_old.inverse() * reference_new;
+    }
+  }
+  const std::vector<int> point_index = index_by_id(solved.points, map->points().size());
+  for (size_t i = 0; i < point_index.size(); ++i) {
+    MapPoint& p = map->point(PointId{i + 1});
+    if (point_index[i] >= 0) {
+      p.position = solved.bundle.points[static_cast<size_t>(point_index[i])];
+    } else {
+      const KeyframeId source = p.source.keyframe;
+      p.position = map->keyframe(source).camera_from_map.inverse() * (old_poses[source.value - 1] * p.position);
+    }
+  }
+}
+
+/// A local problem moves nothing but its own keyframes and points.
+void write_local(const MapProblem& solved, MapState* map) {
+  for (size_t i = 0; i < solved.keyframes.size(); ++i) {
+    map->keyframe(solved.keyframes[i]).camera_from_map = solved.bundle.poses[i].camera_from_map;
+  }
+  for (size_t i = 0; i < solved.points.size(); ++i) map->point(solved.points[i]).position = solved.bundle.points[i];
+}
+
+void hold_scale(const MapProblem& solved, const ScaleAnchor& anchor, MapState* map) {
+  const auto fixed = std::count_if(solved.bundle.poses.begin(), solved.bundle.poses.end(),
+                                   [](const BundlePose& p) { return p.fixed; });
+  if (fixed < 2) map->transform(anchor.correction(*map));
+}
+
+}  // namespace
+
+ScaleAnchor::ScaleAnchor(const MapState& map) {
+  const Eigen::Vector3d center = map.keyframe(kFirstKeyframe).camera_from_map.center();
+  for (const Measurement& m : map.keyframe(kFirstKeyframe).measurements) {
+    distances_.emplace_back(m.point, (map.point(m.point).position - center).norm());
+  }
+}
+
+Similarity3 ScaleAnchor::correction(const MapState& map) const {
+  const Eigen::Vector3d center = map.keyframe(kFirstKeyframe).camera_from_map.center();
+  std::vector<double> ratios;
+  for (const auto& [id, distance] : distances_) {
+    if (map.is_live(id)) ratios.push_back(distance / (map.point(id).position - center).norm());
+  }
+  if (ratios.size() < kMinAnchorPoints) return {};
+  const auto middle = ratios.begin() + static_cast<ptrdiff_t>(ratios.size() / 2);
+  std::nth_element(ratios.begin(), middle, ratios.end());
+  return {*middle, Eigen::Quaterniond::Identity(), center * (1 - *middle)};
+}
+
+MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours) {
+  const std::vector<int> shared = map.shared_points(map.keyframe(newest).measurements);
+  std::vector<std::pair<int, KeyframeId>> ranked;
+  for (const MapKeyframe& k : map.keyframes()) {
+    const int count = shared[k.id.value - 1];
+    if (k.live && k.id != newest && k.id != kFirstKeyframe && count > 0) ranked.emplace_back(-count, k.id);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), static_cast<size_t>(neighbours)));
+
+  std::vector<bool> moves(map.keyframes().size(), false);
+  if (newest != kFirstKeyframe) moves[newest.value - 1] = true;
+  for (const auto& [count, id] : ranked) moves[id.value - 1] = true;
+  std::vector<PointId> points;
+  for (const MapKeyframe& k : map.keyframes()) {
+    if (!moves[k.id.value - 1]) continue;
+    for (const Measurement& m : k.measurements) points.push_back(m.point);
+  }
+  std::sort(points.begin(), points.end());
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  MapProblem problem = cut_problem(map, std::move(points), moves);
+  fix_gauge(&problem);
+  return problem;
+}
+
+MapProblem global_problem(const MapState& map) {
+  std::vector<bool> moves(map.keyframes().size(), true);
+  moves[kFirstKeyframe.value - 1] = false;
+  std::vector<PointId> points;
+  for (const MapPoint& p : map.points()) {
+    if (p.live) points.push_back(p.source.id);
+  }
+  MapProblem problem = cut_problem(map, std::move(points), moves);
+  fix_gauge(&problem);
+  return problem;
+}
+
+void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map) {
+  write_poses(solved, map);
+  drop_outliers(solved, squared_cutoff, map);
+  hold_scale(solved, anchor, map);
+  for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
+}
+
+BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, const ScaleAnchor& anchor,
+                            const std::function<bool()>& should_stop) {
+  MapProblem problem = local_problem(*map, newest, neighbours);
+  BundleOptions options;
+  options.max_iterations = 10;
+  options.function_tolerance = 1e-3;
+  options.should_stop = should_stop;
+  const BundleReport report = solve_bundle(&problem.bundle, options);
+  if (!report.usable) return report;
+  write_local(problem, map);
+  drop_outliers(problem, report.squared_cutoff, map);
+  hold_scale(problem, anchor, map);
+  for (const KeyframeId id : problem.keyframes) map->update_depths(id);
+  return report;
+}
+
+BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor) {
+  MapProblem problem = global_problem(*map);
+  const BundleReport report = solve_bundle(&problem.bundle, global_options({}, 1));
+  if (report.usable) write_back(problem, report.squared_cutoff, anchor, map);
+  return report;
+}
+
+BundleOptions global_options(const std::function<bool()>& should_stop, int threads) {
+  BundleOptions options;
+  options.max_iterations = 20;
+  options.function_tolerance = 1e-4;
+  options.rounds = 2;
+  options.threads = threads;
+  options.should_stop = should_stop;
+  return options;
+}
+
+}  // namespace cairn

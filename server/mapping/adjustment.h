@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "server/mapping/bundle.h"
+#include "server/mapping/map_maker.h"
+#include "server/mapping/map_state.h"
+
+/// Which part of a map is adjusted, and what becomes of the result.
+namespace cairn {
+
+/// A bundle problem cut out of a map, and where its numbers belong.
+struct MapProblem {
+  BundleProblem bundle;
+  std::vector<KeyframeId> keyframes;  ///< of bundle.poses, ascending
+  std::vector<PointId> points;        ///< of bundle.points, ascending
+};
+
+/// What fixes the unit of length. The baseline of the first two keyframes is known no better than their parallax allows, so
+/// holding it would have the whole map breathe with one keyframe; held is the median distance of the seed's points from the
+/// first keyframe, relative to what it was at the first revision. Cheap to copy.
+class ScaleAnchor {
+ public:
+  ScaleAnchor() = default;
+  explicit ScaleAnchor(const MapState& map);
+  /// The similarity about the first camera that puts the unit right; identity when too few of the points are left.
+  [[nodiscard]] Similarity3 correction(const MapState& map) const;
+
+ private:
+  std::vector<std::pair<PointId, double>> distances_;
+};
+
+/// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all their points; every
+/// other observer is fixed (ptam.md 10).
+[[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
+/// All but the first keyframe move.
+[[nodiscard]] MapProblem global_problem(const MapState& map);
+
+/// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay removed, keyframes not
+/// in the problem keep their pose relative to their reference keyframe, points not in it theirs relative to their source. Drops
+/// measurements that the robust cost calls outliers, holds the scale unless two fixed keyframes did, refreshes depths.
+void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map);
+
+/// solve_bundle() and write_back() of a local problem; the map is untouched unless the report says usable.
+BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, const ScaleAnchor& anchor,
+                            const std::function<bool()>& should_stop);
+/// The same for the whole map, to convergence: for the start, when the map is small.
+BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor);
+
+/// How a global adjustment is solved, wherever it runs.
+[[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop, int threads);
+
+class GlobalAdjustment {
+ public:
+  MapProblem problem;
+  BundleReport report;
+  size_t keyframes_at_cut = 0;  ///< of the map, when the problem was cut
+};
+
+}  // namespace cairn

@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/integrate.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <optional>
+
+#include "common/geometry/pose.h"
+#include "server/mapping/patch_view.h"
+#include "server/mapping/refind.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMinMeasurements = 20;       ///< good ones
+constexpr double kSameDirection = 0.9;     ///< cosine between optical axes of keyframes that look the same way (26 degrees)
+constexpr double kNewAreaDistance = 0.3;   ///< of the spacing: what a keyframe that shows new area needs
+constexpr double kNewAreaFraction = 0.5;   ///< of the textured cells of the image: without a measurement
+constexpr int kCellsX = 8;
+constexpr int kCellsY = 6;
+constexpr int kTexturedCorners = 3;        ///< candidates that make a cell textured
+constexpr float kMaxRefinement = 1.5F;     ///< [search-level px] from the tracker's measurement
+
+struct Judged {
+  SE3 camera_from_map;
+  std::vector<PointMeasurement> inliers;
+  double mean_depth = 0;
+};
+
+KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) { return {verdict, std::move(reason), {}}; }
+
+bool is_sound(const KeyframeInput& input) {
+  return input.camera && input.image && input.image->width() == input.camera->width() &&
+         input.image->height() == input.camera->height() && input.camera_from_reference.is_finite();
+}
+
+/// The pose on the measurements of points that still live; its inliers.
+std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input) {
+  std::vector<PointObservation> observations;
+  std::vector<PointMeasurement> known;
+  for (const PointMeasurement& m : input.measurements) {
+    const bool sound = map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
+    if (!sound) continue;
+    known.push_back(m);
+    observations.push_back({map.point(m.id).position, m.pixel.cast<double>(), static_cast<double>(1 << m.level)});
+  }
+  const SE3 start = input.camera_from_reference * map.keyframe(input.reference).camera_from_map;
+  const auto estimate = optimize_pose(*input.camera, start, observations);
+  if (!estimate || !estimate->camera_from_map.is_finite()) return std::nullopt;
+  Judged judged;
+  judged.camera_from_map = estimate->camera_from_map;
+  for (size_t i = 0; i < known.size(); ++i) {
+    if (estimate->weights[i] <= 0) continue;
+    judged.inliers.push_back(known[i]);
+    judged.mean_depth += (judged.camera_from_map * observations[i].point_in_map).z();
+  }
+  if (!judged.inliers.empty()) judged.mean_depth /= static_cast<double>(judged.inliers.size());
+  return judged;
+}
+
+/// Nearest camera centres [map unit]: of all keyframes, and of those that look the same way.
+struct Nearest {
+  double any = std::numeric_limits<double>::infinity();
+  double same_direction = std::numeric_limits<double>::infinity();
+};
+
+Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
+  Nearest nearest;
+  const Eigen::Vector3d center = camera_from_map.center();
+  const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
+  for (const MapKeyframe& k : map.keyframes()) {
+    if (!k.live) continue;
+    const double distance = (k.camera_from_map.center() - center).norm();
+    nearest.any = std::min(nearest.any, distance);
+    const Eigen::Vector3d other_axis = k.camera_from_map.rotation_matrix().row(2);
+    if (axis.dot(other_axis) > kSameDirection) nearest.same_direction = std::min(nearest.same_direction, distance);
+  }
+  return nearest;
+}
+
+/// Share of the image cells with texture in which no point of the map was measured.
+double unknown_fraction(const KeyframeImages& images, const std::vector<PointMeasurement>& measured) {
+  constexpr int kLevel = 1;
+  const GrayView image = images.level(kLevel);
+  std::array<int, kCellsX * kCellsY> texture{};
+  std::array<bool, kCellsX * kCellsY> known{};
+  const auto cell = [&image](float x, float y) {
+    const int i = std::clamp(static_cast<int>(x) * kCellsX / image.width, 0, kCellsX - 1);
+    const int j = std::clamp(static_cast<int>(y) * kCellsY / image.height, 0, kCellsY - 1);
+    return static_cast<size_t>(j * kCellsX + i);
+  };
+  for (const Candidate& c : images.candidates[kLevel]) ++texture[cell(c.corner.x, c.corner.y)];
+  for (const PointMeasurement& m : measured) known[cell(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel))] = true;
+  int textured = 0;
+  int unknown = 0;
+  for (size_t i = 0; i < texture.size(); ++i) {
+    if (texture[i] < kTexturedCorners) continue;
+    ++textured;
+    if (!known[i]) ++unknown;
+  }
+  return textured == 0 ? 0.0 : static_cast<double>(unknown) / textured;
+}
+
+std::string describe_distance(double distance, double needed) {
+  char text[96];
+  std::snprintf(text, sizeof(text), "%.3f from the nearest keyframe, %.3f needed at this depth", distance, needed);
+  return text;
+}
+
+/// The tracker measures to a pixel where that is enough for it; a keyframe's measurements are refined on its own image.
+void add_refined(MapState* map, KeyframeId id, const std::vector<PointMeasurement>& measurements) {
+  for (const PointMeasurement& m : measurements) {
+    MapPoint& point = map->point(m.id);
+    const MapKeyframe& keyframe = map->keyframe(id);
+    const auto view = view_point(*map, point, keyframe);
+    if (!view) continue;
+    const auto found = refine_from(point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
+    if (!found) continue;
+    ++point.attempts;
+    ++point.found;
+    map->add_measurement(id, {m.id, found->level, found->pixel});
+  }
+}
+
+/// New points are triangulated from this pose before any adjustment: it deserves the refined measurements.
+void polish_pose(MapState* map, KeyframeId id) {
+  MapKeyframe& keyframe = map->keyframe(id);
+  std::vector<PointObservation> observations;
+  observations.reserve(keyframe.measurements.size());
+  for (const Measurement& m : keyframe.measurements) {
+    observations.push_back({map->point(m.point).position, m.pixel.cast<double>(), 1.0 / m.inverse_sigma()});
+  }
+  const auto estimate = optimize_pose(*keyframe.camera, keyframe.camera_from_map, observations);
+  if (estimate && estimate->camera_from_map.is_finite()) keyframe.camera_from_map = estimate->camera_from_map;
+}
+
+}  // namespace
+
+KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth) {
+  // A start at very little or very much parallax would make far too many keyframes, or too few.
+  constexpr double kLeast = 0.04;
+  constexpr double kMost = 0.12;
+  return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
+}
+
+KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input, const KeyframeSpacing& spacing) {
+  if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
+  if (!map->is_live(input.reference)) return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+  const auto judged = reoptimize(*map, input);
+  if (!judged || static_cast<int>(judged->inliers.size()) < kMinMeasurements) {
+    return refuse(KeyframeVerdict::kTooFewPoints,
+                  std::to_string(judged ? judged->inliers.size() : 0) + " good measurements of map points, " +
+                      std::to_string(kMinMeasurements) + " needed");
+  }
+  const double needed = spacing.min_distance_over_depth * judged->mean_depth;
+  const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);
+  if (nearest.any < kNewAreaDistance * needed) {
+    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
+  }
+  auto images = prepare_images(input.image->view());
+  if (nearest.same_direction < needed && unknown_fraction(*images, judged->inliers) < kNewAreaFraction) {
+    return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
+  }
+
+  MapKeyframe keyframe;
+  keyframe.reference = input.reference;
+  keyframe.camera = input.camera;
+  keyframe.time = input.time;
+  keyframe.camera_from_map = judged->camera_from_map;
+  keyframe.images = std::move(images);
+  keyframe.mean_depth = judged->mean_depth;
+  const KeyframeId id = map->add_keyframe(std::move(keyframe));
+  add_refined(map, id, judged->inliers);
+  refind_all(map, id);
+  polish_pose(map, id);
+  map->update_depths(id);
+  return {KeyframeVerdict::kAccepted, {}, id};
+}
+
+}  // namespace cairn

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "server/mapping/map_maker.h"
+#include "server/mapping/map_state.h"
+
+/// Judging a frame that wants to become a keyframe, and taking it in.
+namespace cairn {
+
+/// The spacing of keyframes: camera distance over mean depth, from the two-view start (ptam.md 2, 8).
+struct KeyframeSpacing {
+  double min_distance_over_depth = 0.1;
+};
+[[nodiscard]] KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth);
+
+/// Re-optimises the pose on the measurements, judges, and on acceptance adds the keyframe with its measurements, refined to
+/// sub-pixel, and with every other point of the map that is found in it.
+[[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
+                                                  const KeyframeSpacing& spacing);
+
+}  // namespace cairn

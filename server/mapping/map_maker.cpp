@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/map_maker.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <deque>
+
+#include "server/mapping/adjustment.h"
+#include "server/mapping/integrate.h"
+#include "server/mapping/new_points.h"
+#include "server/mapping/refind.h"
+#include "server/mapping/seed.h"
+#include "server/mapping/snapshot_builder.h"
+#include "server/mapping/upkeep.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // ptam.md 9
+constexpr int kRefindsPerPoll = 200;
+
+/// A keyframe that still lacks points at kLevelOrder[next_level] and later.
+struct PendingKeyframe {
+  KeyframeId id;
+  size_t next_level = 0;
+  int made = 0;
+};
+
+/// The finest level has most candidates by far; it may not use up what the levels after it need.
+int level_budget(int level, int remaining) { return level == 0 ? remaining / 2 : remaining; }
+
+}  // namespace
+
+struct MapMaker::State {
+  MapMakerOptions options;
+  KeyframeSpacing spacing;
+  MapState map;
+  ScaleAnchor anchor;
+  SnapshotBuilder builder;
+  std::deque<PendingKeyframe> wanting_points = {};
+  std::deque<PointId> wanting_observers = {};  ///< new points, to be found in old keyframes
+  KeyframeId newest;                      ///< around which the local adjustment goes
+  bool local_adjustment_due = false;
+  bool upkeep_due = false;
+  bool global_adjustment_due = false;
+
+  StepReport make_points(const std::function<bool()>& should_yield);
+  StepReport adjust(const std::function<bool()>& should_yield);
+  StepReport find_new_in_old(const std::function<bool()>& should_yield);
+  StepReport tidy();
+};
+
+StepReport MapMaker::State::make_points(const std::function<bool()>& should_yield) {
+  StepReport report{.work = MapWork::kNewPoints};
+  PendingKeyframe& pending = wanting_points.front();
+  while (pending.next_level < kLevelOrder.size()) {
+    const int level = kLevelOrder[pending.next_level++];
+    NewPointsOptions limits;
+    limits.max_points = level_budget(level, options.max_points_per_keyframe - pending.made);
+    const std::vector<PointId> made = make_new_points(&map, pending.id, level, limits);
+    pending.made += static_cast<int>(made.size());
+    wanting_observers.insert(wanting_observers.end(), made.begin(), made.end());
+    report.changed |= !made.empty();
+    if (pending.next_level < kLevelOrder.size() && should_yield()) {
+      report.finished = false;
+      return report;
+    }
+  }
+  map.update_depths(pending.id);
+  wanting_points.pop_front();
+  return report;
+}
+
+StepReport MapMaker::State::adjust(const std::function<bool()>& should_yield) {
+  StepReport report{.work = MapWork::kLocalAdjustment};
+  bool stopped = false;
+  const auto stop = [&] {
+    stopped = stopped || should_yield();
+    return stopped;
+  };
+  const BundleReport bundle = adjust_locally(&map, newest, options.local_keyframes, anchor, stop);
+  report.finished = !stopped;
+  report.changed = bundle.usable;
+  report.observations = bundle.observations;
+  report.iterations = bundle.iterations;
+  local_adjustment_due = stopped;
+  return report;
+}
+
+StepReport MapMaker::State::find_new_in_old(const std::function<bool()>& should_yield) {
+  StepReport report{.work = MapWork::kRefind};
+  int tried = 0;
+  while (!wanting_observers.empty()) {
+    const PointId point = wanting_observers.front();
+    wanting_observers.pop_front();
+    for (size_t i = 0; i < map.keyframes().size(); ++i) report.changed |= refind(&map, KeyframeId{i + 1}, point);
+    tried += static_cast<int>(map.keyframes().size());
+    if (tried < kRefindsPerPoll) continue;
+    tried = 0;
+    if (!wanting_observers.empty() && should_yield()) {
+      report.finished = false;
+      return report;
+    }
+  }
+  return report;
+}
+
+StepReport MapMaker::State::tidy() {
+  StepReport report{.work = MapWork::kCull};
+  upkeep_due = false;
+  report.changed = cull_points(&map) > 0;
+  if (const auto redundant = find_redundant_keyframe(map)) {
+    map.remove_keyframe(*redundant);
+    report.changed = true;
+  }
+  return report;
+}
+
+Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const SeedInput& input,
+                                                                         const MapMakerOptions& options) {
+  auto seeded = seed_map(input, options);
+  if (!seeded) return tl::unexpected(seeded.error());
+  const KeyframeSpacing spacing = keyframe_spacing(options, seeded->map.keyframe(seeded->result.first_keyframe).mean_depth);
+  auto state = std::make_unique<State>(State{.options = options,
+                                             .spacing = spacing,
+                                             .map = std::move(seeded->map),
+                                             .anchor = std::move(seeded->anchor),
+                                             .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
+                                             .newest = seeded->result.second_keyframe});
+  return std::pair{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(seeded->result)};
+}
+
+MapMaker::MapMaker(std::unique_ptr<State> state) : state_(std::move(state)) {}
+MapMaker::~MapMaker() = default;
+
+KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
+  State& s = *state_;
+  KeyframeDecision decision = integrate_keyframe(&s.map, input, s.spacing);
+  if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
+  s.newest = decision.keyframe;
+  s.wanting_points.push_back({decision.keyframe});
+  s.local_adjustment_due = true;
+  s.upkeep_due = true;
+  s.global_adjustment_due = true;
+  return decision;
+}
+
+StepReport MapMaker::step(const std::function<bool()>& should_yield) {
+  State& s = *state_;
+  if (!s.wanting_points.empty()) return s.make_points(should_yield);
+  if (s.local_adjustment_due) return s.adjust(should_yield);
+  if (!s.wanting_observers.empty()) return s.find_new_in_old(should_yield);
+  if (s.upkeep_due) return s.tidy();
+  return {};
+}
+
+bool MapMaker::wants_global_adjustment() const {
+  const State& s = *state_;
+  const bool idle = s.wanting_points.empty() && s.wanting_observers.empty() && !s.local_adjustment_due && !s.upkeep_due;
+  return idle && s.global_adjustment_due;
+}
+
+GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
+  GlobalAdjustmentPtr copy(new GlobalAdjustment);
+  copy->problem = global_problem(state_->map);
+  copy->keyframes_at_cut = state_->map.keyframes().size();
+  return copy;
+}
+
+StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
+  State& s = *state_;
+  StepReport report{.work = MapWork::kGlobalAdjustment};
+  report.observations = solved.report.observations;
+  report.iterations = solved.report.iterations;
+  report.changed = solved.report.usable;
+  report.finished = solved.report.usable && solved.report.converged;
+  if (solved.report.usable) write_back(solved.problem, solved.report.squared_cutoff, s.anchor, &s.map);
+  // An unusable result would come out the same again: wait for the map to grow.
+  const bool settled = report.finished || !solved.report.usable;
+  if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
+  return report;
+}
+
+MapSnapshotPtr MapMaker::snapshot() { return state_->builder.build(state_->map); }
+
+MapStatistics MapMaker::statistics() const {
+  const MapState& map = state_->map;
+  MapStatistics stats;
+  std::array<std::vector<float>, 3> coordinates;
+  double sum = 0;
+  for (const MapKeyframe& k : map.keyframes()) {
+    stats.keyframes += k.live ? 1 : 0;
+    stats.measurements += k.measurements.size();
+    stats.bytes += sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
+    if (k.images) stats.bytes += k.images->bytes();
+    for (const Measurement& m : k.measurements) {
+      const auto pixel = k.camera->project(k.camera_from_map * map.point(m.point).position);
+      if (pixel) sum += (*pixel - m.pixel.cast<double>()).squaredNorm();
+    }
+  }
+  for (const MapPoint& p : map.points()) {
+    stats.bytes += sizeof(p) + p.observers.capacity() * sizeof(KeyframeId);
+    if (!p.live) continue;
+    ++stats.points;
+    for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
+  }
+  if (stats.measurements > 0) stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
+  for (int i = 0; i < 3 && stats.points > 0; ++i) {
+    std::vector<float>& c = coordinates[static_cast<size_t>(i)];
+    std::sort(c.begin(), c.end());
+    stats.bounds_min[i] = c[c.size() / 100];
+    stats.bounds_max[i] = c[c.size() - 1 - c.size() / 100];
+  }
+  return stats;
+}
+
+void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads) {
+  problem->report = solve_bundle(&problem->problem.bundle, global_options(should_stop, threads));
+}
+
+void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const { std::default_delete<GlobalAdjustment>()(problem); }
+
+}  // namespace cairn

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/map_maker.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <random>
+
+#include "common/geometry/alignment.h"
+#include "common/image/corners.h"
+#include "common/image/patch.h"
+#include "common/image/pyramid.h"
+#include "server/mapping/test_scene.h"
+
+namespace cairn {
+namespace {
+
+using testing::Scene;
+
+constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
+const auto kNeverYield = [] { return false; };
+
+/// Trails as a tracker would have them: corners of the first image, their true places in the second with a pixel's rounding, one in
+/// ten wrong.
+std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const SE3& first_pose, const SE3& second_pose) {
+  CornerList corners;
+  detect_fast10(first.view(), 10, &corners);
+  std::vector<Candidate> candidates = find_candidates(first.view(), corners);
+  std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
+  candidates.resize(std::min<size_t>(candidates.size(), 500));
+  std::mt19937_64 random(1);
+  std::vector<Trail> trails;
+  for (const Candidate& c : candidates) {
+    const Eigen::Vector2d a(c.corner.x, c.corner.y);
+    const Eigen::Vector3d point = scene.hit(first_pose, a);
+    if (!scene.sees(second_pose, point)) continue;
+    Eigen::Vector2d b = *scene.camera()->project(second_pose * point);
+    b = {std::round(b.x()), std::round(b.y())};
+    if (trails.size() % 10 == 9) b += Eigen::Vector2d(static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10);
+    trails.push_back({TrailId{trails.size() + 1}, a.cast<float>(), b.cast<float>()});
+  }
+  return trails;
+}
+
+/// Similarity from the map to the world of the scene, by the first two keyframes.
+Similarity3 world_from_map(const MapSnapshot& s) {
+  const SE3& first = s.find(KeyframeId{1})->camera_from_map;
+  const SE3& second = s.find(KeyframeId{2})->camera_from_map;
+  const double scale = (Scene::pose(0).center() - Scene::pose(kSecondStep).center()).norm() /
+                       (first.center() - second.center()).norm();
+  const Eigen::Quaterniond rotation = Scene::pose(0).rotation().conjugate() * first.rotation();
+  return {scale, rotation, Scene::pose(0).center() - scale * (rotation * first.center())};
+}
+
+/// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they should be.
+KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
+  KeyframeInput offer;
+  offer.camera = scene.camera();
+  offer.time = Timestamp{step};
+  offer.image = scene.render(Scene::pose(step), static_cast<uint64_t>(step));
+  const SE3 camera_from_map = world_from_map(s).inverse().transform_camera(Scene::pose(step));
+  const KeyframePose* reference = s.nearest_keyframe(camera_from_map.center());
+  offer.reference = reference->id;
+  offer.camera_from_reference = camera_from_map * reference->camera_from_map.inverse();
+  Pyramid pyramid;
+  pyramid.build(offer.image->view());
+  std::array<CornerList, kPyramidLevels> corners;
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    detect_fast10(pyramid.level(l).view(), 10, &corners[static_cast<size_t>(l)]);
+  }
+  for (const auto& block : s.point_blocks) {
+    for (int i = 0; i < block->count; ++i) {
+      const PointSource& source = block->source(i);
+      if (!s.find(source.id)) continue;
+      Matrix23d J;
+      const auto pixel = scene.camera()->project(camera_from_map * block->position(i), &J);
+      if (!pixel || !scene.camera()->in_image(*pixel, 8)) continue;
+      const Matrix23d to_image = J * camera_from_map.rotation_matrix();
+      Warp warp;
+      warp.col(0) = (to_image * block->right[static_cast<size_t>(i)].cast<double>()).cast<float>();
+      warp.col(1) = (to_image * block->down[static_cast<size_t>(i)].cast<double>()).cast<float>();
+      const auto level = warp_level(warp);
+      PatchTemplate patch;
+      if (!level || !make_template(source.pixels, warp, *level, &patch)) continue;
+      const Eigen::Vector2f at(to_level(static_cast<float>(pixel->x()), *level), to_level(static_cast<float>(pixel->y()), *level));
+      const auto match = find_patch(patch, pyramid.level(*level).view(), corners[static_cast<size_t>(*level)], at, 5);
+      if (!match) continue;
+      offer.measurements.push_back({source.id, static_cast<uint8_t>(*level),
+                                    {from_level(match->corner.x, *level), from_level(match->corner.y, *level)}});
+    }
+  }
+  return offer;
+}
+
+/// Distance of each live point from the surface it was made on, over its depth: the source pixel's ray gives the truth.
+std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s, const std::vector<int>& step_of_keyframe) {
+  std::vector<Eigen::Vector3d> mapped;
+  std::vector<Eigen::Vector3d> truth;
+  std::vector<double> depths;
+  for (const auto& block : s.point_blocks) {
+    for (int i = 0; i < block->count; ++i) {
+      const PointSource& source = block->source(i);
+      if (!s.find(source.id)) continue;
+      const SE3 pose = Scene::pose(step_of_keyframe[source.keyframe.value - 1]);
+      const Eigen::Vector3d hit = scene.hit(pose, {from_level(source.corner.x, source.level), from_level(source.corner.y, source.level)});
+      mapped.push_back(block->position(i));
+      truth.push_back(hit);
+      depths.push_back((pose * hit).z());
+    }
+  }
+  const auto world_from_map = align_points(mapped, truth, true);
+  std::vector<double> errors;
+  if (!world_from_map) return errors;
+  for (size_t i = 0; i < mapped.size(); ++i) errors.push_back((*world_from_map * mapped[i] - truth[i]).norm() / depths[i]);
+  std::sort(errors.begin(), errors.end());
+  return errors;
+}
+
+class MapMakerTest : public ::testing::Test {
+ protected:
+  MapMakerTest() : scene_(11) {
+    input_.map_name = "two planes";
+    input_.epoch = Epoch{1};
+    input_.camera = scene_.camera();
+    input_.first_image = scene_.render(Scene::pose(0), 0);
+    input_.second_image = scene_.render(Scene::pose(kSecondStep), kSecondStep);
+    input_.trails = make_trails(scene_, *input_.first_image, Scene::pose(0), Scene::pose(kSecondStep));
+  }
+
+  void start() {
+    auto started = MapMaker::start(input_, {});
+    ASSERT_TRUE(started) << started.error().message;
+    maker_ = std::move(started->first);
+    seed_ = std::move(started->second);
+  }
+
+  void work() {
+    for (int i = 0; i < 100; ++i) {
+      if (maker_->step(kNeverYield).work == MapWork::kNone) return;
+    }
+    FAIL() << "the work does not end";
+  }
+
+  /// Offers the view of a step and, when accepted, does all the work.
+  KeyframeDecision offer(int step) {
+    const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), step));
+    if (decision.verdict == KeyframeVerdict::kAccepted) {
+      steps_.push_back(step);
+      work();
+    }
+    return decision;
+  }
+
+  StepReport adjust_globally() {
+    const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
+    solve(problem.get(), {}, 1);
+    return maker_->adopt(*problem);
+  }
+
+  void expect_accurate(double median, double percentile95) {
+    const std::vector<double> errors = point_errors(scene_, *maker_->snapshot(), steps_);
+    ASSERT_GT(errors.size(), 200U);
+    EXPECT_LT(errors[errors.size() / 2], median);
+    EXPECT_LT(errors[errors.size() * 95 / 100], percentile95);
+  }
+
+  Scene scene_;
+  SeedInput input_;
+  std::unique_ptr<MapMaker> maker_;
+  SeedResult seed_;
+  std::vector<int> steps_{0, kSecondStep};  ///< Scene::pose() of each keyframe
+};
+
+TEST_F(MapMakerTest, StartsFromTwoViews) {
+  start();
+  const auto s = maker_->snapshot();
+  EXPECT_EQ(s->revision, Revision{1});
+  EXPECT_EQ(s->keyframe_count(), 2U);
+  EXPECT_GT(s->point_count(), seed_.points.size() * 5 / 4) << "no new points beside the trails'";
+  EXPECT_GT(seed_.points.size(), input_.trails.size() / 2);
+  for (const auto& [trail, point] : seed_.points) EXPECT_TRUE(s->find(point));
+  const double baseline = (s->find(KeyframeId{1})->camera_from_map.center() - s->find(KeyframeId{2})->camera_from_map.center()).norm();
+  EXPECT_NEAR(baseline, 0.1, 1e-6);
+  EXPECT_TRUE(seed_.plane_aligned);
+  EXPECT_GT(s->find(KeyframeId{1})->camera_from_map.center().z(), 0);
+  EXPECT_LT(maker_->statistics().mean_reprojection, 0.6);
+  expect_accurate(0.01, 0.05);
+}
+
+TEST_F(MapMakerTest, RefusesAStandingCamera) {
+  input_.second_image = scene_.render(Scene::pose(0), 99);
+  for (Trail& t : input_.trails) t.second = t.first;
+  const auto started = MapMaker::start(input_, {});
+  ASSERT_FALSE(started);
+  EXPECT_EQ(started.error().code, ErrorCode::kDegenerate);
+  EXPECT_FALSE(started.error().message.empty());
+}
+
+TEST_F(MapMakerTest, RefusesInputThatIsNoPairOfViews) {
+  SeedInput wrong_size = input_;
+  wrong_size.second_image = std::make_shared<GrayImage>(64, 48);
+  EXPECT_EQ(MapMaker::start(wrong_size, {}).error().code, ErrorCode::kDamaged);
+  SeedInput no_camera = input_;
+  no_camera.camera = nullptr;
+  EXPECT_EQ(MapMaker::start(no_camera, {}).error().code, ErrorCode::kDamaged);
+  SeedInput no_trails = input_;
+  no_trails.trails.clear();
+  EXPECT_EQ(MapMaker::start(no_trails, {}).error().code, ErrorCode::kDegenerate);
+  SeedInput wild = input_;
+  for (Trail& t : wild.trails) t.second = {std::nanf(""), 1e30F};
+  EXPECT_EQ(MapMaker::start(wild, {}).error().code, ErrorCode::kDegenerate);
+}
+
+TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {
+  start();
+  const size_t points_at_start = maker_->statistics().points;
+  for (int step = 4; step <= 12; step += 2) {
+    SCOPED_TRACE(step);
+    EXPECT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  }
+  EXPECT_TRUE(maker_->wants_global_adjustment());
+  EXPECT_TRUE(adjust_globally().changed);
+  EXPECT_GT(maker_->statistics().points, points_at_start * 3 / 2);
+  EXPECT_LT(maker_->statistics().mean_reprojection, 0.5);
+  expect_accurate(0.004, 0.015);
+  const MapStatistics stats = maker_->statistics();
+  EXPECT_LT(static_cast<double>(stats.bytes) / static_cast<double>(stats.keyframes), 1.5e6);
+}
+
+TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
+  start();
+  const auto s = maker_->snapshot();
+  const KeyframeInput good = make_offer(scene_, *s, 4);
+  KeyframeInput stale = good;
+  stale.reference = KeyframeId{77};
+  EXPECT_EQ(maker_->add_keyframe(stale).verdict, KeyframeVerdict::kStale);
+  KeyframeInput few = good;
+  few.measurements.resize(10);
+  EXPECT_EQ(maker_->add_keyframe(few).verdict, KeyframeVerdict::kTooFewPoints);
+  KeyframeInput unknown = good;
+  for (PointMeasurement& m : unknown.measurements) m.id.value += 1000000;
+  EXPECT_EQ(maker_->add_keyframe(unknown).verdict, KeyframeVerdict::kTooFewPoints);
+  KeyframeInput damaged = good;
+  damaged.image = std::make_shared<GrayImage>(64, 48);
+  EXPECT_EQ(maker_->add_keyframe(damaged).verdict, KeyframeVerdict::kDamaged);
+  EXPECT_FALSE(maker_->add_keyframe(damaged).reason.empty());
+  EXPECT_EQ(maker_->add_keyframe(make_offer(scene_, *s, kSecondStep)).verdict, KeyframeVerdict::kTooClose);
+  EXPECT_EQ(maker_->statistics().keyframes, 2U);
+  EXPECT_EQ(maker_->snapshot(), s);
+  EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
+}
+
+TEST_F(MapMakerTest, ReoptimisesThePoseBeforeItJudges) {
+  start();
+  KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 4);
+  const SE3 truth = input.camera_from_reference;
+  Vector6d push;
+  push << 0.004, -0.003, 0.005, 0.004, -0.003, 0.004;
+  input.camera_from_reference = SE3::exp(push) * input.camera_from_reference;
+  const KeyframeDecision decision = maker_->add_keyframe(input);
+  ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
+  const auto s = maker_->snapshot();
+  const SE3 found = s->find(decision.keyframe)->camera_from_map * s->find(input.reference)->camera_from_map.inverse();
+  EXPECT_LT((found * truth.inverse()).log().norm(), 0.3 * push.norm());
+}
+
+TEST_F(MapMakerTest, YieldsToAWaitingKeyframeAndFinishesLater) {
+  start();
+  const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), 4));
+  ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
+  const StepReport first = maker_->step([] { return true; });
+  EXPECT_EQ(first.work, MapWork::kNewPoints);
+  EXPECT_FALSE(first.finished);
+  EXPECT_FALSE(maker_->wants_global_adjustment());
+  work();
+  EXPECT_EQ(maker_->step(kNeverYield).work, MapWork::kNone);
+  EXPECT_TRUE(maker_->wants_global_adjustment());
+}
+
+TEST_F(MapMakerTest, NewerKeyframesRideOnAnAdoptedAdjustment) {
+  start();
+  for (int step = 4; step <= 8; step += 2) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
+  solve(problem.get(), {}, 1);
+  const KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 10);
+  const KeyframeDecision newer = maker_->add_keyframe(input);
+  ASSERT_EQ(newer.verdict, KeyframeVerdict::kAccepted);
+  steps_.push_back(10);
+  const auto relative = [&] {
+    const auto s = maker_->snapshot();
+    return s->find(newer.keyframe)->camera_from_map * s->find(input.reference)->camera_from_map.inverse();
+  };
+  const SE3 before = relative();
+  EXPECT_TRUE(maker_->adopt(*problem).changed);
+  EXPECT_LT((relative() * before.inverse()).log().norm(), 1e-3);
+  work();
+  EXPECT_TRUE(maker_->wants_global_adjustment()) << "the newest keyframe has not been adjusted with the rest";
+  adjust_globally();
+  expect_accurate(0.005, 0.02);
+}
+
+TEST_F(MapMakerTest, KeepsTheLastGoodMapWhenAnAdjustmentFails) {
+  start();
+  ASSERT_EQ(offer(4).verdict, KeyframeVerdict::kAccepted);
+  const auto before = maker_->snapshot();
+  const GlobalAdjustmentPtr unsolved = maker_->prepare_global_adjustment();
+  const StepReport report = maker_->adopt(*unsolved);
+  EXPECT_FALSE(report.changed);
+  EXPECT_EQ(maker_->snapshot(), before);
+}
+
+TEST_F(MapMakerTest, FrameAndScaleStayWhatTheyWere) {
+  start();
+  const auto s0 = maker_->snapshot();
+  for (int step = 4; step <= 12; step += 2) {
+    ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    adjust_globally();
+  }
+  const auto s1 = maker_->snapshot();
+  const SE3 drift = s1->find(KeyframeId{1})->camera_from_map * s0->find(KeyframeId{1})->camera_from_map.inverse();
+  EXPECT_LT(drift.log().norm(), 1e-9);
+  const Eigen::Vector3d center = s0->find(KeyframeId{1})->camera_from_map.center();
+  std::vector<double> ratios;
+  for (const auto& [trail, point] : seed_.points) {
+    const auto a = s0->find(point);
+    const auto b = s1->find(point);
+    if (!a || !b) continue;
+    const double distance_0 = (s0->point_blocks[static_cast<size_t>(a->block)]->position(a->slot) - center).norm();
+    const double distance_1 = (s1->point_blocks[static_cast<size_t>(b->block)]->position(b->slot) - center).norm();
+    ratios.push_back(distance_1 / distance_0);
+  }
+  ASSERT_GT(ratios.size(), 50U);
+  std::nth_element(ratios.begin(), ratios.begin() + static_cast<ptrdiff_t>(ratios.size() / 2), ratios.end());
+  EXPECT_NEAR(ratios[ratios.size() / 2], 1.0, 2e-3);
+}
+
+/// The bytes of everything in a snapshot that is made of numbers.
+std::vector<uint8_t> bytes_of(const MapSnapshot& s) {
+  std::vector<uint8_t> bytes;
+  const auto put = [&bytes](const void* data, size_t size) {
+    const auto* begin = static_cast<const uint8_t*>(data);
+    bytes.insert(bytes.end(), begin, begin + size);
+  };
+  for (const auto& block : s.point_blocks) {
+    put(&block->positions->live, sizeof(uint64_t));
+    for (int i = 0; i < block->count; ++i) {
+      put(block->positions->positions[static_cast<size_t>(i)].data(), 3 * sizeof(float));
+      put(block->visibility(i).mean_direction.data(), 3 * sizeof(float));
+      put(block->source(i).pixels.data(), block->source(i).pixels.size());
+    }
+  }
+  for (const auto& block : s.keyframe_blocks) {
+    for (const KeyframePose& k : block->keyframes) {
+      put(k.camera_from_map.rotation().coeffs().data(), 4 * sizeof(double));
+      put(k.camera_from_map.translation().data(), 3 * sizeof(double));
+    }
+  }
+  return bytes;
+}
+
+TEST_F(MapMakerTest, SameInputSameBytes) {
+  std::vector<uint8_t> runs[2];
+  for (auto& run : runs) {
+    start();
+    for (int step = 4; step <= 8; step += 2) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    adjust_globally();
+    run = bytes_of(*maker_->snapshot());
+  }
+  EXPECT_EQ(runs[0], runs[1]);
+}
+
+}  // namespace
+}  // namespace cairn

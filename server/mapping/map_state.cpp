@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/map_state.h"
+
+#include <algorithm>
+
+namespace cairn {
+namespace {
+
+constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};  // ptam.md 1
+
+bool by_point(const Measurement& m, PointId id) { return m.point < id; }
+
+template <typename Container, typename Id>
+void insert_sorted(Container* ids, Id id) {
+  const auto it = std::lower_bound(ids->begin(), ids->end(), id);
+  if (it == ids->end() || *it != id) ids->insert(it, id);
+}
+
+}  // namespace
+
+size_t KeyframeImages::bytes() const {
+  size_t total = sizeof(*this);
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    const auto i = static_cast<size_t>(l);
+    total += static_cast<size_t>(pyramid.level(l).stride()) * static_cast<size_t>(pyramid.level(l).height());
+    total += corners[i].corners.capacity() * sizeof(Corner) + corners[i].row_begin.capacity() * sizeof(uint32_t);
+    total += candidates[i].capacity() * sizeof(Candidate);
+  }
+  return total;
+}
+
+std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
+  auto images = std::make_shared<KeyframeImages>();
+  images->pyramid.build(image);
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    const auto i = static_cast<size_t>(l);
+    detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
+    images->candidates[i] = find_candidates(images->level(l), images->corners[i]);
+    images->corners[i].corners.shrink_to_fit();
+  }
+  return images;
+}
+
+size_t MapState::live_keyframes() const {
+  return static_cast<size_t>(
+      std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
+}
+
+size_t MapState::live_points() const {
+  return static_cast<size_t>(std::count_if(points_.begin(), points_.end(), [](const MapPoint& p) { return p.live; }));
+}
+
+KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {
+  keyframe.id = KeyframeId{keyframes_.size() + 1};
+  keyframes_.push_back(std::move(keyframe));
+  return keyframes_.back().id;
+}
+
+PointId MapState::add_point(const PointSource& source, const Eigen::Vector3d& position) {
+  MapPoint& point = points_.emplace_back();
+  point.source = source;
+  point.source.id = PointId{points_.size()};
+  point.position = position;
+  return point.source.id;
+}
+
+void MapState::add_measurement(KeyframeId keyframe_id, const Measurement& measurement) {
+  std::vector<Measurement>& all = keyframe(keyframe_id).measurements;
+  const auto it = std::lower_bound(all.begin(), all.end(), measurement.point, by_point);
+  if (it != all.end() && it->point == measurement.point) {
+    *it = measurement;
+  } else {
+    all.insert(it, measurement);
+  }
+  insert_sorted(&point(measurement.point).observers, keyframe_id);
+}
+
+void MapState::drop_measurement(KeyframeId keyframe_id, PointId point_id) {
+  std::vector<Measurement>& all = keyframe(keyframe_id).measurements;
+  const auto it = std::lower_bound(all.begin(), all.end(), point_id, by_point);
+  if (it == all.end() || it->point != point_id) return;
+  all.erase(it);
+  give_up(keyframe_id, point_id);
+  MapPoint& p = point(point_id);
+  std::erase(p.observers, keyframe_id);
+  if (p.observers.size() < 2 || p.source.keyframe == keyframe_id) remove_point(point_id);
+}
+
+void MapState::give_up(KeyframeId keyframe_id, PointId point_id) {
+  insert_sorted(&keyframe(keyframe_id).given_up, point_id);
+}
+
+void MapState::remove_point(PointId id) {
+  MapPoint& p = point(id);
+  if (!p.live) return;
+  p.live = false;
+  for (const KeyframeId observer : p.observers) {
+    std::vector<Measurement>& all = keyframe(observer).measurements;
+    const auto it = std::lower_bound(all.begin(), all.end(), id, by_point);
+    if (it != all.end() && it->point == id) all.erase(it);
+  }
+  p.observers = {};
+}
+
+void MapState::remove_keyframe(KeyframeId id) {
+  MapKeyframe& k = keyframe(id);
+  if (!k.live) return;
+  for (const Measurement& m : std::vector<Measurement>(k.measurements)) drop_measurement(id, m.point);
+  k.measurements = {};
+  k.given_up = {};
+  k.images = nullptr;
+  k.live = false;
+}
+
+const Measurement* MapState::find_measurement(KeyframeId keyframe_id, PointId point_id) const {
+  const std::vector<Measurement>& all = keyframe(keyframe_id).measurements;
+  const auto it = std::lower_bound(all.begin(), all.end(), point_id, by_point);
+  return it != all.end() && it->point == point_id ? &*it : nullptr;
+}
+
+bool MapState::has_given_up(KeyframeId keyframe_id, PointId point_id) const {
+  const std::vector<PointId>& all = keyframe(keyframe_id).given_up;
+  return std::binary_search(all.begin(), all.end(), point_id);
+}
+
+void MapState::update_depths(KeyframeId id) {
+  MapKeyframe& k = keyframe(id);
+  std::vector<double> depths;
+  depths.reserve(k.measurements.size());
+  double sum = 0;
+  for (const Measurement& m : k.measurements) {
+    const double z = (k.camera_from_map * point(m.point).position).z();
+    if (z <= 0) continue;
+    depths.push_back(z);
+    sum += z;
+  }
+  if (depths.empty()) return;
+  std::sort(depths.begin(), depths.end());
+  k.mean_depth = sum / static_cast<double>(depths.size());
+  k.near_depth = depths[depths.size() / 20];
+  k.far_depth = depths[depths.size() - 1 - depths.size() / 20];
+}
+
+std::vector<int> MapState::shared_points(const std::vector<Measurement>& measurements) const {
+  std::vector<int> shared(keyframes_.size(), 0);
+  for (const Measurement& m : measurements) {
+    for (const KeyframeId observer : point(m.point).observers) ++shared[observer.value - 1];
+  }
+  return shared;
+}
+
+void MapState::transform(const Similarity3& new_from_old) {
+  for (MapKeyframe& k : keyframes_) {
+    k.camera_from_map = new_from_old.transform_camera(k.camera_from_map);
+    k.mean_depth *= new_from_old.scale();
+    k.near_depth *= new_from_old.scale();
+    k.far_depth *= new_from_old.scale();
+  }
+  for (MapPoint& p : points_) p.position = new_from_old * p.position;
+}
+
+}  // namespace cairn

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/corners.h"
+#include "common/image/pyramid.h"
+#include "common/map/ids.h"
+#include "common/map/snapshot.h"
+
+/// The map as the map maker holds it: keyframes, points and the measurements that join them. Plain values with the invariants
+/// of the joins kept by MapState; no policy. One writer, no locks.
+namespace cairn {
+
+/// What is computed once from a keyframe's image.
+struct KeyframeImages {
+  Pyramid pyramid;
+  std::array<CornerList, kPyramidLevels> corners;
+  std::array<std::vector<Candidate>, kPyramidLevels> candidates;  ///< where new points may be made (ptam.md 1)
+
+  [[nodiscard]] GrayView level(int l) const { return pyramid.level(l).view(); }
+  [[nodiscard]] size_t bytes() const;
+};
+
+/// Pyramid, FAST-10 corners (thresholds 10, 15, 15, 10) and candidates of an image.
+[[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image);
+
+/// A point seen in a keyframe.
+struct Measurement {
+  PointId point;
+  uint8_t level = 0;                                ///< sigma = 2^level px
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px (distorted, as seen)
+
+  [[nodiscard]] double inverse_sigma() const { return 1.0 / (1 << level); }
+};
+
+struct MapKeyframe {
+  KeyframeId id;
+  KeyframeId reference;  ///< whose corrections this keyframe rides on; none for the first
+  CameraPtr camera;
+  Timestamp time;
+  SE3 camera_from_map;
+  std::shared_ptr<const KeyframeImages> images;  ///< null once the keyframe is removed
+  std::vector<Measurement> measurements;         ///< ascending by point, each point at most once
+  std::vector<PointId> given_up;                 ///< ascending: searched without success or dropped as outliers; not retried
+  double mean_depth = 0;                         ///< [map unit] of the points measured here, as are the two below
+  double near_depth = 0;                         ///< 5th percentile
+  double far_depth = 0;                          ///< 95th percentile
+  bool live = true;
+};
+
+struct MapPoint {
+  PointSource source;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
+  std::vector<KeyframeId> observers;                   ///< ascending
+  int attempts = 0;  ///< keyframes in which it should have been seen and was searched, beside those that made it
+  int found = 0;     ///< of these, with success
+  bool live = true;
+};
+
+/// Ids are dense: keyframe k is keyframes()[k - 1], point p is points()[p - 1]; removed ones keep their place and lose `live`.
+/// Passing an id that was never given out is a programming error.
+class MapState {
+ public:
+  [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
+  [[nodiscard]] const std::vector<MapPoint>& points() const { return points_; }
+  [[nodiscard]] MapKeyframe& keyframe(KeyframeId id) { return keyframes_[id.value - 1]; }
+  [[nodiscard]] const MapKeyframe& keyframe(KeyframeId id) const { return keyframes_[id.value - 1]; }
+  [[nodiscard]] MapPoint& point(PointId id) { return points_[id.value - 1]; }
+  [[nodiscard]] const MapPoint& point(PointId id) const { return points_[id.value - 1]; }
+  [[nodiscard]] bool is_live(KeyframeId id) const {
+    return id && id.value <= keyframes_.size() && keyframe(id).live;
+  }
+  [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
+  [[nodiscard]] size_t live_keyframes() const;
+  [[nodiscard]] size_t live_points() const;
+
+  /// Takes in a keyframe without measurements; its id is set here.
+  KeyframeId add_keyframe(MapKeyframe keyframe);
+  /// Takes in a point; its id is set here.
+  PointId add_point(const PointSource& source, const Eigen::Vector3d& position);
+  /// Joins a live point and a live keyframe; an existing measurement of the pair is replaced.
+  void add_measurement(KeyframeId keyframe, const Measurement& measurement);
+  /// Severs the pair for good: it is not searched again. A point left with fewer than two observers, or without its source
+  /// keyframe's measurement, is removed.
+  void drop_measurement(KeyframeId keyframe, PointId point);
+  void give_up(KeyframeId keyframe, PointId point);
+  void remove_point(PointId id);
+  /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers go too.
+  void remove_keyframe(KeyframeId id);
+
+  [[nodiscard]] const Measurement* find_measurement(KeyframeId keyframe, PointId point) const;
+  [[nodiscard]] bool has_given_up(KeyframeId keyframe, PointId point) const;
+
+  /// Refreshes the depth figures of a keyframe from its measurements.
+  void update_depths(KeyframeId id);
+  /// Number of points that each keyframe shares with the given set, indexed by id - 1.
+  [[nodiscard]] std::vector<int> shared_points(const std::vector<Measurement>& measurements) const;
+
+  /// Applies a change of frame and unit to everything: points by `similarity`, cameras accordingly.
+  void transform(const Similarity3& new_from_old);
+
+ private:
+  std::vector<MapKeyframe> keyframes_;
+  std::vector<MapPoint> points_;
+};
+
+}  // namespace cairn

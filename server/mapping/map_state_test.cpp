@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/map_state.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "server/mapping/upkeep.h"
+
+namespace cairn {
+namespace {
+
+CameraPtr test_camera() {
+  CameraParameters p;
+  p.width = 640;
+  p.height = 480;
+  p.values = {500, 500, 319.5, 239.5};
+  return *make_camera(p);
+}
+
+/// Adds a keyframe looking along z from the given x.
+KeyframeId add_keyframe(MapState* map, double x) {
+  MapKeyframe k;
+  k.camera = test_camera();
+  k.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {-x, 0, 0});
+  return map->add_keyframe(std::move(k));
+}
+
+PointId add_point(MapState* map, KeyframeId source, const Eigen::Vector3d& position) {
+  PointSource s;
+  s.keyframe = source;
+  return map->add_point(s, position);
+}
+
+/// The joins agree in both directions, and nothing dead takes part in them.
+void expect_consistent(const MapState& map) {
+  for (const MapKeyframe& k : map.keyframes()) {
+    EXPECT_TRUE(std::is_sorted(k.measurements.begin(), k.measurements.end(),
+                               [](const Measurement& a, const Measurement& b) { return a.point < b.point; }));
+    if (!k.live) {
+      EXPECT_TRUE(k.measurements.empty());
+    }
+    for (const Measurement& m : k.measurements) {
+      EXPECT_TRUE(map.is_live(m.point));
+      const auto& observers = map.point(m.point).observers;
+      EXPECT_TRUE(std::binary_search(observers.begin(), observers.end(), k.id));
+    }
+  }
+  for (const MapPoint& p : map.points()) {
+    if (!p.live) {
+      EXPECT_TRUE(p.observers.empty());
+    }
+    EXPECT_TRUE(std::is_sorted(p.observers.begin(), p.observers.end()));
+    for (const KeyframeId id : p.observers) EXPECT_NE(map.find_measurement(id, p.source.id), nullptr);
+  }
+}
+
+TEST(MapState, JoinsStayConsistentUnderRandomChanges) {
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    SCOPED_TRACE(seed);
+    std::mt19937_64 random(seed);
+    MapState map;
+    for (int i = 0; i < 8; ++i) add_keyframe(&map, 0.1 * i);
+    for (int i = 0; i < 60; ++i) {
+      const KeyframeId source{1 + random() % 8};
+      const PointId point = add_point(&map, source, {0, 0, 1});
+      map.add_measurement(source, {point, 0, {1, 1}});
+      for (uint64_t k = 1; k <= 8; ++k) {
+        if (random() % 2 == 0) map.add_measurement(KeyframeId{k}, {point, 0, {1, 1}});
+      }
+    }
+    expect_consistent(map);
+    for (int i = 0; i < 60; ++i) {
+      const PointId point{1 + random() % 60};
+      const KeyframeId keyframe{1 + random() % 8};
+      switch (random() % 8) {
+        case 0: map.remove_point(point); break;
+        case 1: map.remove_keyframe(keyframe); break;
+        default: map.drop_measurement(keyframe, point);
+      }
+      expect_consistent(map);
+    }
+    EXPECT_LT(map.live_points(), 60U);
+  }
+}
+
+TEST(MapState, APointDiesWithItsSourceOrItsSecondObserver) {
+  MapState map;
+  for (int i = 0; i < 3; ++i) add_keyframe(&map, 0.1 * i);
+  const KeyframeId source{1};
+  const PointId a = add_point(&map, source, {0, 0, 1});
+  const PointId b = add_point(&map, source, {0, 0, 1});
+  for (uint64_t k = 1; k <= 3; ++k) {
+    map.add_measurement(KeyframeId{k}, {a, 0, {1, 1}});
+    map.add_measurement(KeyframeId{k}, {b, 0, {1, 1}});
+  }
+  map.drop_measurement(source, a);
+  EXPECT_FALSE(map.is_live(a));
+  map.drop_measurement(KeyframeId{2}, b);
+  EXPECT_TRUE(map.is_live(b));
+  EXPECT_TRUE(map.has_given_up(KeyframeId{2}, b));
+  map.drop_measurement(KeyframeId{3}, b);
+  EXPECT_FALSE(map.is_live(b));
+}
+
+TEST(MapState, TransformKeepsWhatCamerasSee) {
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal(0, 0.3);
+  MapState map;
+  add_keyframe(&map, 0);
+  add_keyframe(&map, 0.2);
+  for (int i = 0; i < 20; ++i) {
+    const PointId id = add_point(&map, KeyframeId{1}, {normal(random), normal(random), 1.5});
+    for (uint64_t k = 1; k <= 2; ++k) map.add_measurement(KeyframeId{k}, {id, 0, {1, 1}});
+  }
+  map.update_depths(KeyframeId{1});
+  const MapState before = map;
+  map.transform({2.5, so3_exp({0.3, -0.4, 0.5}), {1, 2, 3}});
+  for (const MapKeyframe& k : map.keyframes()) {
+    for (const MapPoint& p : map.points()) {
+      const auto now = k.camera->project(k.camera_from_map * p.position);
+      const auto then = k.camera->project(before.keyframe(k.id).camera_from_map * before.point(p.source.id).position);
+      ASSERT_TRUE(now && then);
+      EXPECT_LT((*now - *then).norm(), 1e-9);
+    }
+  }
+  EXPECT_NEAR(map.keyframe(KeyframeId{1}).mean_depth, 2.5 * before.keyframe(KeyframeId{1}).mean_depth, 1e-12);
+  const double mean_before_update = map.keyframe(KeyframeId{1}).mean_depth;
+  map.update_depths(KeyframeId{1});
+  EXPECT_NEAR(map.keyframe(KeyframeId{1}).mean_depth, mean_before_update, 1e-9);
+}
+
+TEST(Upkeep, CullsPointsThatAreSearchedInVain) {
+  MapState map;
+  add_keyframe(&map, 0);
+  add_keyframe(&map, 0.1);
+  for (int found = 0; found <= 8; ++found) {
+    const PointId id = add_point(&map, KeyframeId{1}, {0, 0, 1});
+    for (uint64_t k = 1; k <= 2; ++k) map.add_measurement(KeyframeId{k}, {id, 0, {1, 1}});
+    map.point(id).attempts = 8;
+    map.point(id).found = found;
+  }
+  EXPECT_EQ(cull_points(&map), 2);
+  EXPECT_FALSE(map.is_live(PointId{1}));
+  EXPECT_FALSE(map.is_live(PointId{2}));
+  EXPECT_TRUE(map.is_live(PointId{3}));
+}
+
+TEST(Upkeep, FindsTheKeyframeThatAddsNothing) {
+  MapState map;
+  for (int i = 0; i < 12; ++i) add_keyframe(&map, 0.1 * i);
+  // Points of each keyframe are seen from its next; those of keyframe 1 from everywhere, so that keyframe 4, which sees nothing else
+  // once its own points are left out, is dispensable.
+  for (uint64_t source = 1; source <= 11; ++source) {
+    if (source == 3 || source == 4) continue;
+    for (int i = 0; i < 20; ++i) {
+      const PointId id = add_point(&map, KeyframeId{source}, {0, 0, 1});
+      map.add_measurement(KeyframeId{source}, {id, 0, {1, 1}});
+      for (uint64_t k = source + 1; k <= (source == 1 ? 12U : source + 1); ++k) {
+        if (source == 1 && k == 3) continue;
+        map.add_measurement(KeyframeId{k}, {id, 0, {1, 1}});
+      }
+    }
+  }
+  EXPECT_EQ(find_redundant_keyframe(map), KeyframeId{4});
+  map.remove_keyframe(KeyframeId{4});
+  EXPECT_EQ(map.live_points(), 180U);
+  EXPECT_EQ(find_redundant_keyframe(map), std::nullopt);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "server/mapping/map_state.h"
+
+/// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
+namespace cairn {
+
+/// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
+[[nodiscard]] std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe, size_t count);
+
+struct NewPointsOptions {
+  int max_points = 1000;  ///< for this call
+  int partners = 2;       ///< keyframes searched for each candidate, until one has it
+  int witnesses = 3;      ///< further keyframes that are asked to confirm a new point
+};
+
+/// Makes points at one pyramid level of a keyframe: candidates away from known measurements, strongest first; each is searched
+/// along its epipolar line, accepted if unique, triangulated, and confirmed by reprojection, parallax and, where others should
+/// see it too, at least one witness (PTAM 2007, 6.2; ptam.md 9). Returns the points in order of creation.
+[[nodiscard]] std::vector<PointId> make_new_points(MapState* map, KeyframeId keyframe, int level,
+                                                   const NewPointsOptions& options);
+
+}  // namespace cairn

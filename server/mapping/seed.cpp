@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/seed.h"
+
+#include <cmath>
+#include <optional>
+
+#include "common/geometry/plane.h"
+#include "common/geometry/two_view.h"
+#include "server/mapping/new_points.h"
+#include "server/mapping/patch_view.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMinSeedPoints = 30;
+constexpr double kMaxRms = 2.0;               ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
+constexpr float kTrailShift = 2.0F;           ///< [px] of a trail's end under refinement
+constexpr double kPlaneInlierDistance = 0.03; ///< of the mean depth
+constexpr std::array<int, kPyramidLevels> kLevelOrder{0, 3, 1, 2};  // ptam.md 2
+
+/// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
+struct SeedMatch {
+  TrailId trail;
+  Corner corner;
+  PixelMatch match;
+};
+
+Corner to_corner(const Eigen::Vector2f& pixel) {
+  return {static_cast<int16_t>(std::lround(pixel.x())), static_cast<int16_t>(std::lround(pixel.y()))};
+}
+
+Status check_input(const SeedInput& input) {
+  if (!input.camera || !input.first_image || !input.second_image) {
+    return fail(ErrorCode::kDamaged, "a camera or an image is missing");
+  }
+  for (const GrayImagePtr& image : {input.first_image, input.second_image}) {
+    if (image->width() != input.camera->width() || image->height() != input.camera->height()) {
+      return fail(ErrorCode::kDamaged, "image size is not the camera's");
+    }
+  }
+  return {};
+}
+
+/// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
+std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first, const MapKeyframe& second) {
+  std::vector<SeedMatch> matches;
+  for (const Trail& trail : input.trails) {
+    const Eigen::Vector2d a = trail.first.cast<double>();
+    const Eigen::Vector2d b = trail.second.cast<double>();
+    if (!a.allFinite() || !b.allFinite() || !input.camera->in_image(a) || !input.camera->in_image(b)) continue;
+    SeedMatch m{trail.id, to_corner(trail.first), {a, b}};
+    const auto source = make_source(first, 0, m.corner);
+    if (!source) continue;
+    const Eigen::Vector2f from_corner = Eigen::Vector2f(m.corner.x, m.corner.y) - trail.first;
+    const auto refined = refine_from(*source, PatchView{}, *second.images, trail.second + from_corner, kTrailShift);
+    if (refined) m.match = {{m.corner.x, m.corner.y}, refined->pixel.cast<double>()};
+    matches.push_back(m);
+  }
+  return matches;
+}
+
+/// A point for each inlier whose patch is found where the geometry puts it.
+void add_trail_points(const std::vector<SeedMatch>& matches, const TwoViewGeometry& geometry, double baseline,
+                      KeyframeId first, KeyframeId second, SeededMap* seeded) {
+  MapState& map = seeded->map;
+  const MapKeyframe& b = map.keyframe(second);
+  for (size_t i = 0; i < matches.size(); ++i) {
+    if (!geometry.inlier[i]) continue;
+    const auto source = make_source(map.keyframe(first), 0, matches[i].corner);
+    if (!source) continue;
+    const Eigen::Vector3d point = geometry.points[i] * baseline;
+    const auto view = view_patch(*source, point, b.camera_from_map, *b.camera);
+    if (!view) continue;
+    const auto found = refine_from(*source, *view, *b.images, matches[i].match.b.cast<float>(), kTrailShift);
+    if (!found) continue;
+    const PointId id = map.add_point(*source, point);
+    const Eigen::Vector2f corner(matches[i].corner.x, matches[i].corner.y);
+    map.add_measurement(first, {id, 0, corner});
+    map.add_measurement(second, {id, found->level, found->pixel});
+    seeded->result.points.emplace_back(matches[i].trail, id);
+  }
+}
+
+/// Root mean square of whitened residuals over all measurements.
+double whitened_rms(const MapState& map) {
+  const BundleProblem problem = global_problem(map).bundle;
+  double sum = 0;
+  for (const BundleObservation& o : problem.observations) sum += squared_residual(problem, o);
+  return std::sqrt(sum / std::max<double>(1.0, static_cast<double>(problem.observations.size())));
+}
+
+void scale_baseline(MapState* map, KeyframeId first, KeyframeId second, double baseline) {
+  const Eigen::Vector3d a = map->keyframe(first).camera_from_map.center();
+  const double scale = baseline / (map->keyframe(second).camera_from_map.center() - a).norm();
+  map->transform({scale, Eigen::Quaterniond::Identity(), a * (1 - scale)});
+}
+
+bool align_plane(MapState* map, KeyframeId first, uint64_t seed) {
+  std::vector<Eigen::Vector3d> points;
+  for (const MapPoint& p : map->points()) {
+    if (p.live) points.push_back(p.position);
+  }
+  const MapKeyframe& k = map->keyframe(first);
+  const auto fit =
+      fit_dominant_plane(points, k.camera_from_map.center(), kPlaneInlierDistance * k.mean_depth, 200, seed);
+  if (fit) map->transform(Similarity3(fit->plane_from_map));
+  return fit.has_value();
+}
+
+void update_all_depths(MapState* map) {
+  for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
+}
+
+MapKeyframe make_keyframe(const SeedInput& input, const GrayImage& image, Timestamp time) {
+  MapKeyframe k;
+  k.camera = input.camera;
+  k.time = time;
+  k.images = prepare_images(image.view());
+  return k;
+}
+
+tl::unexpected<Error> too_few(size_t points) {
+  return fail(ErrorCode::kDegenerate, "too few points: " + std::to_string(points) + " of the trails make a point, " +
+                                          std::to_string(kMinSeedPoints) + " needed");
+}
+
+}  // namespace
+
+Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options) {
+  if (auto status = check_input(input); !status) return tl::unexpected(status.error());
+  SeededMap seeded;
+  MapState& map = seeded.map;
+  const KeyframeId first = map.add_keyframe(make_keyframe(input, *input.first_image, input.first_time));
+  const KeyframeId second = map.add_keyframe(make_keyframe(input, *input.second_image, input.second_time));
+  map.keyframe(second).reference = first;
+
+  const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));
+  std::vector<PixelMatch> matches;
+  for (const SeedMatch& m : trails) matches.push_back(m.match);
+  TwoViewOptions two_view;
+  two_view.seed = options.seed;
+  const auto geometry = estimate_two_view(*input.camera, *input.camera, matches, two_view);
+  if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
+  map.keyframe(second).camera_from_map =
+      SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);
+
+  add_trail_points(trails, *geometry, options.baseline, first, second, &seeded);
+  if (seeded.result.points.size() < kMinSeedPoints) return too_few(seeded.result.points.size());
+  update_all_depths(&map);
+  if (!adjust_whole(&map, {}).usable) return fail(ErrorCode::kDegenerate, "the two views do not adjust");
+  NewPointsOptions new_points;
+  for (const int level : kLevelOrder) {
+    new_points.max_points = options.max_points_per_keyframe / 2;
+    (void)make_new_points(&map, second, level, new_points);
+  }
+  if (!adjust_whole(&map, {}).usable) return fail(ErrorCode::kDegenerate, "the two views do not adjust");
+  if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
+  if (const double rms = whitened_rms(map); rms > kMaxRms) {
+    return fail(ErrorCode::kDegenerate, "the two views do not fit: " + std::to_string(rms) + " px after adjustment");
+  }
+
+  scale_baseline(&map, first, second, options.baseline);
+  seeded.result.plane_aligned = align_plane(&map, first, options.seed);
+  update_all_depths(&map);
+  seeded.anchor = ScaleAnchor(map);
+  std::erase_if(seeded.result.points, [&map](const auto& p) { return !map.is_live(p.second); });
+  seeded.result.first_keyframe = first;
+  seeded.result.second_keyframe = second;
+  return seeded;
+}
+
+}  // namespace cairn

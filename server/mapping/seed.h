@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "server/mapping/adjustment.h"
+#include "server/mapping/map_maker.h"
+#include "server/mapping/map_state.h"
+
+/// The two-view start (PTAM 2007, 6.1, with the two-view tests of common/geometry).
+namespace cairn {
+
+struct SeededMap {
+  MapState map;
+  SeedResult result;
+  ScaleAnchor anchor;
+};
+
+/// Two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant plane; or, for a person, why not
+/// (kDegenerate for geometry, kDamaged for input that is no pair of views).
+[[nodiscard]] Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options);
+
+}  // namespace cairn

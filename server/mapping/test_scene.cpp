@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/test_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace cairn::testing {
+namespace {
+
+constexpr int kTexels = 1024;
+constexpr double kTexelsPerMetre = 500;
+constexpr double kBackDepth = 1.2;
+constexpr double kFrontDepth = 0.9;
+
+/// The front plane: a board.
+bool on_board(const Eigen::Vector3d& p) { return p.x() > 0.02 && p.x() < 0.35 && p.y() > -0.25 && p.y() < 0.15; }
+
+/// Random rectangles of random grey, large ones first, blurred by one texel: corners at every scale.
+std::vector<float> make_texture(std::mt19937_64* engine) {
+  std::vector<float> t(static_cast<size_t>(kTexels) * kTexels, 128.0F);
+  const auto random = [engine](int low, int high) { return std::uniform_int_distribution<int>(low, high)(*engine); };
+  for (int i = 0; i < 3500; ++i) {
+    const int size = i < 300 ? 100 : i < 1200 ? 40 : 14;
+    const int x0 = random(0, kTexels - 1);
+    const int y0 = random(0, kTexels - 1);
+    const int x1 = std::min(kTexels, x0 + random(4, size));
+    const int y1 = std::min(kTexels, y0 + random(4, size));
+    const auto grey = static_cast<float>(random(30, 220));
+    for (int y = y0; y < y1; ++y) std::fill_n(t.begin() + y * kTexels + x0, x1 - x0, grey);
+  }
+  return t;
+}
+
+float bilinear(const std::vector<float>& t, double x, double y) {
+  const auto wrap = [](int v) { return static_cast<size_t>(v & (kTexels - 1)); };
+  const double fx = std::floor(x);
+  const double fy = std::floor(y);
+  const auto ax = static_cast<float>(x - fx);
+  const auto ay = static_cast<float>(y - fy);
+  const size_t x0 = wrap(static_cast<int>(fx));
+  const size_t x1 = wrap(static_cast<int>(fx) + 1);
+  const size_t y0 = wrap(static_cast<int>(fy)) * kTexels;
+  const size_t y1 = wrap(static_cast<int>(fy) + 1) * kTexels;
+  return (t[y0 + x0] * (1 - ax) + t[y0 + x1] * ax) * (1 - ay) + (t[y1 + x0] * (1 - ax) + t[y1 + x1] * ax) * ay;
+}
+
+}  // namespace
+
+Scene::Scene(uint64_t seed) {
+  CameraParameters p;
+  p.width = 400;
+  p.height = 300;
+  p.values = {330, 330, 199.5, 149.5, -0.08, 0.02, 0, 0};
+  camera_ = *make_camera(p);
+  std::mt19937_64 engine(seed);
+  for (auto& t : textures_) t = make_texture(&engine);
+}
+
+SE3 Scene::pose(int step) {
+  Vector6d xi;
+  xi << -0.045 * step, 0.01 * std::sin(1.3 * step), 0.015 * std::sin(0.9 * step), 0.01 * std::sin(2.1 * step),
+      -0.012 * step, 0.02 * std::sin(0.7 * step);
+  return SE3::exp(xi);
+}
+
+Scene::Hit Scene::trace(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const {
+  const Eigen::Vector3d front = origin + direction * ((kFrontDepth - origin.z()) / direction.z());
+  if (on_board(front)) return {front, 1};
+  return {origin + direction * ((kBackDepth - origin.z()) / direction.z()), 0};
+}
+
+float Scene::texture(const Hit& hit) const {
+  return bilinear(textures_[static_cast<size_t>(hit.plane)], hit.point.x() * kTexelsPerMetre + 400,
+                  hit.point.y() * kTexelsPerMetre + 400);
+}
+
+GrayImagePtr Scene::render(const SE3& camera_from_world, uint64_t frame) const {
+  constexpr double kSubpixels[2] = {-0.25, 0.25};
+  std::mt19937_64 engine(frame + 1000);
+  std::normal_distribution<float> noise(0, 1.5F);
+  auto image = std::make_shared<GrayImage>(camera_->width(), camera_->height());
+  const SE3 world_from_camera = camera_from_world.inverse();
+  for (int y = 0; y < image->height(); ++y) {
+    for (int x = 0; x < image->width(); ++x) {
+      float sum = 0;
+      for (const double dy : kSubpixels) {
+        for (const double dx : kSubpixels) {
+          const Eigen::Vector3d ray = world_from_camera.rotation() * camera_->unproject({x + dx, y + dy});
+          sum += texture(trace(world_from_camera.translation(), ray));
+        }
+      }
+      image->row(y)[x] = static_cast<uint8_t>(std::clamp(0.25F * sum + noise(engine), 0.0F, 255.0F));
+    }
+  }
+  return image;
+}
+
+Eigen::Vector3d Scene::hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const {
+  const SE3 world_from_camera = camera_from_world.inverse();
+  return trace(world_from_camera.translation(), world_from_camera.rotation() * camera_->unproject(pixel)).point;
+}
+
+bool Scene::sees(const SE3& camera_from_world, const Eigen::Vector3d& point) const {
+  const auto pixel = camera_->project(camera_from_world * point);
+  return pixel && camera_->in_image(*pixel) && (hit(camera_from_world, *pixel) - point).norm() < 1e-3;
+}
+
+}  // namespace cairn::testing

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+
+/// A small world with exact truth for the tests of the map maker: two textured planes, one before part of the other.
+namespace cairn::testing {
+
+class Scene {
+ public:
+  explicit Scene(uint64_t seed);
+
+  [[nodiscard]] CameraPtr camera() const { return camera_; }
+  /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that depends on `frame`.
+  [[nodiscard]] GrayImagePtr render(const SE3& camera_from_world, uint64_t frame) const;
+  /// Where the ray through a pixel meets the scene, world frame.
+  [[nodiscard]] Eigen::Vector3d hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const;
+  /// Whether nothing stands between a camera and a point of the scene.
+  [[nodiscard]] bool sees(const SE3& camera_from_world, const Eigen::Vector3d& point) const;
+  /// A camera moving sideways and turning a little, by steps of about 4 % of the depth.
+  [[nodiscard]] static SE3 pose(int step);
+
+ private:
+  struct Hit {
+    Eigen::Vector3d point;
+    int plane = 0;
+  };
+  [[nodiscard]] Hit trace(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) const;
+  [[nodiscard]] float texture(const Hit& hit) const;
+
+  CameraPtr camera_;
+  std::array<std::vector<float>, 2> textures_;
+};
+
+}  // namespace cairn::testing

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/upkeep.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kMinAttempts = 6;           ///< before a point is judged
+constexpr double kMinFoundFraction = 0.2;
+constexpr int kRedundantObservers = 3;
+constexpr double kRedundantFraction = 0.9;
+constexpr size_t kFirstKept = 2;          ///< they carry frame and scale
+constexpr size_t kNewestKept = 5;         ///< still being integrated, or the reference of offers in flight
+
+/// Whether a map without this keyframe still holds the measured point as well as with it.
+bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m) {
+  const MapPoint& point = map.point(m.point);
+  if (point.source.keyframe == keyframe) return false;
+  int others = 0;
+  for (const KeyframeId observer : point.observers) {
+    if (observer != keyframe && map.find_measurement(observer, m.point)->level <= m.level) ++others;
+  }
+  return others >= kRedundantObservers;
+}
+
+}  // namespace
+
+int cull_points(MapState* map) {
+  int culled = 0;
+  for (const MapPoint& p : map->points()) {
+    if (!p.live || p.attempts < kMinAttempts || p.found >= kMinFoundFraction * p.attempts) continue;
+    map->remove_point(p.source.id);
+    ++culled;
+  }
+  return culled;
+}
+
+std::optional<KeyframeId> find_redundant_keyframe(const MapState& map) {
+  const std::vector<MapKeyframe>& all = map.keyframes();
+  for (size_t i = kFirstKept; i + kNewestKept < all.size(); ++i) {
+    if (!all[i].live) continue;
+    size_t dispensable = 0;
+    for (const Measurement& m : all[i].measurements) dispensable += is_dispensable(map, all[i].id, m) ? 1 : 0;
+    if (static_cast<double>(dispensable) >= kRedundantFraction * static_cast<double>(all[i].measurements.size())) {
+      return all[i].id;
+    }
+  }
+  return std::nullopt;
+}
+
+}  // namespace cairn

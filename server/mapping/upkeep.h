@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "server/mapping/map_state.h"
+
+/// What keeps a map good as it grows.
+namespace cairn {
+
+/// Removes points that were searched in many keyframes and found in few. Returns how many.
+int cull_points(MapState* map);
+
+/// A keyframe that adds next to nothing: at least 90 % of its points are measured at the same or a finer level in three others
+/// (Mur-Artal et al., T-RO 2015, VI-E) and do not have their patch from it. Never one of the first two or the newest few.
+[[nodiscard]] std::optional<KeyframeId> find_redundant_keyframe(const MapState& map);
+
+}  // namespace cairn

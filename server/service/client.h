@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/geometry/camera.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "server/service/command_gate.h"
+#include "server/service/map_feed.h"
+
+namespace cairn {
+
+/// The server's writers in the partition of one client.
+struct ClientWriters {
+  wire::Writer<wire::ServerStatus> status;
+  wire::Writer<wire::MapInfo> maps;
+  wire::Writer<wire::SeedVerdict> seeds;
+  wire::Writer<wire::OfferVerdict> offers;
+
+  [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
+                                                    const std::string& client);
+};
+
+/// Cameras as a client has announced them, few per client. Used from one thread.
+class CameraList {
+ public:
+  /// Takes the newest version of a camera; the one before stays for what is in flight. False: unusable, or
+  /// one too many.
+  bool put(const wire::CameraMessage& message);
+  /// Null when not announced (yet).
+  [[nodiscard]] CameraPtr find(uint32_t camera, uint32_t version) const;
+
+ private:
+  static constexpr size_t kMaxCameras = 8;
+  static constexpr size_t kVersionsKept = 2;
+  std::map<uint32_t, std::map<uint32_t, CameraPtr>> cameras_;
+};
+
+/// What the server keeps of one client name. The gates outlive the connection: the same process may come back
+/// with commands that were decided long ago.
+struct Client {
+  std::string name;
+  ClientId id;
+  OfferGate offer_gate;
+  SeedGate seed_gate;
+  bool seed_in_work = false;
+  CameraList cameras;
+
+  int status_readers = 0;                ///< discovered; 0: not connected
+  std::optional<ClientWriters> writers;  ///< while connected
+  std::map<MapId, int> wanted;           ///< map readers discovered, by map
+  std::map<MapId, MapFeed> feeds;        ///< of the wanted maps that exist
+  MonotonicTime left_at;                 ///< when the last reader went
+  std::optional<MonotonicTime> intruder_told_at;
+  bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
+};
+
+}  // namespace cairn

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+
+#include "common/wire/messages.h"
+
+namespace cairn {
+
+/// Sees to it that each offer of a client is judged once, in order, and that no client has more of them in
+/// flight than its credit. Clients send again what has no decision; the middleware may repeat a history or
+/// lose what was sent before both sides had matched. Pure. One per client; used from one thread.
+class OfferGate {
+ public:
+  static constexpr uint32_t kCredit = 4;
+  static constexpr size_t kRecent = 16;  ///< decisions kept in the verdict
+
+  enum class Admission : uint8_t {
+    kNew,       ///< to be judged; exactly one decide() must follow
+    kRepeated,  ///< already decided: the verdict should be written again
+    kInFlight,  ///< being judged
+    kGap,       ///< an earlier one has not come: the client will send both again
+    kNoCredit,  ///< counts as new, to be decided as busy
+  };
+
+  /// A new session begins counting anew; what is still being judged for the old one is forgotten.
+  void enter_session(SessionId session);
+  [[nodiscard]] SessionId session() const { return session_; }
+
+  /// Whether to judge offer `seq` of the present session.
+  [[nodiscard]] Admission admit(uint64_t seq);
+  /// The decision on an admitted offer, in any order; those of an older session are passed over.
+  void decide(SessionId session, wire::OfferOutcome outcome);
+
+  /// The state to publish.
+  [[nodiscard]] wire::OfferVerdict verdict(ClientId client) const;
+
+ private:
+  SessionId session_;
+  uint64_t last_admitted_ = 0;
+  uint64_t last_decided_ = 0;
+  std::map<uint64_t, wire::OfferOutcome> decided_ahead_;  ///< while an earlier one is being judged
+  std::deque<wire::OfferOutcome> recent_;
+};
+
+/// The same for seeds, of which a client has one at a time and a later one supersedes. Pure.
+class SeedGate {
+ public:
+  enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };
+
+  void enter_session(SessionId session);
+  [[nodiscard]] Admission admit(uint64_t seq);
+  /// The verdict on an admitted seed. True if it is still the newest one, that is, to be published.
+  [[nodiscard]] bool decide(const wire::SeedVerdict& verdict);
+  /// The last verdict; its seq is 0 before the first.
+  [[nodiscard]] const wire::SeedVerdict& verdict() const { return verdict_; }
+
+ private:
+  SessionId session_;
+  uint64_t newest_ = 0;
+  wire::SeedVerdict verdict_;
+};
+
+}  // namespace cairn

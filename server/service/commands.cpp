@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <utility>
+
+#include "server/service/switchboard.h"
+
+/// Seeds and offers on their way from the wire to the queue of a map and back.
+namespace cairn {
+
+void Switchboard::on_seed(Client& client, wire::MapSeed message) {
+  if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
+  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  if (camera == nullptr || client.seed_in_work) return;
+  switch (client.seed_gate.admit(message.command.seq)) {
+    case SeedGate::Admission::kNew:
+      break;
+    case SeedGate::Admission::kRepeated:
+      return write_verdicts(client);
+    case SeedGate::Admission::kInFlight:
+    case SeedGate::Admission::kSuperseded:
+      return;
+  }
+  client.seed_in_work = true;
+  SeedJob job;
+  job.input.map = maps_.next_id();
+  job.input.map_name = maps_.free_name(message.map_name);
+  job.input.epoch = {options_.start_count};
+  job.input.camera = camera;
+  job.input.first_time = message.first_time;
+  job.input.second_time = message.second_time;
+  job.input.trails = std::move(message.trails);
+  job.first_image = std::move(message.first_image);
+  job.second_image = std::move(message.second_image);
+  job.lockstep = message.lockstep;
+
+  const MapId map = job.input.map;
+  auto changed = [this, map](MapSnapshotPtr snapshot, MapStatistics statistics) {
+    post([this, map, snapshot = std::move(snapshot), statistics] {
+      on_map_changed(map, snapshot, statistics);
+    });
+  };
+  auto runner = std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background},
+                                            options_.mapping, std::move(changed), log_);
+  maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
+  wire::SeedVerdict verdict;
+  verdict.client = client.id;
+  verdict.command = message.command;
+  verdict.map = map;
+  runner->start(std::move(job),
+                [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
+                  post([this, name, verdict, result = std::move(result), snapshot = std::move(snapshot)] {
+                    on_seed_decided(name, verdict, result, snapshot);
+                  });
+                });
+}
+
+void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
+                                  const Result<SeedResult>& result, const MapSnapshotPtr& snapshot) {
+  MapEntry* entry = maps_.find(verdict.map);
+  verdict.accepted = result.has_value();
+  if (result) {
+    verdict.epoch = snapshot->epoch;
+    verdict.revision = snapshot->revision;
+    verdict.first_keyframe = result->first_keyframe;
+    verdict.second_keyframe = result->second_keyframe;
+    verdict.points = result->points;
+    entry->plane_aligned = result->plane_aligned;
+    log_->info("{}: {} made, {} points{}", client_name, entry->name, snapshot->point_count(),
+               result->plane_aligned ? ", on its plane" : "");
+    tell_all(make_map_info(verdict.map, *entry));
+  } else {
+    verdict.reason = result.error().message;
+    log_->info("{}: no map made: {}", client_name, verdict.reason);
+    maps_.remove(verdict.map);
+    verdict.map = {};
+  }
+  const auto client = clients_.find(client_name);
+  if (client == clients_.end()) return;
+  client->second.seed_in_work = false;
+  if (client->second.seed_gate.decide(verdict)) write_verdicts(client->second);
+}
+
+void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
+  if (!presence_.holds(client.name, message.command.session)) return;
+  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  if (camera == nullptr) return;
+  wire::OfferOutcome outcome;
+  outcome.seq = message.command.seq;
+  outcome.map = message.map;
+  const SessionId session = message.command.session;
+  const auto refuse = [&](wire::OfferDecision decision, const char* reason) {
+    outcome.decision = decision;
+    outcome.reason = reason;
+    on_offer_decided(client.name, session, outcome);
+  };
+  switch (client.offer_gate.admit(outcome.seq)) {
+    case OfferGate::Admission::kNew:
+      break;
+    case OfferGate::Admission::kNoCredit:
+      return refuse(wire::OfferDecision::kBusy, "more offers under way than the credit allows");
+    case OfferGate::Admission::kRepeated:
+      return write_verdicts(client);
+    case OfferGate::Admission::kInFlight:
+    case OfferGate::Admission::kGap:
+      return;
+  }
+  const MapEntry* entry = maps_.find(message.map);
+  if (entry == nullptr || entry->snapshot == nullptr) {
+    return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
+  }
+  if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
+
+  OfferJob job;
+  job.input.camera = camera;
+  job.input.time = message.time;
+  job.input.reference = message.reference;
+  job.input.camera_from_reference = message.camera_from_reference;
+  job.input.measurements = std::move(message.measurements);
+  job.epoch = message.epoch;
+  job.image = std::move(message.image);
+  job.lockstep = message.lockstep;
+  outcome.epoch = entry->snapshot->epoch;
+  entry->runner->offer(std::move(job),
+                       [this, name = client.name, session, outcome](OfferJudgement judgement) mutable {
+                         outcome.decision = judgement.decision;
+                         outcome.reason = std::move(judgement.reason);
+                         outcome.keyframe = judgement.keyframe;
+                         outcome.revision = judgement.revision;
+                         post([this, name, session, outcome] { on_offer_decided(name, session, outcome); });
+                       });
+}
+
+void Switchboard::on_offer_decided(const std::string& client_name, SessionId session,
+                                   wire::OfferOutcome outcome) {
+  log_->debug("{}: offer {}: {}", client_name, outcome.seq,
+              outcome.reason.empty() ? "keyframe " + std::to_string(outcome.keyframe.value) : outcome.reason);
+  const auto client = clients_.find(client_name);
+  if (client == clients_.end()) return;
+  client->second.offer_gate.decide(session, std::move(outcome));
+  write_verdicts(client->second);
+}
+
+void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics) {
+  MapEntry* entry = maps_.find(map);
+  if (entry == nullptr) return;
+  entry->snapshot = snapshot;
+  entry->statistics = statistics;
+  info_due_[map] = true;
+  {
+    const std::scoped_lock lock(mutex_);
+    published_[map] = snapshot;
+  }
+  for (auto& [name, client] : clients_) {
+    const auto feed = client.feeds.find(map);
+    if (feed != client.feeds.end()) {
+      feed->second.update(snapshot);
+    } else if (client.wanted.contains(map)) {
+      open_wanted_feeds(client);
+    }
+  }
+}
+
+void Switchboard::write_verdicts(Client& client) {
+  if (!client.writers || !client.offer_gate.session()) return;
+  report(client.writers->offers.write(client.offer_gate.verdict(client.id)), "OfferVerdict");
+  if (client.seed_gate.verdict().command.seq != 0) {
+    report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
+  }
+}
+
+void Switchboard::tell_all(const wire::MapInfo& info) {
+  info_due_.erase(info.map);
+  for (auto& [name, client] : clients_) {
+    if (client.writers) report(client.writers->maps.write(info), "MapInfo");
+  }
+}
+
+void Switchboard::report(const Status& written, const char* what) {
+  if (!written) log_->error("{} could not be written: {}", what, written.error().message);
+}
+
+}  // namespace cairn

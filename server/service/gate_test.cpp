@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+
+#include "server/service/command_gate.h"
+#include "server/service/presence.h"
+
+namespace cairn {
+namespace {
+
+constexpr unsigned kSeed = 90125;
+constexpr SessionId kSession{42};
+
+wire::OfferOutcome outcome(uint64_t seq) {
+  wire::OfferOutcome made;
+  made.seq = seq;
+  return made;
+}
+
+TEST(OfferGate, AppliesEachOfferOnceInOrderHoweverTheyAreRepeatedAndDecided) {
+  std::mt19937 random(kSeed);
+  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  OfferGate gate;
+  gate.enter_session(kSession);
+  std::vector<uint64_t> judged;
+  std::vector<uint64_t> in_work;
+  while (gate.verdict({}).last_decided < 200) {
+    const uint64_t decided = gate.verdict({}).last_decided;
+    const uint64_t seq = std::uniform_int_distribution<uint64_t>(decided > 3 ? decided - 3 : 0,
+                                                                 decided + OfferGate::kCredit)(random);
+    const auto admission = gate.admit(seq);
+    EXPECT_NE(admission, OfferGate::Admission::kNoCredit);
+    if (admission == OfferGate::Admission::kNew) {
+      judged.push_back(seq);
+      in_work.push_back(seq);
+    }
+    if (!in_work.empty() && random() % 2 == 0) {
+      std::shuffle(in_work.begin(), in_work.end(), random);  // maps work in parallel
+      gate.decide(kSession, outcome(in_work.back()));
+      EXPECT_NE(gate.admit(in_work.back()), OfferGate::Admission::kNew);
+      in_work.pop_back();
+    }
+    ASSERT_LE(in_work.size(), OfferGate::kCredit);
+  }
+  for (size_t i = 0; i < judged.size(); ++i) ASSERT_EQ(judged[i], i + 1);
+  const wire::OfferVerdict verdict = gate.verdict({});
+  ASSERT_EQ(verdict.recent.size(), OfferGate::kRecent);
+  for (size_t i = 1; i < verdict.recent.size(); ++i) {
+    EXPECT_EQ(verdict.recent[i].seq, verdict.recent[i - 1].seq + 1);
+  }
+  EXPECT_EQ(verdict.recent.back().seq, verdict.last_decided);
+}
+
+TEST(OfferGate, WhatIsBeyondTheCreditIsSaidToBe) {
+  OfferGate gate;
+  gate.enter_session(kSession);
+  for (uint64_t seq = 1; seq <= OfferGate::kCredit; ++seq)
+    EXPECT_EQ(gate.admit(seq), OfferGate::Admission::kNew);
+  EXPECT_EQ(gate.admit(OfferGate::kCredit + 1), OfferGate::Admission::kNoCredit);
+  EXPECT_EQ(gate.admit(OfferGate::kCredit + 3), OfferGate::Admission::kGap);
+  EXPECT_EQ(gate.admit(2), OfferGate::Admission::kInFlight);
+}
+
+TEST(OfferGate, ANewSessionCountsAnewAndForgetsLateDecisions) {
+  OfferGate gate;
+  gate.enter_session(kSession);
+  EXPECT_EQ(gate.admit(1), OfferGate::Admission::kNew);
+  gate.enter_session(SessionId{43});
+  gate.decide(kSession, outcome(1));
+  EXPECT_EQ(gate.verdict({}).last_decided, 0U);
+  EXPECT_EQ(gate.verdict({}).session, SessionId{43});
+  EXPECT_EQ(gate.admit(1), OfferGate::Admission::kNew);
+  gate.enter_session(SessionId{43});
+  EXPECT_EQ(gate.admit(1), OfferGate::Admission::kInFlight)
+      << "entering the same session again changes nothing";
+}
+
+TEST(SeedGate, JudgesTheNewestOnceAndRepeatsItsVerdict) {
+  SeedGate gate;
+  gate.enter_session(kSession);
+  EXPECT_EQ(gate.admit(0), SeedGate::Admission::kSuperseded);
+  EXPECT_EQ(gate.admit(3), SeedGate::Admission::kNew) << "seeds superseded before they were sent leave gaps";
+  EXPECT_EQ(gate.admit(3), SeedGate::Admission::kInFlight);
+  EXPECT_EQ(gate.admit(2), SeedGate::Admission::kSuperseded);
+  wire::SeedVerdict verdict;
+  verdict.command = {kSession, 3};
+  verdict.reason = "no parallax";
+  EXPECT_TRUE(gate.decide(verdict));
+  EXPECT_EQ(gate.admit(3), SeedGate::Admission::kRepeated);
+  EXPECT_EQ(gate.verdict().reason, "no parallax");
+  EXPECT_EQ(gate.admit(4), SeedGate::Admission::kNew);
+  EXPECT_FALSE(gate.decide(verdict)) << "of a seed that has been superseded";
+}
+
+constexpr wire::PublicationHandle kFirst{100};
+constexpr wire::PublicationHandle kSecond{200};
+
+TEST(Presence, ASecondLiveProcessUnderOneNameIsAnIntruder) {
+  Presence presence;
+  MonotonicTime now{};
+  EXPECT_EQ(presence.heard("anna", kSession, kFirst, now), Presence::Standing::kNewHolder);
+  EXPECT_EQ(presence.heard("anna", kSession, kFirst, now), Presence::Standing::kHolder);
+  EXPECT_EQ(presence.heard("anna", SessionId{43}, kSecond, now), Presence::Standing::kIntruder);
+  EXPECT_EQ(presence.heard("bob", SessionId{43}, kSecond, now), Presence::Standing::kNewHolder);
+  EXPECT_TRUE(presence.holds("anna", kSession));
+  EXPECT_FALSE(presence.holds("anna", SessionId{43}));
+  EXPECT_FALSE(presence.holds("carl", kSession));
+  EXPECT_EQ(presence.live_count(now), 2);
+}
+
+TEST(Presence, TheSameProcessMayMatchAnewOrBeginAnotherSession) {
+  Presence presence;
+  MonotonicTime now{};
+  (void)presence.heard("anna", kSession, kFirst, now);
+  EXPECT_EQ(presence.heard("anna", kSession, kSecond, now), Presence::Standing::kHolder);
+  EXPECT_EQ(presence.heard("anna", SessionId{43}, kSecond, now), Presence::Standing::kNewHolder);
+  EXPECT_TRUE(presence.holds("anna", SessionId{43}));
+}
+
+TEST(Presence, TheNameIsFreeWhenItsHolderIsSilentOrGone) {
+  Presence presence;
+  MonotonicTime now{};
+  (void)presence.heard("anna", kSession, kFirst, now);
+  now += Presence::kSilence - std::chrono::milliseconds(1);
+  EXPECT_EQ(presence.heard("anna", SessionId{43}, kSecond, now), Presence::Standing::kIntruder)
+      << "and an intruder does not keep the name alive";
+  now += std::chrono::milliseconds(1);
+  EXPECT_EQ(presence.live_count(now), 0);
+  EXPECT_EQ(presence.heard("anna", SessionId{43}, kSecond, now), Presence::Standing::kNewHolder);
+  presence.gone("anna");
+  EXPECT_EQ(presence.heard("anna", SessionId{44}, kFirst, now), Presence::Standing::kNewHolder);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/wire/log_redirect.h"
+#include "common/wire/participant.h"
+#include "server/service/server_options.h"
+#include "server/service/service.h"
+
+namespace {
+
+/// SIGINT and SIGTERM, blocked here and in every thread begun later.
+sigset_t block_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  return signals;
+}
+
+int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
+  const auto log = cairn::make_logger("cairn-server", options.verbosity);
+  const cairn::wire::LogRedirect middleware_log(log);
+  cairn::ServiceOptions service;
+  service.domain = options.domain;
+  service.listen = options.listen;
+  service.profile = options.profile;
+  service.seed = options.seed;
+  service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
+  cairn::name_this_start(&service);
+  auto running = cairn::Service::start(service, log);
+  if (!running) {
+    std::fprintf(stderr, "cairn-server: %s\n", running.error().message.c_str());
+    return cairn::exit_code(running.error().code);
+  }
+  std::fprintf(stderr, "cairn-server: ready on domain %d, UDP port %d, profile %s\n", options.domain,
+               int{cairn::wire::server_port(static_cast<uint32_t>(options.domain))}, options.profile.c_str());
+  int signal = 0;
+  sigwait(&signals, &signal);
+  log->info("stopping");
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    const sigset_t signals = block_signals();  // before any thread
+    const auto parsed = cairn::parse_server_options({argv + 1, argv + argc});
+    if (const auto* exit = std::get_if<cairn::EarlyExit>(&parsed)) {
+      std::fputs(exit->text.c_str(), exit->code == 0 ? stdout : stderr);
+      return exit->code;
+    }
+    return serve(std::get<cairn::ServerOptions>(parsed), signals);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "cairn-server: internal error: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/map_array.h"
+
+#include <algorithm>
+
+namespace cairn {
+namespace {
+
+std::mt19937_64 make_generator(uint64_t seed) {
+  if (seed != 0) return std::mt19937_64(seed);
+  std::random_device device;
+  std::seed_seq sequence{device(), device(), device(), device(), device(), device(), device(), device()};
+  return std::mt19937_64(sequence);
+}
+
+}  // namespace
+
+MapArray::MapArray(uint64_t seed) : random_(make_generator(seed)) {}
+
+MapId MapArray::next_id() {
+  MapId id;
+  for (size_t half = 0; half < 2; ++half) {
+    const uint64_t bits = random_();
+    for (size_t i = 0; i < 8; ++i) id.bytes[8 * half + i] = static_cast<uint8_t>(bits >> (8 * i));
+  }
+  return id;
+}
+
+bool MapArray::is_free(const std::string& name) const {
+  return std::none_of(maps_.begin(), maps_.end(),
+                      [&](const auto& entry) { return entry.second.name == name; });
+}
+
+std::string MapArray::free_name(const std::string& wish) const {
+  const bool wished = is_valid_name(wish);
+  if (wished && is_free(wish)) return wish;
+  const std::string stem = (wished ? wish.substr(0, 24) : "map") + "-";
+  // Someone's map-2 may stand among ours: count up until a name is free.
+  for (uint64_t number = wished ? 2 : 1;; ++number) {
+    std::string name = stem + std::to_string(number);
+    if (is_free(name)) return name;
+  }
+}
+
+MapEntry* MapArray::find(MapId map) {
+  const auto it = maps_.find(map);
+  return it == maps_.end() ? nullptr : &it->second;
+}
+
+size_t MapArray::live_count() const {
+  return static_cast<size_t>(std::count_if(
+      maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.snapshot != nullptr; }));
+}
+
+wire::MapInfo make_map_info(MapId map, const MapEntry& entry) {
+  wire::MapInfo info;
+  info.map = map;
+  info.name = entry.name;
+  info.epoch = entry.snapshot->epoch;
+  info.revision = entry.snapshot->revision;
+  info.keyframes = static_cast<uint32_t>(entry.snapshot->keyframe_count());
+  info.points = static_cast<uint32_t>(entry.snapshot->point_count());
+  info.bounds_min = entry.statistics.bounds_min;
+  info.bounds_max = entry.statistics.bounds_max;
+  info.plane_aligned = entry.plane_aligned;
+  info.metric = entry.snapshot->metric;
+  info.right = wire::MapRight::kWrite;
+  return info;
+}
+
+}  // namespace cairn

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <memory>
+#include <random>
+#include <string>
+
+#include "common/map/snapshot.h"
+#include "common/wire/messages.h"
+#include "server/service/map_runner.h"
+
+namespace cairn {
+
+/// One map of the server as its I/O thread sees it.
+struct MapEntry {
+  std::string name;
+  std::shared_ptr<MapRunner> runner;  ///< null: fed from outside, takes no keyframes
+  MapSnapshotPtr snapshot;            ///< null while its seed is being judged
+  MapStatistics statistics;
+  bool plane_aligned = false;
+};
+
+/// The maps by id; gives out ids and names. With a seed, ids are the same on every run; without, they are
+/// random. Used from one thread.
+class MapArray {
+ public:
+  explicit MapArray(uint64_t seed);
+
+  [[nodiscard]] MapId next_id();
+  /// The wished name if it is valid (is_valid_name) and free, else that with a number, else the first free of
+  /// map-1, map-2, ...
+  [[nodiscard]] std::string free_name(const std::string& wish) const;
+
+  MapEntry& add(MapId map, MapEntry entry) {
+    return maps_.insert_or_assign(map, std::move(entry)).first->second;
+  }
+  void remove(MapId map) { maps_.erase(map); }
+  [[nodiscard]] MapEntry* find(MapId map);
+  [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
+  /// Those that have been made.
+  [[nodiscard]] size_t live_count() const;
+
+ private:
+  [[nodiscard]] bool is_free(const std::string& name) const;
+
+  std::mt19937_64 random_;
+  std::map<MapId, MapEntry> maps_;
+};
+
+/// What clients are told of a map that has been made.
+[[nodiscard]] wire::MapInfo make_map_info(MapId map, const MapEntry& entry);
+
+}  // namespace cairn

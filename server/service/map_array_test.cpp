@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/map_array.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "server/service/client.h"
+
+namespace cairn {
+namespace {
+
+TEST(MapArray, IdsFollowTheSeedAndAreRandomWithout) {
+  MapArray first(7);
+  MapArray second(7);
+  MapArray other(8);
+  MapArray random(0);
+  MapArray random_too(0);
+  std::set<MapId> seen;
+  for (int i = 0; i < 100; ++i) {
+    const MapId id = first.next_id();
+    EXPECT_EQ(id, second.next_id());
+    for (const MapId each : {id, other.next_id(), random.next_id(), random_too.next_id()}) {
+      EXPECT_TRUE(static_cast<bool>(each));
+      EXPECT_TRUE(seen.insert(each).second) << "id twice";
+    }
+  }
+}
+
+TEST(MapArray, NamesAreUniqueAndAWishIsGrantedWhenItCanBe) {
+  MapArray maps(1);
+  const auto take = [&maps](const std::string& wish) {
+    const std::string name = maps.free_name(wish);
+    maps.add(maps.next_id(), MapEntry{name, {}, {}, {}, {}});
+    return name;
+  };
+  EXPECT_EQ(take(""), "map-1");
+  EXPECT_EQ(take("desk"), "desk");
+  EXPECT_EQ(take("desk"), "desk-2");
+  EXPECT_EQ(take("map-2"), "map-2");
+  EXPECT_EQ(take(""), "map-3");
+  EXPECT_EQ(take("../../etc"), "map-4") << "not a name";
+  const std::string longest(32, 'a');
+  EXPECT_EQ(take(longest), longest);
+  EXPECT_TRUE(is_valid_name(take(longest)));
+}
+
+TEST(MapArray, ARefusedSeedGivesItsNameBack) {
+  MapArray maps(1);
+  const MapId id = maps.next_id();
+  maps.add(id, MapEntry{maps.free_name(""), {}, {}, {}, {}});
+  EXPECT_EQ(maps.live_count(), 0U) << "not made yet";
+  maps.remove(id);
+  EXPECT_EQ(maps.free_name(""), "map-1");
+  EXPECT_EQ(maps.find(id), nullptr);
+}
+
+TEST(CameraList, KeepsFewAndRefusesTheUnusable) {
+  CameraList cameras;
+  wire::CameraMessage message;
+  message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
+  for (uint32_t version = 1; version <= 3; ++version) {
+    message.version = version;
+    EXPECT_TRUE(cameras.put(message));
+  }
+  EXPECT_EQ(cameras.find(0, 1), nullptr) << "two versions are kept";
+  EXPECT_NE(cameras.find(0, 2), nullptr);
+  EXPECT_NE(cameras.find(0, 3), nullptr);
+  message.parameters.values[0] = -1;
+  EXPECT_FALSE(cameras.put(message));
+  message.parameters.values[0] = 500;
+  int taken = 1;
+  for (uint32_t camera = 1; camera < 100; ++camera) {
+    message.camera = camera;
+    taken += cameras.put(message) ? 1 : 0;
+  }
+  EXPECT_EQ(taken, 8);
+}
+
+}  // namespace
+}  // namespace cairn

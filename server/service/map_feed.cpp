@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/map_feed.h"
+
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+
+Result<MapFeed> MapFeed::create(const wire::Participant& participant, const std::string& client, MapId map,
+                                Logger log) {
+  const std::string partition = wire::map_partition(client, map);
+  auto patches = wire::Writer<wire::PointPatches>::create(participant, partition);
+  if (!patches) return tl::unexpected(patches.error());
+  auto positions = wire::Writer<wire::PointPositions>::create(participant, partition);
+  if (!positions) return tl::unexpected(positions.error());
+  auto keyframes = wire::Writer<wire::KeyframePoses>::create(participant, partition);
+  if (!keyframes) return tl::unexpected(keyframes.error());
+  auto commits = wire::Writer<wire::MapCommit>::create(participant, partition);
+  if (!commits) return tl::unexpected(commits.error());
+  return MapFeed({std::move(*patches), std::move(*positions), std::move(*keyframes), std::move(*commits)},
+                 std::move(log));
+}
+
+std::optional<MonotonicTime> MapFeed::deadline() const {
+  return progress_ ? MonotonicTime::min() : publisher_.deadline();
+}
+
+void MapFeed::work(MonotonicTime now) {
+  if (!progress_) {
+    std::optional<Burst> burst = publisher_.next(now);
+    if (!burst) return;
+    progress_ = Progress{std::move(*burst), 0};
+  }
+  const Burst& burst = progress_->burst;
+  const size_t blocks = burst.keyframes.size() + burst.patches.size() + burst.positions.size();
+  Status written;
+  for (size_t i = 0; written && i < kBlocksPerTurn && progress_->written < blocks; ++i) {
+    written = write_block(burst, progress_->written++);
+  }
+  if (written && progress_->written == blocks) {
+    written = writers_.commits.write(burst.commit);
+    progress_.reset();
+  }
+  if (!written) {
+    log_->error("a revision of a map could not be written: {}", written.error().message);
+    progress_.reset();
+  }
+}
+
+Status MapFeed::write_block(const Burst& burst, size_t index) {
+  if (index < burst.keyframes.size()) {
+    return writers_.keyframes.write({burst.map, burst.epoch, *burst.keyframes[index]});
+  }
+  index -= burst.keyframes.size();
+  if (index < burst.patches.size())
+    return writers_.patches.write({burst.map, burst.epoch, *burst.patches[index]});
+  index -= burst.patches.size();
+  return writers_.positions.write({burst.map, burst.epoch, *burst.positions[index]});
+}
+
+}  // namespace cairn

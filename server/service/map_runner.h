@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+
+#include "common/base/log.h"
+#include "common/base/result.h"
+#include "common/wire/messages.h"
+#include "server/mapping/map_maker.h"
+#include "server/service/serial_queue.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+
+/// A seed as it came in: the images are decoded on the map's queue.
+struct SeedJob {
+  SeedInput input;  ///< without images
+  wire::ImageMessage first_image;
+  wire::ImageMessage second_image;
+  bool lockstep = false;
+};
+
+struct OfferJob {
+  KeyframeInput input;  ///< without image
+  Epoch epoch;
+  wire::ImageMessage image;
+  bool lockstep = false;
+};
+
+/// The server's word on an offer, without its place in the client's stream.
+struct OfferJudgement {
+  wire::OfferDecision decision = wire::OfferDecision::kAccepted;
+  std::string reason;
+  KeyframeId keyframe;
+  Revision revision;
+};
+
+/// Grey image of a message, or why not (size other than stated, not an image).
+[[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
+
+/// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
+/// them); global adjustments run on a copy in the other lane and are adopted on the queue. Callbacks are made
+/// on the queue. A lockstep job is answered only when the work it causes, global adjustment included, is
+/// finished on the queue's thread. Thread-safe; tasks keep it alive.
+class MapRunner : public std::enable_shared_from_this<MapRunner> {
+ public:
+  struct Lanes {
+    WorkerPool& urgent;
+    WorkerPool& background;
+  };
+  /// A new state of the map: `snapshot` has grown a revision.
+  using Changed = std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics)>;
+  /// `snapshot` is null when the seed was refused.
+  using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
+  using OfferDone = std::function<void(OfferJudgement judgement)>;
+
+  MapRunner(Lanes lanes, const MapMakerOptions& options, Changed changed, Logger log);
+
+  /// Makes the map; to be called once, before anything else.
+  void start(SeedJob job, SeedDone done);
+  void offer(OfferJob job, OfferDone done);
+  /// Ends upkeep as soon as possible; what waits is dropped without an answer. Does not wait.
+  void stop() { stopping_ = true; }
+
+ private:
+  [[nodiscard]] Result<SeedResult> make_map(SeedJob job);
+  [[nodiscard]] OfferJudgement judge(OfferJob job);
+  void schedule_upkeep();
+  void do_upkeep();
+  void begin_global_adjustment();
+  void finish_all_work();
+  void publish();
+
+  WorkerPool& background_;
+  SerialQueue queue_;
+  MapMakerOptions options_;
+  Changed changed_;
+  Logger log_;
+  std::atomic<bool> stopping_{false};
+  std::atomic<int> waiting_offers_{0};
+
+  // What follows belongs to the queue.
+  std::unique_ptr<MapMaker> maker_;
+  MapSnapshotPtr published_;
+  bool upkeep_scheduled_ = false;
+  bool adjusting_globally_ = false;
+};
+
+}  // namespace cairn

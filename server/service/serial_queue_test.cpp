@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/serial_queue.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <stdexcept>
+#include <vector>
+
+namespace cairn {
+namespace {
+
+constexpr std::chrono::seconds kDeadline{60};
+
+/// Set by the last task; waiting has a deadline.
+class Done {
+ public:
+  void set() { promise_.set_value(); }
+  [[nodiscard]] bool wait() { return future_.wait_for(kDeadline) == std::future_status::ready; }
+
+ private:
+  std::promise<void> promise_;
+  std::future<void> future_ = promise_.get_future();
+};
+
+TEST(SerialQueue, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
+  constexpr int kQueues = 16;
+  constexpr int kTasks = 2000;
+  struct Map {
+    std::vector<int> order;  // not synchronised: the queue is
+    std::atomic<int> inside{0};
+  };
+  std::vector<Map> maps(kQueues);
+  std::atomic<int> left{kQueues * kTasks};
+  std::atomic<bool> overlap{false};
+  Done done;
+  WorkerPool pool(4, 0, null_logger());
+  std::vector<SerialQueue> queues;
+  for (int q = 0; q < kQueues; ++q) queues.emplace_back(pool);
+  for (int t = 0; t < kTasks; ++t) {
+    for (size_t q = 0; q < kQueues; ++q) {
+      queues[q].post([&, q, t] {
+        if (maps[q].inside.fetch_add(1) != 0) overlap = true;
+        maps[q].order.push_back(t);
+        maps[q].inside.fetch_sub(1);
+        if (left.fetch_sub(1) == 1) done.set();
+      });
+    }
+  }
+  ASSERT_TRUE(done.wait());
+  EXPECT_FALSE(overlap);
+  for (const Map& map : maps) {
+    ASSERT_EQ(map.order.size(), static_cast<size_t>(kTasks));
+    EXPECT_TRUE(std::is_sorted(map.order.begin(), map.order.end()));
+  }
+}
+
+TEST(SerialQueue, DifferentQueuesRunInParallel) {
+  WorkerPool pool(2, 0, null_logger());
+  SerialQueue first(pool);
+  SerialQueue second(pool);
+  Done first_inside;
+  Done finished;
+  std::atomic<bool> met{false};
+  first.post([&] {
+    first_inside.set();
+    met = finished.wait();  // only the other queue's task ends this
+  });
+  second.post([&] {
+    (void)first_inside.wait();
+    finished.set();
+  });
+  Done end;
+  first.post([&] { end.set(); });
+  ASSERT_TRUE(end.wait());
+  EXPECT_TRUE(met);
+}
+
+TEST(SerialQueue, ATaskThatPostsComesAfterWhatWaits) {
+  WorkerPool pool(2, 0, null_logger());
+  SerialQueue queue(pool);
+  std::vector<int> order;
+  Done filled;
+  Done done;
+  queue.post([&] {
+    (void)filled.wait();
+    order.push_back(1);
+    queue.post([&] {
+      order.push_back(3);
+      done.set();
+    });
+  });
+  queue.post([&] { order.push_back(2); });
+  filled.set();
+  ASSERT_TRUE(done.wait());
+  EXPECT_EQ(order, (std::vector<int>{1, 2, 3}));
+}
+
+TEST(SerialQueue, ATaskThatThrowsStopsNeitherTheQueueNorThePool) {
+  WorkerPool pool(1, 0, null_logger());
+  SerialQueue queue(pool);
+  Done done;
+  queue.post([] { throw std::runtime_error("broken"); });
+  queue.post([&] { done.set(); });
+  EXPECT_TRUE(done.wait());
+}
+
+TEST(WorkerPool, TheBackgroundLaneDoesNotHoldUpTheOther) {
+  WorkerPool urgent(1, 0, null_logger());
+  WorkerPool background(1, 10, null_logger());
+  Done release;
+  Done background_end;
+  background.submit([&] {
+    (void)release.wait();
+    background_end.set();
+  });
+  Done urgent_end;
+  urgent.submit([&] { urgent_end.set(); });
+  EXPECT_TRUE(urgent_end.wait());
+  release.set();
+  EXPECT_TRUE(background_end.wait());
+}
+
+TEST(WorkerPool, LoadIsTheShareOfBusyTime) {
+  WorkerPool pool(1, 0, null_logger());
+  Done done;
+  (void)pool.take_load();
+  pool.submit([] {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::milliseconds(50);
+    while (std::chrono::steady_clock::now() < end) {
+    }
+  });
+  pool.submit([&] { done.set(); });
+  ASSERT_TRUE(done.wait());
+  const float load = pool.take_load();
+  EXPECT_GT(load, 0.1F);
+  EXPECT_LE(load, 1.0F);
+}
+
+}  // namespace
+}  // namespace cairn

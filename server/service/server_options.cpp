@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/server_options.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <charconv>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr int kUsageExit = 2;
+constexpr int kConfigurationExit = 3;
+constexpr int kMaxDomain = 230;  // the server's ports, 7400 + 250 domain + ..., end at 65535
+
+constexpr const char* kDescription = "Serves maps to cairn-track clients.";
+constexpr const char* kFooter =
+    "The configuration file is YAML with the names of the long options as keys, e.g. `domain: 3`.\n"
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration\n\n"
+    "Examples:\n"
+    "  cairn-server                                  for trackers on this machine\n"
+    "  cairn-server --profile wifi --listen wlan0    for trackers on a wireless network\n"
+    "  cairn-server --config cairn-server.yaml --domain 7 -v";
+
+/// Values as words, from either source, by option name.
+using Words = std::map<std::string, std::string>;
+
+struct OptionRow {
+  const char* name;
+  const char* type;
+  const char* help;
+  bool available;
+};
+constexpr OptionRow kOptions[] = {
+    {"domain", "N", "DDS domain, 0 to 230 [0]", true},
+    {"listen", "IFACE|ADDR", "network interface or address [by profile]", true},
+    {"profile", "loopback|wifi|FILE", "network profile [loopback]", true},
+    {"seed", "N", "makes all ids reproducible; 0: random [0]", true},
+    {"store", "DIR", "keeps maps across restarts", false},
+    {"security", "DIR", "DDS Security files", false},
+    {"http", "ADDR:PORT", "dashboard, health and metrics", false},
+};
+
+std::vector<std::string> option_names(const std::string& prefix) {
+  std::vector<std::string> names;
+  for (const OptionRow& row : kOptions) names.push_back(prefix + row.name);
+  return names;
+}
+
+EarlyExit complaint(int code, const std::string& message) {
+  return {code, "cairn-server: " + message + "\ncairn-server --help lists all options\n"};
+}
+
+std::string did_you_mean(const std::string& nearest) {
+  return nearest.empty() ? "" : "; did you mean " + nearest + "?";
+}
+
+template <typename Number>
+std::optional<Number> to_number(const std::string& text) {
+  Number value{};
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (problem != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+Result<Words> read_configuration(const std::string& path) {
+  YAML::Node root;
+  try {
+    root = YAML::LoadFile(path);
+  } catch (const YAML::BadFile&) {
+    return fail(ErrorCode::kConfiguration, path + ": cannot be read");
+  } catch (const YAML::Exception& problem) {
+    return fail(ErrorCode::kConfiguration, path + ": " + problem.what());
+  }
+  Words words;
+  if (root.IsNull()) return words;
+  if (!root.IsMap()) return fail(ErrorCode::kConfiguration, path + ": expected `key: value` lines");
+  for (const auto& entry : root) {
+    const std::string at = path + ":" + std::to_string(entry.first.Mark().line + 1) + ": ";
+    if (!entry.first.IsScalar() || !entry.second.IsScalar()) {
+      return fail(ErrorCode::kConfiguration, at + "expected `key: value`");
+    }
+    const auto key = entry.first.as<std::string>();
+    const auto valid = option_names("");
+    if (std::find(valid.begin(), valid.end(), key) == valid.end()) {
+      return fail(ErrorCode::kConfiguration,
+                  at + "unknown key '" + key + "'" + did_you_mean(nearest_word(key, valid)));
+    }
+    if (!words.emplace(key, entry.second.as<std::string>()).second) {
+      return fail(ErrorCode::kConfiguration, at + "'" + key + "' is there twice");
+    }
+  }
+  return words;
+}
+
+/// `words` has only names of kOptions.
+Result<ServerOptions> translate(const Words& words) {
+  ServerOptions options;
+  for (const auto& [name, value] : words) {
+    const auto refuse = [&name = name, &value = value](const std::string& why) {
+      return fail(ErrorCode::kUsage, name + " '" + value + "': " + why);
+    };
+    const auto row = std::find_if(std::begin(kOptions), std::end(kOptions),
+                                  [&name = name](const OptionRow& r) { return name == r.name; });
+    if (!row->available) return refuse("not available yet in this version");
+    if (value.empty()) return refuse("needs a value");
+    if (name == "domain") {
+      const auto domain = to_number<int>(value);
+      if (!domain || *domain < 0 || *domain > kMaxDomain) return refuse("expected a number from 0 to 230");
+      options.domain = *domain;
+    } else if (name == "seed") {
+      const auto seed = to_number<uint64_t>(value);
+      if (!seed) return refuse("expected a number from 0 on");
+      options.seed = *seed;
+    } else if (name == "listen") {
+      options.listen = value;
+    } else if (name == "profile") {
+      options.profile = value;
+    }
+  }
+  return options;
+}
+
+std::variant<ServerOptions, EarlyExit> merge(const Words& from_line, const std::string& config,
+                                             int verbosity) {
+  Words words;
+  if (!config.empty()) {
+    Result<Words> from_file = read_configuration(config);
+    if (!from_file) return complaint(kConfigurationExit, from_file.error().message);
+    // Judged by itself, so that the complaint tells where the mistake is.
+    if (const auto judged = translate(*from_file); !judged) {
+      const bool unavailable = judged.error().message.find("not available yet") != std::string::npos;
+      return complaint(unavailable ? kUsageExit : kConfigurationExit, config + ": " + judged.error().message);
+    }
+    words = std::move(*from_file);
+  }
+  for (const auto& [name, value] : from_line) words.insert_or_assign(name, value);
+  Result<ServerOptions> options = translate(words);
+  if (!options) return complaint(kUsageExit, "--" + options.error().message);
+  options->verbosity = verbosity;
+  return *options;
+}
+
+EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
+  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
+  if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
+    return {0, std::string(error.what()) + "\n"};
+  const auto unknown = app.remaining();
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
+    const std::string word = unknown.front().substr(0, unknown.front().find('='));
+    return complaint(kUsageExit, "unknown argument '" + unknown.front() + "'" +
+                                     did_you_mean(nearest_word(word, option_names("--"))));
+  }
+  return complaint(kUsageExit, error.what());
+}
+
+}  // namespace
+
+std::string nearest_word(std::string_view word, const std::vector<std::string>& valid) {
+  std::string nearest;
+  size_t least = word.size() / 2 + 1;
+  for (const std::string& candidate : valid) {
+    std::vector<size_t> row(candidate.size() + 1);
+    std::iota(row.begin(), row.end(), size_t{0});
+    for (size_t i = 0; i < word.size(); ++i) {
+      size_t diagonal = std::exchange(row[0], i + 1);
+      for (size_t j = 0; j < candidate.size(); ++j) {
+        const size_t replaced = diagonal + (word[i] == candidate[j] ? 0 : 1);
+        diagonal = row[j + 1];
+        row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+      }
+    }
+    if (row.back() >= least) continue;
+    least = row.back();
+    nearest = candidate;
+  }
+  return nearest;
+}
+
+std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments) {
+  CLI::App app(kDescription, "cairn-server");
+  app.footer(kFooter);
+  std::string config;
+  bool verbose = false;
+  bool quiet = false;
+  Words words;
+  app.add_option("--config", config, "settings; what the command line says wins")->type_name("FILE");
+  for (const OptionRow& row : kOptions) {
+    const std::string help = row.available ? row.help : std::string(row.help) + " (not available yet)";
+    app.add_option_function<std::string>(
+           std::string("--") + row.name,
+           [&words, &row](const std::string& value) { words[row.name] = value; }, help)
+        ->type_name(row.type);
+  }
+  app.add_flag("-v,--verbose", verbose, "more words");
+  app.add_flag("-q,--quiet", quiet, "warnings only");
+  app.set_version_flag("--version", "cairn-server " CAIRN_VERSION);
+  std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them from the back
+  try {
+    app.parse(std::move(arguments));
+  } catch (const CLI::ParseError& error) {
+    return parse_exit(app, error);
+  }
+  return merge(words, config, (verbose ? 1 : 0) - (quiet ? 1 : 0));
+}
+
+}  // namespace cairn

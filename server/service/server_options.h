@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace cairn {
+
+/// The command line of cairn-server (DESIGN 10) merged with its configuration file; the command line wins.
+struct ServerOptions {
+  int domain = 0;
+  std::string listen;  ///< interface or address; empty: by profile
+  std::string profile = "loopback";
+  uint64_t seed = 0;  ///< 0: ids are random
+  int verbosity = 0;
+};
+
+/// The process is to end at once: with help on stdout (code 0) or a complaint on stderr.
+struct EarlyExit {
+  int code = 0;
+  std::string text;
+};
+
+/// Reads `arguments` (without the program's name). Unknown options and keys are refused with the nearest
+/// valid one named; what the contract has and this version not is refused only when used.
+[[nodiscard]] std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments);
+
+/// The word of `valid` nearest to `word` (Levenshtein), if any is near enough to be what was meant; else
+/// empty.
+[[nodiscard]] std::string nearest_word(std::string_view word, const std::vector<std::string>& valid);
+
+}  // namespace cairn

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/server_options.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+
+namespace cairn {
+namespace {
+
+using testing::HasSubstr;
+
+ServerOptions accepted(const std::vector<std::string>& arguments) {
+  const auto parsed = parse_server_options(arguments);
+  if (const auto* exit = std::get_if<EarlyExit>(&parsed)) {
+    ADD_FAILURE() << exit->text;
+    return {};
+  }
+  return std::get<ServerOptions>(parsed);
+}
+
+EarlyExit refused(const std::vector<std::string>& arguments) {
+  const auto parsed = parse_server_options(arguments);
+  if (const auto* exit = std::get_if<EarlyExit>(&parsed)) return *exit;
+  ADD_FAILURE() << "was taken";
+  return {};
+}
+
+class ServerOptionsTest : public testing::Test {
+ protected:
+  ~ServerOptionsTest() override { std::filesystem::remove(path_); }
+  std::string configuration(const std::string& text) {
+    std::ofstream(path_) << text;
+    return path_;
+  }
+  std::string path_ = testing::TempDir() + "cairn-server-options-" + std::to_string(getpid()) + ".yaml";
+};
+
+TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
+  const ServerOptions options = accepted({});
+  EXPECT_EQ(options.domain, 0);
+  EXPECT_EQ(options.profile, "loopback");
+  EXPECT_EQ(options.seed, 0U);
+}
+
+TEST_F(ServerOptionsTest, TheCommandLineWinsOverTheFile) {
+  const auto path = configuration("domain: 7\nprofile: wifi\nseed: 12345678901234567890\n");
+  const ServerOptions options = accepted({"--config", path, "--domain=9", "-v"});
+  EXPECT_EQ(options.domain, 9);
+  EXPECT_EQ(options.profile, "wifi");
+  EXPECT_EQ(options.seed, 12345678901234567890U);
+  EXPECT_EQ(options.verbosity, 1);
+}
+
+TEST_F(ServerOptionsTest, MistakesOnTheCommandLineNameTheRemedy) {
+  EXPECT_EQ(refused({"--domian", "3"}).code, 2);
+  EXPECT_THAT(refused({"--domian", "3"}).text, HasSubstr("did you mean --domain?"));
+  EXPECT_EQ(refused({"--domain", "231"}).code, 2);
+  EXPECT_THAT(refused({"--domain", "many"}).text, HasSubstr("0 to 230"));
+  EXPECT_THAT(refused({"--seed", "-1"}).text, HasSubstr("seed"));
+  EXPECT_EQ(refused({"--profile"}).code, 2);
+}
+
+TEST_F(ServerOptionsTest, MistakesInTheFileNameLineAndRemedy) {
+  const EarlyExit unknown = refused({"--config", configuration("domain: 1\nprofil: wifi\n")});
+  EXPECT_EQ(unknown.code, 3);
+  EXPECT_THAT(unknown.text, HasSubstr(":2: unknown key 'profil'; did you mean profile?"));
+  EXPECT_EQ(refused({"--config", configuration("domain: x\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", configuration("domain: [1]\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", configuration("- domain\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", configuration("domain: {\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", configuration("seed: 1\nseed: 2\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", path_ + ".missing"}).code, 3);
+  EXPECT_EQ(accepted({"--config", configuration("")}).domain, 0);
+}
+
+TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
+  for (const std::string name : {"store", "security", "http"}) {
+    const EarlyExit exit = refused({"--" + name, "x"});
+    EXPECT_EQ(exit.code, 2);
+    EXPECT_THAT(exit.text, HasSubstr("--" + name));
+    EXPECT_THAT(exit.text, HasSubstr("not available yet"));
+    EXPECT_EQ(refused({"--config", configuration(name + ": x\n")}).code, 2);
+  }
+}
+
+TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
+  const EarlyExit help = refused({"--help"});
+  EXPECT_EQ(help.code, 0);
+  for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
+                           "--security", "--http", "--seed"}) {
+    EXPECT_THAT(help.text, HasSubstr(word));
+  }
+  EXPECT_EQ(refused({"--version"}).code, 0);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/service.h"
+
+#include <chrono>
+#include <random>
+#include <utility>
+
+#include "common/wire/participant.h"
+#include "server/service/switchboard.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kBackgroundNice = 10;
+
+}  // namespace
+
+void name_this_start(ServiceOptions* options) {
+  std::random_device device;
+  for (uint8_t& byte : options->server.bytes) byte = static_cast<uint8_t>(device());
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  options->start_count =
+      static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
+}
+
+/// In order of destruction: the switchboard takes nothing more, the lanes end (running work may still call
+/// it), then it goes.
+struct Service::State {
+  State(int workers, const Logger& log) : urgent(workers, 0, log), background(1, kBackgroundNice, log) {}
+  ~State() {
+    if (switchboard) switchboard->stop();
+  }
+  std::unique_ptr<Switchboard> switchboard;
+  WorkerPool urgent;
+  WorkerPool background;
+};
+
+Service::Service(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Service::~Service() = default;
+
+Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, Logger log) {
+  if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain)) {
+    return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  }
+  auto state = std::make_unique<State>(options.workers, log);
+  auto switchboard = Switchboard::start(options, {state->urgent, state->background}, std::move(log));
+  if (!switchboard) return tl::unexpected(switchboard.error());
+  state->switchboard = std::move(*switchboard);
+  return std::unique_ptr<Service>(new Service(std::move(state)));
+}
+
+void Service::publish(MapSnapshotPtr snapshot) {
+  state_->switchboard->publish(std::move(snapshot));
+}
+
+std::vector<MapSnapshotPtr> Service::maps() const {
+  return state_->switchboard->maps();
+}
+
+}  // namespace cairn

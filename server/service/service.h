@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/base/result.h"
+#include "common/map/snapshot.h"
+#include "server/mapping/map_maker.h"
+
+namespace cairn {
+
+struct ServiceOptions {
+  int domain = 0;
+  std::string listen;  ///< interface or address; empty: by profile
+  std::string profile = "loopback";
+  uint64_t seed = 0;         ///< of map ids; 0: random
+  ServerId server;           ///< new with every start (there is no store)
+  uint64_t start_count = 1;  ///< larger with every start: the epoch of the maps made in it
+  int workers = 2;           ///< of the urgent lane
+  MapMakerOptions mapping;
+  int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
+};
+
+/// A random ServerId and a start count from the wall clock, for servers without a store.
+void name_this_start(ServiceOptions* options);
+
+/// The map service of one DDS domain: from start() until destruction it serves, on threads of its own
+/// (README.md). Thread-safe.
+class Service {
+ public:
+  /// Errors: kUsage (domain), kConfiguration (profile, interface), kRefused (the domain has a server on this
+  /// host).
+  [[nodiscard]] static Result<std::unique_ptr<Service>> start(const ServiceOptions& options, Logger log);
+  /// Answers nothing more and ends running work as soon as possible.
+  ~Service();
+  Service(const Service&) = delete;
+  Service& operator=(const Service&) = delete;
+
+  /// Serves a map that is made elsewhere: `snapshot` is its newest revision. It takes no keyframes.
+  void publish(MapSnapshotPtr snapshot);
+  /// The newest revision of each map, by id.
+  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
+
+ private:
+  struct State;
+  explicit Service(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace cairn

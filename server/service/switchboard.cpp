@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/switchboard.h"
+
+#include <algorithm>
+#include <array>
+#include <exception>
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kTick{200};  // ServerStatus at 5 Hz asserts our liveliness (lease 1 s)
+constexpr int kTicksPerMapInfo = 5;
+constexpr size_t kMaxClients = 256;  // names remembered; those present are never forgotten
+constexpr size_t kMaxFeeds = 16;     // maps per client
+constexpr std::chrono::seconds kNoticeInterval{1};
+
+template <typename Message, typename Use>
+void take_all(wire::Reader<Message>& reader, const Use& use) {
+  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
+    for (wire::Sample<Message>& sample : samples) use(sample);
+  }
+}
+
+bool is_map_topic(std::string_view topic) {
+  const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
+                             wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>()};
+  return std::find(topics.begin(), topics.end(), topic) != topics.end();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& options, Lanes lanes,
+                                                        Logger log) {
+  wire::ParticipantOptions joining;
+  joining.domain = static_cast<uint32_t>(options.domain);
+  joining.role = wire::Role::kServer;
+  joining.listen = options.listen;
+  joining.profile = options.profile;
+  joining.loss_per_mille = options.loss_per_mille;
+  auto participant = wire::Participant::create(joining);
+  if (!participant) return tl::unexpected(participant.error());
+  auto discovered = wire::DiscoveredReaders::create(*participant);
+  if (!discovered) return tl::unexpected(discovered.error());
+  auto cameras = wire::Reader<wire::CameraMessage>::create(*participant, wire::kEveryClient);
+  if (!cameras) return tl::unexpected(cameras.error());
+  auto states = wire::Reader<wire::TrackerStateMessage>::create(*participant, wire::kEveryClient);
+  if (!states) return tl::unexpected(states.error());
+  auto seeds = wire::Reader<wire::MapSeed>::create(*participant, wire::kEveryClient);
+  if (!seeds) return tl::unexpected(seeds.error());
+  auto offers = wire::Reader<wire::KeyframeOffer>::create(*participant, wire::kEveryClient);
+  if (!offers) return tl::unexpected(offers.error());
+  auto waiter = wire::Waiter::create(*participant);
+  if (!waiter) return tl::unexpected(waiter.error());
+  const std::array<const wire::ReaderBase*, 5> readers = {&*discovered, &*cameras, &*states, &*seeds,
+                                                          &*offers};
+  for (const wire::ReaderBase* reader : readers) {
+    if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
+  }
+  return std::unique_ptr<Switchboard>(
+      new Switchboard(options, lanes, std::move(*participant),
+                      {std::move(*discovered), std::move(*cameras), std::move(*states), std::move(*seeds),
+                       std::move(*offers), std::move(*waiter)},
+                      std::move(log)));
+}
+
+Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant,
+                         Readers readers, Logger log)
+    : options_(options),
+      lanes_(lanes),
+      participant_(std::move(participant)),
+      readers_(std::move(readers)),
+      log_(std::move(log)),
+      maps_(options.seed),
+      next_tick_(steady_clock::now()),
+      thread_([this] { run(); }) {}
+
+void Switchboard::stop() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (std::exchange(stopping_, true)) return;
+    posted_.clear();
+  }
+  readers_.waiter.wake();
+  thread_.join();
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.runner) entry.runner->stop();
+  }
+}
+
+void Switchboard::post(Task task) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (stopping_) return;
+    posted_.push_back(std::move(task));
+  }
+  readers_.waiter.wake();
+}
+
+void Switchboard::publish(MapSnapshotPtr snapshot) {
+  post([this, snapshot = std::move(snapshot)] {
+    if (maps_.find(snapshot->map) == nullptr)
+      maps_.add(snapshot->map, MapEntry{snapshot->name, {}, {}, {}, {}});
+    on_map_changed(snapshot->map, snapshot, {});
+  });
+}
+
+std::vector<MapSnapshotPtr> Switchboard::maps() const {
+  const std::scoped_lock lock(mutex_);
+  std::vector<MapSnapshotPtr> snapshots;
+  for (const auto& [map, snapshot] : published_) snapshots.push_back(snapshot);
+  return snapshots;
+}
+
+void Switchboard::run() {
+  while (true) {
+    readers_.waiter.wait(time_to_wait());
+    {
+      const std::scoped_lock lock(mutex_);
+      if (stopping_) return;
+    }
+    try {
+      run_posted();
+      take_messages();
+      feed_clients();
+      const MonotonicTime now = steady_clock::now();
+      if (now >= next_tick_) tick(now);
+    } catch (const std::exception& problem) {
+      log_->error("internal error: {}", problem.what());  // whatever a peer did: the others are served
+    }
+  }
+}
+
+milliseconds Switchboard::time_to_wait() const {
+  MonotonicTime next = next_tick_;
+  for (const auto& [name, client] : clients_) {
+    for (const auto& [map, feed] : client.feeds) {
+      if (const auto due = feed.deadline()) next = std::min(next, *due);
+    }
+  }
+  const MonotonicTime now = steady_clock::now();
+  return next <= now ? milliseconds(0) : std::chrono::ceil<milliseconds>(next - now);
+}
+
+void Switchboard::run_posted() {
+  std::vector<Task> tasks;
+  {
+    const std::scoped_lock lock(mutex_);
+    tasks.swap(posted_);
+  }
+  for (const Task& task : tasks) task();
+}
+
+void Switchboard::take_messages() {
+  for (const wire::DiscoveredReader& reader : readers_.discovered.take()) on_discovered(reader);
+  take_all(readers_.cameras, [this](const auto& sample) {
+    Client* client = identify(readers_.cameras, sample);
+    if (client == nullptr || !sample.message || client->cameras.put(*sample.message)) return;
+    log_->warn("{}: camera {} refused: unusable numbers, or one camera too many", client->name,
+               sample.message->camera);
+  });
+  take_all(readers_.states, [this](const auto& sample) {
+    if (!sample.message) return on_gone(sample.key.client);
+    if (Client* client = identify(readers_.states, sample))
+      on_state(*client, sample.publication, *sample.message);
+  });
+  take_all(readers_.seeds, [this](auto& sample) {
+    Client* client = identify(readers_.seeds, sample);
+    if (client != nullptr && sample.message) on_seed(*client, std::move(*sample.message));
+  });
+  take_all(readers_.offers, [this](auto& sample) {
+    Client* client = identify(readers_.offers, sample);
+    if (client != nullptr && sample.message) on_offer(*client, std::move(*sample.message));
+  });
+}
+
+void Switchboard::feed_clients() {
+  const MonotonicTime now = steady_clock::now();
+  for (auto& [name, client] : clients_) {
+    for (auto& [map, feed] : client.feeds) feed.work(now);
+  }
+}
+
+void Switchboard::tick(MonotonicTime now) {
+  next_tick_ = now + kTick;
+  wire::ServerStatus status;
+  status.server = options_.server;
+  status.start_count = options_.start_count;
+  status.version = CAIRN_VERSION;
+  status.health = "ok";
+  status.clients = static_cast<uint32_t>(presence_.live_count(now));
+  status.maps = static_cast<uint32_t>(maps_.live_count());
+  status.load = lanes_.urgent.take_load();
+  for (auto& [name, client] : clients_) {
+    if (!client.writers) continue;
+    report(client.writers->status.write(status), "ServerStatus");
+    if (std::exchange(client.repeat_verdicts, false)) write_verdicts(client);
+  }
+  if (++ticks_ % kTicksPerMapInfo != 0) return;
+  for (const auto& [map, due] : std::exchange(info_due_, {})) {
+    if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(map, *entry));
+  }
+}
+
+void Switchboard::on_discovered(const wire::DiscoveredReader& reader) {
+  if (reader.partitions.size() != 1) return;
+  const auto identity = wire::parse_partition(reader.partitions.front());
+  if (!identity) return;
+  Client& client = client_of(identity->client);
+  if (identity->map && is_map_topic(reader.topic)) {
+    int& readers = client.wanted[*identity->map];
+    readers += reader.gone ? -1 : 1;
+    if (readers <= 0) {
+      client.wanted.erase(*identity->map);
+      client.feeds.erase(*identity->map);
+    } else {
+      open_wanted_feeds(client);
+    }
+  } else if (!identity->map && reader.topic == wire::topic_name<wire::ServerStatus>()) {
+    client.status_readers += reader.gone ? -1 : 1;
+    if (client.status_readers == 1 && !reader.gone) connect(client);
+    if (client.status_readers == 0 && reader.gone) disconnect(client);
+  }
+}
+
+Client& Switchboard::client_of(const std::string& name) {
+  const auto [it, is_new] = clients_.try_emplace(name);
+  if (is_new) {
+    it->second.name = name;
+    it->second.id = client_id_from_name(name);
+    it->second.left_at = steady_clock::now();
+    names_[it->second.id] = name;
+    forget_old_clients(name);
+  }
+  return it->second;
+}
+
+void Switchboard::forget_old_clients(const std::string& keep) {
+  while (clients_.size() > kMaxClients) {
+    auto oldest = clients_.end();
+    for (auto it = clients_.begin(); it != clients_.end(); ++it) {
+      if (!it->second.writers && it->first != keep &&
+          (oldest == clients_.end() || it->second.left_at < oldest->second.left_at))
+        oldest = it;
+    }
+    if (oldest == clients_.end()) return;
+    presence_.gone(oldest->first);
+    names_.erase(oldest->second.id);
+    clients_.erase(oldest);
+  }
+}
+
+void Switchboard::connect(Client& client) {
+  auto writers = ClientWriters::create(participant_, client.name);
+  if (!writers) return log_->error("{}: cannot be served: {}", client.name, writers.error().message);
+  client.writers = std::move(*writers);
+  log_->info("{}: connected", client.name);
+  next_tick_ = steady_clock::now();  // the newcomer learns at once who serves it
+  write_verdicts(client);
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.snapshot) report(client.writers->maps.write(make_map_info(map, entry)), "MapInfo");
+  }
+}
+
+void Switchboard::disconnect(Client& client) {
+  log_->info("{}: left", client.name);
+  client.writers.reset();
+  client.left_at = steady_clock::now();
+  presence_.gone(client.name);
+}
+
+void Switchboard::open_wanted_feeds(Client& client) {
+  for (const auto& [map, readers] : client.wanted) {
+    const MapEntry* entry = maps_.find(map);
+    if (entry == nullptr || entry->snapshot == nullptr || client.feeds.contains(map)) continue;
+    if (client.feeds.size() >= kMaxFeeds) return log_->warn("{}: wants too many maps at once", client.name);
+    auto feed = MapFeed::create(participant_, client.name, map, log_);
+    if (!feed)
+      return log_->error("{}: map {} cannot be sent: {}", client.name, entry->name, feed.error().message);
+    feed->update(entry->snapshot);
+    client.feeds.emplace(map, std::move(*feed));
+  }
+}
+
+template <typename Message>
+Client* Switchboard::identify(const wire::Reader<Message>& reader, const wire::Sample<Message>& sample) {
+  const auto partition = reader.partition_of(sample.publication);
+  if (!partition) return nullptr;  // the writer has gone meanwhile
+  const auto identity = wire::parse_partition(*partition);
+  const ClientId claimed = sample.message ? sample.message->client : sample.key.client;
+  if (!identity || identity->map || client_id_from_name(identity->client) != claimed) {
+    refuse_identity(wire::topic_name<Message>(), *partition, claimed);
+    return nullptr;
+  }
+  return &client_of(identity->client);
+}
+
+void Switchboard::refuse_identity(std::string_view topic, const std::string& partition, ClientId claimed) {
+  const MonotonicTime now = steady_clock::now();
+  if (now - identity_logged_ < kNoticeInterval) return;
+  identity_logged_ = now;
+  log_->warn("a {} from partition '{}' claims to be of client {}: refused", topic, partition,
+             to_hex(claimed.bytes));
+}
+
+void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
+                           const wire::TrackerStateMessage& message) {
+  const MonotonicTime now = steady_clock::now();
+  switch (presence_.heard(client.name, message.session, publication, now)) {
+    case Presence::Standing::kIntruder:
+      return tell_intruder(client, message.session, now);
+    case Presence::Standing::kNewHolder:
+      client.offer_gate.enter_session(message.session);
+      client.seed_gate.enter_session(message.session);
+      write_verdicts(client);
+      break;
+    case Presence::Standing::kHolder:
+      break;
+  }
+  const auto feed = client.feeds.find(message.map);
+  if (feed != client.feeds.end()) feed->second.client_has(message.epoch, message.revision);
+}
+
+void Switchboard::on_gone(ClientId id) {
+  const auto name = names_.find(id);
+  if (name == names_.end()) return;
+  log_->debug("{}: its tracker has fallen silent", name->second);
+  presence_.gone(name->second);
+}
+
+void Switchboard::tell_intruder(Client& client, SessionId session, MonotonicTime now) {
+  if (client.intruder_told_at && now - *client.intruder_told_at < kNoticeInterval) return;
+  client.intruder_told_at = now;
+  const std::string reason = "another live process is called '" + client.name + "'; choose another --name";
+  log_->warn("{}: a second process under this name is refused", client.name);
+  if (!client.writers) return;
+  wire::OfferOutcome notice;  // sequence 0: on the process, not on an offer
+  notice.decision = wire::OfferDecision::kNoRight;
+  notice.reason = reason;
+  report(client.writers->offers.write({client.id, session, 0, 0, {notice}}), "OfferVerdict");
+  client.repeat_verdicts = true;
+}
+
+}  // namespace cairn

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/wire/discovered_readers.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+#include "server/service/client.h"
+#include "server/service/map_array.h"
+#include "server/service/presence.h"
+#include "server/service/service.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+
+/// The server's I/O thread and all that belongs to it: readers, clients and their writers, the list of maps.
+/// It takes messages, passes seeds and offers to the queues of their maps and writes what these decide.
+/// Nothing here is shared: other threads call post().
+class Switchboard {
+ public:
+  struct Lanes {
+    WorkerPool& urgent;
+    WorkerPool& background;
+  };
+  [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
+                                                                  Logger log);
+  ~Switchboard() { stop(); }
+  Switchboard(const Switchboard&) = delete;
+  Switchboard& operator=(const Switchboard&) = delete;
+
+  /// Ends the thread and tells the maps to stop. Running work may call post() until its lane has ended:
+  /// outlive the lanes.
+  void stop();
+
+  /// Runs `task` on the I/O thread, soon; dropped once that has ended. Thread-safe.
+  void post(Task task);
+  /// See Service. Thread-safe.
+  void publish(MapSnapshotPtr snapshot);
+  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
+
+ private:
+  struct Readers {
+    wire::DiscoveredReaders discovered;
+    wire::Reader<wire::CameraMessage> cameras;
+    wire::Reader<wire::TrackerStateMessage> states;
+    wire::Reader<wire::MapSeed> seeds;
+    wire::Reader<wire::KeyframeOffer> offers;
+    wire::Waiter waiter;
+  };
+  Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant, Readers readers,
+              Logger log);
+
+  // The loop (switchboard.cpp).
+  void run();
+  [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
+  void run_posted();
+  void take_messages();
+  void feed_clients();
+  void tick(MonotonicTime now);
+
+  // Who is there (switchboard.cpp).
+  void on_discovered(const wire::DiscoveredReader& reader);
+  void connect(Client& client);
+  void disconnect(Client& client);
+  void open_wanted_feeds(Client& client);
+  [[nodiscard]] Client& client_of(const std::string& name);
+  void forget_old_clients(const std::string& keep);
+  void refuse_identity(std::string_view topic, const std::string& partition, ClientId claimed);
+  template <typename Message>
+  [[nodiscard]] Client* identify(const wire::Reader<Message>& reader, const wire::Sample<Message>& sample);
+  void on_state(Client& client, wire::PublicationHandle publication,
+                const wire::TrackerStateMessage& message);
+  void on_gone(ClientId id);
+  void tell_intruder(Client& client, SessionId session, MonotonicTime now);
+
+  // What they want (commands.cpp).
+  void on_seed(Client& client, wire::MapSeed message);
+  void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
+                       const MapSnapshotPtr& snapshot);
+  void on_offer(Client& client, wire::KeyframeOffer message);
+  void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
+  void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
+  void write_verdicts(Client& client);
+  void tell_all(const wire::MapInfo& info);
+  void report(const Status& written, const char* what);
+
+  const ServiceOptions options_;
+  Lanes lanes_;
+  wire::Participant participant_;
+  Readers readers_;
+  Logger log_;
+
+  MapArray maps_;
+  std::map<std::string, Client> clients_;
+  std::map<ClientId, std::string> names_;
+  Presence presence_;
+  std::map<MapId, bool> info_due_;  ///< maps whose MapInfo has changed since it was told
+  MonotonicTime next_tick_;
+  MonotonicTime identity_logged_;
+  int ticks_ = 0;
+
+  mutable std::mutex mutex_;  ///< of what follows
+  std::vector<Task> posted_;
+  std::map<MapId, MapSnapshotPtr> published_;
+  bool stopping_ = false;
+
+  std::thread thread_;
+};
+
+}  // namespace cairn

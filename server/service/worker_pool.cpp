@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/worker_pool.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <exception>
+#include <utility>
+
+namespace cairn {
+
+using std::chrono::steady_clock;
+
+WorkerPool::WorkerPool(int threads, int nice_value, Logger log)
+    : log_(std::move(log)), load_since_(steady_clock::now()) {
+  for (int i = 0; i < threads; ++i) threads_.emplace_back([this, nice_value] { run(nice_value); });
+}
+
+WorkerPool::~WorkerPool() {
+  {
+    const std::scoped_lock lock(mutex_);
+    stopping_ = true;
+    tasks_.clear();
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void WorkerPool::submit(Task task) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (stopping_) return;
+    tasks_.push_back(std::move(task));
+  }
+  wake_.notify_one();
+}
+
+float WorkerPool::take_load() {
+  const auto now = steady_clock::now();
+  const std::chrono::nanoseconds passed = now - std::exchange(load_since_, now);
+  const double capacity = static_cast<double>(passed.count()) * static_cast<double>(threads_.size());
+  const auto busy = static_cast<double>(busy_ns_.exchange(0));
+  return capacity > 0 ? static_cast<float>(std::clamp(busy / capacity, 0.0, 1.0)) : 0.0F;
+}
+
+void WorkerPool::run(int nice_value) {
+  // On Linux a nice value belongs to the thread.
+  if (nice_value > 0) setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), nice_value);
+  std::unique_lock lock(mutex_);
+  while (true) {
+    wake_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
+    if (stopping_) return;
+    Task task = std::move(tasks_.front());
+    tasks_.pop_front();
+    lock.unlock();
+    const auto begin = steady_clock::now();
+    try {
+      task();
+    } catch (const std::exception& problem) {
+      log_->error("a task of the worker pool failed: {}", problem.what());
+    }
+    task = nullptr;  // what it holds goes before the next wait, outside the lock
+    busy_ns_ += std::chrono::nanoseconds(steady_clock::now() - begin).count();
+    lock.lock();
+  }
+}
+
+}  // namespace cairn

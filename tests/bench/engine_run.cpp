@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Plays a source through tracker and map maker in one process and one thread, without DDS: the engines by themselves, every
+// unit of map work finished before the next frame. What a change of an engine does shows here first; real runs are
+// tests/bench/run-accuracy's.
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <ctime>
+#include <map>
+#include <vector>
+
+#include "client/capture/frame_source.h"
+#include "client/tracking/tracker.h"
+#include "common/io/calibration.h"
+#include "common/io/trajectory.h"
+#include "server/mapping/map_maker.h"
+
+namespace cairn {
+namespace {
+
+double thread_cpu_ms() {
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
+}
+
+class CpuProbe final : public StageProbe {
+ public:
+  void begin(Stage stage) override { started_[static_cast<size_t>(stage)] = thread_cpu_ms(); }
+  void end(Stage stage) override {
+    frame_[static_cast<size_t>(stage)] += thread_cpu_ms() - started_[static_cast<size_t>(stage)];
+  }
+  void finish_frame() {
+    for (size_t s = 0; s < frame_.size(); ++s) all_[s].push_back(frame_[s]);
+    frame_.fill(0);
+  }
+  [[nodiscard]] const std::vector<double>& stage(size_t s) const { return all_[s]; }
+
+ private:
+  static constexpr size_t kStages = static_cast<size_t>(Stage::kCount);
+  std::array<double, kStages> started_{};
+  std::array<double, kStages> frame_{};
+  std::array<std::vector<double>, kStages> all_;
+};
+
+double percentile(std::vector<double> values, double p) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<size_t>(p * static_cast<double>(values.size() - 1))];
+}
+
+struct Arguments {
+  std::string source;
+  std::string calibration;
+  std::string trajectory;
+  uint64_t seed = 1;
+  size_t skip = 0;
+  size_t frames = SIZE_MAX;
+  bool verbose = false;
+};
+
+struct Totals {
+  size_t frames = 0, with_map = 0, tracked = 0, lost = 0, accepted = 0, refused = 0;
+  long first_map_frame = -1;
+  std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms, local_ms, global_ms;
+};
+
+class EngineRun {
+ public:
+  EngineRun(const Arguments& arguments, CameraPtr camera) : arguments_(arguments), camera_(std::move(camera)) {
+    tracker_options_.seed = arguments.seed;
+    maker_options_.seed = arguments.seed;
+    tracker_ = std::make_unique<Tracker>(camera_, tracker_options_);
+  }
+
+  void frame(const Frame& frame, TrajectoryWriter* trajectory) {
+    const double before = thread_cpu_ms();
+    const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, &probe_);
+    totals_.cpu_ms.push_back(thread_cpu_ms() - before);
+    probe_.finish_frame();
+    ++totals_.frames;
+    if (snapshot_) count(frame, result, trajectory);
+    if (result.seed) seed(*result.seed, frame);
+    if (result.keyframe) offer(*result.keyframe, frame);
+    if (arguments_.verbose) print_frame(frame, result);
+  }
+
+  void report() const {
+    const Totals& t = totals_;
+    std::printf("frames %zu first map frame %ld tracked %zu of %zu (%.2f %%) lost %zu\n", t.frames, t.first_map_frame,
+                t.tracked, t.with_map, 100.0 * static_cast<double>(t.tracked) / static_cast<double>(std::max<size_t>(1, t.with_map)),
+                t.lost);
+    std::printf("tracker cpu ms p50 %.2f p95 %.2f p99 %.2f; attempted p50 %.0f found p50 %.0f\n", percentile(t.cpu_ms, 0.5),
+                percentile(t.cpu_ms, 0.95), percentile(t.cpu_ms, 0.99), percentile(t.attempted, 0.5),
+                percentile(t.found, 0.5));
+    for (size_t s = 0; s < static_cast<size_t>(Stage::kCount); ++s) {
+      std::printf("  %-8s p50 %.3f p95 %.3f\n", to_string(static_cast<Stage>(s)), percentile(probe_.stage(s), 0.5),
+                  percentile(probe_.stage(s), 0.95));
+    }
+    std::printf("keyframes accepted %zu refused %zu; keyframe ms p50 %.1f p95 %.1f; local ms p50 %.1f p95 %.1f; global ms p50 %.1f p95 %.1f\n",
+                t.accepted, t.refused, percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95),
+                percentile(t.local_ms, 0.5), percentile(t.local_ms, 0.95), percentile(t.global_ms, 0.5),
+                percentile(t.global_ms, 0.95));
+    for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
+    if (maker_) {
+      const MapStatistics m = maker_->statistics();
+      std::printf("map: %zu keyframes %zu points %zu measurements, %.2f MB, reprojection %.3f px\n", m.keyframes,
+                  m.points, m.measurements, static_cast<double>(m.bytes) / 1e6, m.mean_reprojection);
+    }
+  }
+
+ private:
+  void count(const Frame& frame, const FrameResult& result, TrajectoryWriter* trajectory) {
+    ++totals_.with_map;
+    if (result.state == TrackingState::kLost) ++totals_.lost;
+    if (!result.pose_measured) return;
+    ++totals_.tracked;
+    totals_.attempted.push_back(result.attempted);
+    totals_.found.push_back(result.found);
+    if (trajectory != nullptr) {
+      static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name, {frame.time, result.camera_from_map.inverse()}));
+    }
+  }
+
+  void print_frame(const Frame& frame, const FrameResult& result) const {
+    std::printf("%5lu state %d found %d/%d rms %.2f depth %.2f %s\n", static_cast<unsigned long>(frame.index),
+                static_cast<int>(result.state), result.found, result.attempted, result.reprojection_rms, result.mean_depth,
+                result.note.c_str());
+  }
+
+  void seed(const SeedProposal& proposal, const Frame& frame) {
+    SeedInput input;
+    input.map.bytes[0] = 1;
+    input.map_name = "map-1";
+    input.epoch = Epoch{1};
+    input.camera = camera_;
+    input.first_time = proposal.first_time;
+    input.second_time = proposal.second_time;
+    input.first_image = proposal.first_image;
+    input.second_image = proposal.second_image;
+    input.trails = proposal.trails;
+    const double before = thread_cpu_ms();
+    auto started = MapMaker::start(input, maker_options_);
+    totals_.seed_ms.push_back(thread_cpu_ms() - before);
+    if (!started) {
+      std::printf("frame %lu: seed refused: %s\n", static_cast<unsigned long>(frame.index), started.error().message.c_str());
+      tracker_->seed_refused(started.error().message);
+      return;
+    }
+    maker_ = std::move(started->first);
+    work();
+    totals_.first_map_frame = static_cast<long>(frame.index);
+    std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n", static_cast<unsigned long>(frame.index),
+                started->second.points.size(), proposal.trails.size(), totals_.seed_ms.back(), started->second.plane_aligned,
+                maker_->statistics().points);
+    tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision, started->second.second_keyframe,
+                             started->second.points});
+  }
+
+  void offer(const KeyframeProposal& proposal, const Frame& frame) {
+    const double before = thread_cpu_ms();
+    const KeyframeDecision decision = maker_->add_keyframe(
+        {camera_, frame.time, frame.image, proposal.reference, proposal.camera_from_reference, proposal.measurements});
+    totals_.keyframe_ms.push_back(thread_cpu_ms() - before);
+    if (decision.verdict != KeyframeVerdict::kAccepted) {
+      ++totals_.refused;
+      ++refusals_[decision.reason.substr(0, 40)];
+      return;
+    }
+    ++totals_.accepted;
+    work();
+  }
+
+  void work() {
+    for (;;) {
+      const double before = thread_cpu_ms();
+      const StepReport report = maker_->step([] { return false; });
+      if (report.work == MapWork::kLocalAdjustment) totals_.local_ms.push_back(thread_cpu_ms() - before);
+      if (report.work != MapWork::kNone) continue;
+      if (!maker_->wants_global_adjustment()) break;
+      const auto problem = maker_->prepare_global_adjustment();
+      solve(problem.get(), [] { return false; }, 1);
+      static_cast<void>(maker_->adopt(*problem));
+      totals_.global_ms.push_back(thread_cpu_ms() - before);
+    }
+    snapshot_ = maker_->snapshot();
+  }
+
+  Arguments arguments_;
+  CameraPtr camera_;
+  TrackerOptions tracker_options_;
+  MapMakerOptions maker_options_;
+  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<MapMaker> maker_;
+  MapSnapshotPtr snapshot_;
+  CpuProbe probe_;
+  Totals totals_;
+  std::map<std::string, size_t> refusals_;
+};
+
+Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& source) {
+  if (!arguments.calibration.empty()) return read_calibration(arguments.calibration).and_then(make_camera);
+  if (const auto known = source.builtin_calibration()) return make_camera(*known);
+  if (const auto file = find_calibration(arguments.source)) return read_calibration(*file).and_then(make_camera);
+  return fail(ErrorCode::kConfiguration, arguments.source + ": no camera.txt beside it; pass --calibration FILE");
+}
+
+Status run(const Arguments& arguments) {
+  auto source = open_source(arguments.source);
+  if (!source) return tl::unexpected(source.error());
+  auto camera = choose_camera(arguments, **source);
+  if (!camera) return tl::unexpected(camera.error());
+  std::optional<TrajectoryWriter> trajectory;
+  if (!arguments.trajectory.empty()) {
+    auto opened = TrajectoryWriter::open(arguments.trajectory);
+    if (!opened) return tl::unexpected(opened.error());
+    trajectory.emplace(std::move(*opened));
+  }
+  EngineRun engine(arguments, *camera);
+  for (size_t i = 0; i < arguments.frames;) {
+    auto next = (*source)->next();
+    if (!next) {
+      std::fprintf(stderr, "%s\n", next.error().message.c_str());
+      continue;
+    }
+    if (!*next) break;
+    if (i++ < arguments.skip) continue;
+    engine.frame(**next, trajectory ? &*trajectory : nullptr);
+  }
+  engine.report();
+  return {};
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  CLI::App app("Tracker and map maker in one process, without DDS");
+  cairn::Arguments arguments;
+  app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")->required();
+  app.add_option("--calibration", arguments.calibration, "camera file; default: beside the source");
+  app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
+  app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_option("--skip", arguments.skip, "frames passed over at the start");
+  app.add_option("--frames", arguments.frames, "frames read at most");
+  app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
+  CLI11_PARSE(app, argc, argv);
+  if (const auto done = cairn::run(arguments); !done) {
+    std::fprintf(stderr, "cairn-engine-run: %s\n", done.error().message.c_str());
+    return cairn::exit_code(done.error().code);
+  }
+  return 0;
+}

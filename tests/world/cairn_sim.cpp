@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// cairn-sim: lists simulated worlds and writes recordings of them with exact truth, in TUM layout.
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <iostream>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+
+#include "tests/world/simulator.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kInterrupted = 130;
+
+std::atomic<bool> interrupted = false;  // the one thing that a signal handler may touch
+void on_interrupt(int /*signal*/) { interrupted = true; }
+
+struct RenderRequest {
+  std::string scenario;
+  std::filesystem::path directory;
+  SimulatorOptions options;
+};
+
+std::string frame_name(Timestamp time) {
+  std::array<char, 40> name;
+  std::snprintf(name.data(), name.size(), "rgb/%012.6f.png", time.seconds());
+  return name.data();
+}
+
+Result<std::ofstream> open_file(const std::filesystem::path& path) {
+  std::ofstream file(path);
+  if (!file) return fail(ErrorCode::kIo, path.string() + ": cannot be written");
+  file << std::fixed << std::setprecision(9);
+  return file;
+}
+
+Status write_camera(const std::filesystem::path& directory, const CameraParameters& camera) {
+  auto file = open_file(directory / "camera.txt");
+  if (!file) return tl::unexpected(file.error());
+  *file << "# width height fx fy cx cy k1 k2 p1 p2 (OpenCV)  pixel centres at integer coordinates\n"
+        << camera.width << ' ' << camera.height << std::defaultfloat;
+  for (size_t i = 0; i < 8; ++i) *file << ' ' << camera.values[i];
+  *file << '\n';
+  if (!file->flush()) return fail(ErrorCode::kIo, "camera.txt: write failed");
+  return {};
+}
+
+Status write_image(const std::filesystem::path& path, const GrayImage& image) {
+  const cv::Mat pixels(image.height(), image.width(), CV_8UC1, const_cast<uint8_t*>(image.row(0)),
+                       static_cast<size_t>(image.stride()));
+  try {
+    if (cv::imwrite(path.string(), pixels, {cv::IMWRITE_PNG_COMPRESSION, 1})) return {};
+    return fail(ErrorCode::kIo, path.string() + ": cannot be written");
+  } catch (const cv::Exception& error) {
+    return fail(ErrorCode::kIo, path.string() + ": " + error.what());
+  }
+}
+
+void write_pose(std::ostream& file, const SimFrame& frame) {
+  const Eigen::Vector3d& t = frame.map_from_camera.translation();
+  const Eigen::Quaterniond& q = frame.map_from_camera.rotation();
+  file << frame.time.seconds() << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' '
+       << q.z() << ' ' << q.w() << '\n';
+}
+
+Status render(const RenderRequest& request) {
+  auto simulator = Simulator::make(request.scenario, request.options);
+  if (!simulator) return tl::unexpected(simulator.error());
+  std::error_code error;
+  std::filesystem::create_directories(request.directory / "rgb", error);
+  if (error) return fail(ErrorCode::kIo, (request.directory / "rgb").string() + ": " + error.message());
+  auto list = open_file(request.directory / "rgb.txt");
+  if (!list) return tl::unexpected(list.error());
+  auto truth = open_file(request.directory / "groundtruth.txt");
+  if (!truth) return tl::unexpected(truth.error());
+  if (auto status = write_camera(request.directory, simulator->camera().parameters()); !status) return status;
+
+  *list << "# timestamp filename\n" << std::setprecision(6);
+  *truth << "# timestamp tx ty tz qx qy qz qw  camera to world, exact\n";
+  const int count = simulator->frame_count();
+  int written = 0;
+  for (; written < count && !interrupted; ++written) {
+    const SimFrame frame = simulator->frame(written);
+    const std::string name = frame_name(frame.time);
+    if (auto status = write_image(request.directory / name, frame.image); !status) return status;
+    *list << frame.time.seconds() << ' ' << name << '\n';
+    write_pose(*truth, frame);
+    if (written % 30 == 29 || written + 1 == count) std::cerr << "\rframe " << written + 1 << " of " << count << std::flush;
+  }
+  std::cerr << '\n';
+  if (!list->flush() || !truth->flush()) {
+    return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
+  }
+  std::cout << request.directory.string() << '\n';
+  return {};
+}
+
+/// CLI options --seed, --frames ... for every option of the simulator.
+void add_simulator_options(CLI::App* command, std::map<std::string, std::string>* values) {
+  for (const auto& [key, text] : SimulatorOptions::help()) {
+    command->add_option("--" + std::string(key), (*values)[std::string(key)], std::string(text));
+  }
+}
+
+int report(const Error& error) {
+  std::cerr << "cairn-sim: " << error.message << '\n';
+  return exit_code(error.code);
+}
+
+int run(int argc, char** argv) {
+  CLI::App app("Simulated worlds with exact truth.", "cairn-sim");
+  app.require_subcommand(1);
+  app.footer(
+      "Examples:\n"
+      "  cairn-sim list\n"
+      "  cairn-sim render desk --out /tmp/desk\n"
+      "  cairn-sim render desk --out /tmp/hard --seed 7 --frames 600 --noise 6 --blur 0.8 --speed 2\n"
+      "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate /tmp/desk/groundtruth.txt /tmp/est.txt");
+  const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
+  CLI::App* render_command =
+      app.add_subcommand("render", "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout)");
+  RenderRequest request;
+  std::map<std::string, std::string> values;
+  render_command->add_option("scenario", request.scenario, "a name from `cairn-sim list`")->required();
+  render_command->add_option("--out", request.directory, "directory to write to; made if missing")->required();
+  add_simulator_options(render_command, &values);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+  }
+  if (list->parsed()) {
+    for (const ScenarioInfo& info : scenario_list()) std::cout << info.name << '\t' << info.description << '\n';
+    return 0;
+  }
+  for (const auto& [key, value] : values) {
+    if (render_command->count("--" + key) == 0) continue;
+    if (auto status = request.options.set_option(key, value); !status) return report(status.error());
+  }
+  std::signal(SIGINT, on_interrupt);
+  if (auto status = render(request); !status) return report(status.error());
+  return interrupted ? kInterrupted : 0;
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  try {
+    return cairn::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::cerr << "cairn-sim: " << error.what() << '\n';
+    return cairn::exit_code(cairn::ErrorCode::kInternal);
+  }
+}

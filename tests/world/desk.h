@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "tests/world/scenario.h"
+
+namespace cairn {
+
+/// A desk 1.6 m wide and 0.8 m deep, top at Z = 0, origin at its middle, X to the right and Y away from the viewer.
+[[nodiscard]] Scenario make_desk(uint64_t seed);
+
+}  // namespace cairn

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <optional>
+
+#include "common/geometry/se3.h"
+#include "tests/world/scenario.h"
+
+namespace cairn {
+
+/// A linear function of an ideal image point (x, y) in the plane z = 1: x * dx + y * dy + constant.
+struct LinearFunction {
+  float dx = 0;
+  float dy = 0;
+  float constant = 0;
+
+  [[nodiscard]] float operator()(float x, float y) const { return x * dx + y * dy + constant; }
+  [[nodiscard]] LinearFunction operator-(const LinearFunction& other) const {
+    return {dx - other.dx, dy - other.dy, constant - other.constant};
+  }
+};
+
+/// Axis-aligned box in the ideal image plane z = 1.
+struct IdealBox {
+  float x0 = 0;
+  float y0 = 0;
+  float x1 = 0;
+  float y1 = 0;
+
+  [[nodiscard]] bool overlaps(const IdealBox& other) const {
+    return x0 <= other.x1 && other.x0 <= x1 && y0 <= other.y1 && other.y0 <= y1;
+  }
+  /// The smallest box about both.
+  [[nodiscard]] IdealBox united(const IdealBox& other) const {
+    return {std::min(x0, other.x0), std::min(y0, other.y0), std::max(x1, other.x1), std::max(y1, other.y1)};
+  }
+  [[nodiscard]] float minimum(const LinearFunction& f) const { return f(f.dx > 0 ? x0 : x1, f.dy > 0 ? y0 : y1); }
+  [[nodiscard]] float maximum(const LinearFunction& f) const { return f(f.dx > 0 ? x1 : x0, f.dy > 0 ? y1 : y0); }
+};
+
+/// A face as one camera position sees it. Over the ideal image plane the inverse depth and the texture coordinates divided by
+/// depth are linear, and a point is inside the face exactly where every edge function is >= 0: no clipping is needed, also
+/// with corners behind the camera (2-D homogeneous rasterisation, Olano and Greer, 1997).
+struct ProjectedFace {
+  LinearFunction inverse_depth;  ///< [1/m], > 0 inside the face
+  LinearFunction u_over_depth;   ///< [texel/m]
+  LinearFunction v_over_depth;
+  std::array<LinearFunction, kMaxFaceCorners> edges;
+  int edge_count = 0;
+  float brightness = 1;
+  const Texture* texture = nullptr;
+  IdealBox bounds;
+  float nearest = 0;  ///< largest inverse depth of a corner in front of the camera
+};
+
+/// Nothing if the face shows its back, lies behind the camera or outside `view`.
+[[nodiscard]] std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture,
+                                                        const SE3& camera_from_map, const IdealBox& view);
+
+}  // namespace cairn

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+#include "tests/world/scenario.h"
+#include "tests/world/tile_kernel.h"
+
+namespace cairn {
+
+/// camera_from_map as a function of the time [s] from the middle of the exposure of the middle row.
+using CameraPath = std::function<SE3(double seconds)>;
+
+struct Exposure {
+  double shutter = 0;      ///< s that each row is exposed; motion blur
+  double readout = 0;      ///< s from the first row to the last; rolling shutter
+  double gain = 1;         ///< on the scene's brightness, before noise
+  double noise_sigma = 0;  ///< grey levels, Gaussian, independent per pixel
+  uint64_t noise_key = 0;  ///< decides the noise
+};
+
+/// Renders a scenario as its camera sees it. Pixels are exactly where Camera::project says; each is the mean of several
+/// samples, spread over its area and the time that the shutter is open.
+/// The same bytes for the same input on every x86-64 machine. One per thread; the scenario must outlive it.
+class Renderer {
+ public:
+  explicit Renderer(const Scenario& scenario);
+
+  /// Renders one frame of the camera's size into `image`, reusing its memory.
+  void render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image);
+
+ private:
+  struct Tile {
+    TileRays rays;
+    IdealBox box;  ///< of the rays, with room for shifts within the pixel
+    RayShift per_pixel_x;
+    RayShift per_pixel_y;
+  };
+  struct Sample {
+    double seconds = 0;
+    double pixel_x = 0;  ///< place within the pixel, -0.5..0.5
+    double pixel_y = 0;
+  };
+  struct View {
+    std::vector<ProjectedFace> faces;
+    std::vector<const ProjectedFace*> near_to_far;
+  };
+  struct TileBin {
+    std::vector<TileFace> faces;
+    const ProjectedFace* occluder = nullptr;  ///< covers the whole tile
+
+    /// One face and none of its edges: nothing to smooth.
+    [[nodiscard]] bool plain() const { return faces.size() == 1 && occluder != nullptr; }
+  };
+  /// The samples of which each pixel is the mean, and what each sees.
+  struct Plan {
+    std::vector<Sample> samples;
+    std::vector<View> views;
+    std::vector<TileBin> bins;  ///< of one row of tiles, sample by sample
+  };
+
+  void make_tiles();
+  [[nodiscard]] double image_motion(const SE3& begin_from_map, const SE3& end_from_map) const;
+  static void spread_samples(int count, double shutter, Plan* plan);
+  void project_faces(const SE3& camera_from_map, View* view) const;
+  void project_faces(const CameraPath& camera_from_map, double row_seconds, Plan* plan) const;
+  static void bin_face(const ProjectedFace& face, const IdealBox& box, TileBin* bin);
+  void fill_bins(int tile_row, Plan* plan) const;
+  void sample_row(int tile_row, const Plan& fine, const Plan& coarse);
+  void sample_tile(const Plan& plan, size_t column, const Tile& tile, TileSum* sum) const;
+  void develop_row(int tile_row, const Exposure& exposure, GrayImage* image) const;
+
+  const Scenario& scenario_;
+  const TileKernels& kernels_;
+  SamplingParameters sampling_;
+  int columns_ = 0;  ///< tiles side by side
+  int rows_ = 0;
+  std::vector<Tile> tiles_;
+  std::vector<IdealBox> row_boxes_;
+  IdealBox view_;
+  std::vector<Eigen::Vector3d> landmarks_;  ///< centres of faces, to measure image motion
+
+  // Kept between frames for their memory only.
+  Plan fine_;    ///< for tiles with edges
+  Plan coarse_;  ///< for tiles that lie within one face
+  std::vector<TileSum> sums_;
+};
+
+}  // namespace cairn

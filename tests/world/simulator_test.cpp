@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/world/simulator.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+SimulatorOptions plain_options() {
+  SimulatorOptions options;
+  options.noise = 0;
+  options.blur = 0;
+  options.exposure = 0;
+  return options;
+}
+
+bool same(const GrayImage& a, const GrayImage& b) {
+  for (int y = 0; y < a.height(); ++y) {
+    if (std::memcmp(a.row(y), b.row(y), static_cast<size_t>(a.width())) != 0) return false;
+  }
+  return a.width() == b.width() && a.height() == b.height();
+}
+
+double mean_of(const GrayImage& image) {
+  double sum = 0;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) sum += image.row(y)[x];
+  }
+  return sum / (image.width() * image.height());
+}
+
+/// Mean squared difference of horizontal neighbours.
+double sharpness(const GrayImage& image) {
+  double sum = 0;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 1; x < image.width(); ++x) {
+      const int difference = image.row(y)[x] - image.row(y)[x - 1];
+      sum += difference * difference;
+    }
+  }
+  return sum / (image.width() * image.height());
+}
+
+/// FAST-10's criterion, spelt out: ten neighbours on the circle all brighter or all darker.
+int count_corners(const GrayImage& image, int threshold) {
+  static constexpr std::array<std::array<int, 2>, 16> kCircle = {{{0, -3},
+                                                                  {1, -3},
+                                                                  {2, -2},
+                                                                  {3, -1},
+                                                                  {3, 0},
+                                                                  {3, 1},
+                                                                  {2, 2},
+                                                                  {1, 3},
+                                                                  {0, 3},
+                                                                  {-1, 3},
+                                                                  {-2, 2},
+                                                                  {-3, 1},
+                                                                  {-3, 0},
+                                                                  {-3, -1},
+                                                                  {-2, -2},
+                                                                  {-1, -3}}};
+  int corners = 0;
+  for (int y = 3; y + 3 < image.height(); ++y) {
+    for (int x = 3; x + 3 < image.width(); ++x) {
+      int brighter = 0;
+      int darker = 0;
+      bool corner = false;
+      for (size_t i = 0; i < 16 + 9 && !corner; ++i) {
+        const auto& [dx, dy] = kCircle[i % 16];
+        const int difference = image.row(y + dy)[x + dx] - image.row(y)[x];
+        brighter = difference > threshold ? brighter + 1 : 0;
+        darker = difference < -threshold ? darker + 1 : 0;
+        corner = brighter == 10 || darker == 10;
+      }
+      corners += corner ? 1 : 0;
+    }
+  }
+  return corners;
+}
+
+/// Share of 40x40 px blocks in which nothing differs from its neighbour by more than `threshold`.
+double blank_share(const GrayImage& image, int threshold) {
+  int blank = 0;
+  int blocks = 0;
+  for (int y0 = 0; y0 + 40 <= image.height(); y0 += 40) {
+    for (int x0 = 0; x0 + 40 <= image.width(); x0 += 40) {
+      bool edge = false;
+      for (int y = y0; y < y0 + 39; ++y) {
+        for (int x = x0; x < x0 + 39; ++x) {
+          edge |= std::abs(image.row(y)[x + 1] - image.row(y)[x]) > threshold ||
+                  std::abs(image.row(y + 1)[x] - image.row(y)[x]) > threshold;
+        }
+      }
+      blank += edge ? 0 : 1;
+      ++blocks;
+    }
+  }
+  return static_cast<double>(blank) / blocks;
+}
+
+TEST(SimulatorOptions, SetsEveryOptionThatItNames) {
+  for (const auto& help : SimulatorOptions::help()) {
+    SimulatorOptions options;
+    const std::string value = help.key == "camera" ? "hand" : "1";
+    EXPECT_TRUE(options.set_option(help.key, value)) << help.key;
+    const auto refused = options.set_option(help.key, "-3x");
+    ASSERT_FALSE(refused) << help.key;
+    EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+    EXPECT_NE(refused.error().message.find(help.text), std::string::npos) << refused.error().message;
+  }
+}
+
+TEST(SimulatorOptions, RefusesUnknownAndOutOfRange) {
+  SimulatorOptions options;
+  const auto unknown = options.set_option("colour", "red");
+  ASSERT_FALSE(unknown);
+  for (const auto& help : SimulatorOptions::help()) {
+    EXPECT_NE(unknown.error().message.find(help.key), std::string::npos) << help.key;
+  }
+  EXPECT_FALSE(options.set_option("blur", "1.5"));
+  EXPECT_FALSE(options.set_option("noise", "nan"));
+  EXPECT_FALSE(options.set_option("frames", "0"));
+  EXPECT_FALSE(options.set_option("speed", ""));
+}
+
+TEST(Scenario, UnknownNameListsTheKnown) {
+  const auto made = make_scenario("moon", 1);
+  ASSERT_FALSE(made);
+  EXPECT_EQ(made.error().code, ErrorCode::kNotFound);
+  for (const ScenarioInfo& info : scenario_list()) {
+    EXPECT_NE(made.error().message.find(info.name), std::string::npos);
+    EXPECT_TRUE(make_scenario(info.name, 3)) << info.name;
+  }
+}
+
+TEST(Simulator, SameSeedSameBytesInAnyOrder) {
+  SimulatorOptions options;
+  options.frames = 40;
+  auto first = Simulator::make("desk", options).value();
+  auto second = Simulator::make("desk", options).value();
+  const SimFrame early = first.frame(3);
+  const SimFrame late = first.frame(39);
+  const SimFrame late_again = second.frame(39);
+  const SimFrame early_again = second.frame(3);
+  EXPECT_TRUE(same(early.image, early_again.image));
+  EXPECT_TRUE(same(late.image, late_again.image));
+  EXPECT_EQ(late.map_from_camera.translation(), late_again.map_from_camera.translation());
+  EXPECT_EQ(late.time.nanoseconds, 1300000000);
+}
+
+TEST(Simulator, AnotherSeedIsAnotherWorld) {
+  SimulatorOptions options = plain_options();
+  auto one = Simulator::make("desk", options).value();
+  options.seed = 2;
+  auto two = Simulator::make("desk", options).value();
+  EXPECT_FALSE(same(one.frame(0).image, two.frame(0).image));
+  EXPECT_GT((one.frame(300).map_from_camera.translation() - two.frame(300).map_from_camera.translation()).norm(), 1e-3);
+}
+
+TEST(Simulator, HandMovesLikeAHand) {
+  // Bounds about the truth of real hand-held recordings (TUM fr1_xyz: 0.33 m/s, 19 deg/s, 16 m/s^3 RMS).
+  for (const uint64_t seed : {1, 2, 3}) {
+    SimulatorOptions options;
+    options.seed = seed;
+    const auto simulator = Simulator::make("desk", options).value();
+    const double dt = 1 / kSimulatorFrameRate;
+    double speed2 = 0;
+    double rate2 = 0;
+    double jerk2 = 0;
+    double fastest = 0;
+    double jerkiest = 0;
+    const int count = simulator.frame_count();
+    for (int i = 0; i < count; ++i) {
+      const auto pose = [&](int k) { return simulator.map_from_camera((i + k) * dt); };
+      const Eigen::Vector3d velocity = (pose(1).translation() - pose(0).translation()) / dt;
+      const double rate = so3_log(pose(0).rotation().conjugate() * pose(1).rotation()).norm() / dt;
+      const double jerk =
+          (pose(3).translation() - 3 * pose(2).translation() + 3 * pose(1).translation() - pose(0).translation()).norm() /
+          (dt * dt * dt);
+      speed2 += velocity.squaredNorm() / count;
+      rate2 += rate * rate / count;
+      jerk2 += jerk * jerk / count;
+      fastest = std::max(fastest, velocity.norm());
+      jerkiest = std::max(jerkiest, jerk);
+    }
+    const double degrees = 180 / std::numbers::pi;
+    EXPECT_GT(std::sqrt(speed2), 0.2) << "seed " << seed;
+    EXPECT_LT(std::sqrt(speed2), 0.4) << "seed " << seed;
+    EXPECT_GT(std::sqrt(rate2) * degrees, 12) << "seed " << seed;
+    EXPECT_LT(std::sqrt(rate2) * degrees, 25) << "seed " << seed;
+    EXPECT_GT(std::sqrt(jerk2), 8) << "seed " << seed;
+    EXPECT_LT(std::sqrt(jerk2), 60) << "seed " << seed;
+    EXPECT_LT(fastest, 1.0) << "seed " << seed;
+    EXPECT_LT(jerkiest, 150) << "seed " << seed;
+  }
+}
+
+TEST(Simulator, TruthIsContinuous) {
+  const auto simulator = Simulator::make("desk", {}).value();
+  // Over knots of the spline and the end of the loop: halving the step quarters the second difference.
+  for (double t = 0; t < 130; t += 0.4) {
+    const auto second = [&](double h) -> Eigen::Vector3d {
+      return simulator.map_from_camera(t + h).translation() - 2 * simulator.map_from_camera(t).translation() +
+             simulator.map_from_camera(t - h).translation();
+    };
+    EXPECT_LT((second(1e-3) / 1e-6 - second(5e-4) / 2.5e-7).norm(), 0.5) << "at " << t;
+  }
+}
+
+TEST(Simulator, StartsWithASidewaysMove) {
+  const auto simulator = Simulator::make("desk", {}).value();
+  const SE3 start = simulator.map_from_camera(0.3);
+  double widest = 0;
+  for (double t = 0.3; t < 5; t += 0.1) {
+    const Eigen::Vector3d moved = start.inverse() * simulator.map_from_camera(t).translation();
+    widest = std::max(widest, std::abs(moved.x()));
+  }
+  EXPECT_GT(widest, 0.05);  // enough parallax at 0.7 m
+  EXPECT_LT(widest, 0.25);
+}
+
+TEST(Simulator, SpeedScalesTheHand) {
+  const auto rms_speed = [](double factor) {
+    SimulatorOptions options;
+    options.speed = factor;
+    const auto simulator = Simulator::make("desk", options).value();
+    double sum = 0;
+    for (int i = 0; i < 600; ++i) {
+      const double t = 0.1 * i / factor;
+      sum += (simulator.map_from_camera(t + 1e-3).translation() - simulator.map_from_camera(t).translation())
+                 .squaredNorm();
+    }
+    return std::sqrt(sum / 600) / 1e-3;
+  };
+  EXPECT_NEAR(rms_speed(2) / rms_speed(1), 2, 0.05);
+}
+
+TEST(Simulator, ViewsHaveCornersAndBlanksLikeRealOnes) {
+  for (const uint64_t seed : {1, 2}) {
+    SimulatorOptions options;
+    options.seed = seed;
+    auto simulator = Simulator::make("desk", options).value();
+    double blank = 0;
+    int views = 0;
+    for (int i = 0; i < simulator.frame_count(); i += 150, ++views) {
+      const GrayImage image = simulator.frame(i).image;
+      const int corners = count_corners(image, 10);
+      EXPECT_GT(corners, 1000) << "seed " << seed << " frame " << i;
+      EXPECT_LT(corners, 7000) << "seed " << seed << " frame " << i;
+      blank += blank_share(image, 12);
+    }
+    EXPECT_GT(blank / views, 0.12) << "seed " << seed;
+    EXPECT_LT(blank / views, 0.45) << "seed " << seed;
+  }
+}
+
+TEST(Simulator, BlurAndExposureShow) {
+  SimulatorOptions options = plain_options();
+  auto still = Simulator::make("desk", options).value();
+  options.blur = 0.9;
+  auto blurred = Simulator::make("desk", options).value();
+  options = plain_options();
+  options.exposure = 0.5;
+  auto hunting = Simulator::make("desk", options).value();
+  double darkest = 10;
+  double brightest = 0;
+  for (int i = 300; i < 600; i += 60) {
+    EXPECT_LT(sharpness(blurred.frame(i).image), 0.8 * sharpness(still.frame(i).image)) << i;
+    const double ratio = mean_of(hunting.frame(i).image) / mean_of(still.frame(i).image);
+    darkest = std::min(darkest, ratio);
+    brightest = std::max(brightest, ratio);
+  }
+  EXPECT_LT(darkest, 0.85);
+  EXPECT_GT(brightest, 1.1);
+}
+
+}  // namespace
+}  // namespace cairn
