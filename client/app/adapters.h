@@ -38,11 +38,15 @@ class SessionAdapter final : public MapLink {
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) override {
     session_.send_offer(std::move(proposal), std::move(image), time);
   }
-  void publish_state(const FrameResult& result, Timestamp time) override { session_.publish_state(result, time); }
+  void publish_state(const FrameResult& result, Timestamp time) override {
+    session_.publish_state(result, time);
+  }
   std::optional<SeedReply> take_seed_reply() override { return session_.take_seed_reply(); }
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
   SessionStatus status() const override { return session_.status(); }
-  bool wait_until_settled(std::chrono::milliseconds timeout) override { return session_.wait_until_settled(timeout); }
+  bool wait_until_settled(std::chrono::milliseconds timeout) override {
+    return session_.wait_until_settled(timeout);
+  }
 
  private:
   Session& session_;

@@ -12,6 +12,7 @@
 
 #include "client/app/adapters.h"
 #include "client/app/frame_loop.h"
+#include "client/app/memory_source.h"
 #include "client/app/narrator.h"
 #include "client/app/stats.h"
 #include "client/app/trajectory_recorder.h"
@@ -20,6 +21,7 @@
 #include "client/capture/frame_source.h"
 #include "client/session/session.h"
 #include "common/io/calibration.h"
+#include "common/wire/log_redirect.h"
 
 namespace cairn {
 namespace {
@@ -31,7 +33,6 @@ constexpr milliseconds kServerPatience(10'000);  ///< to be seen at the start of
 constexpr milliseconds kPatienceSlice(100);      ///< how long a request to stop may go unheard
 constexpr milliseconds kLastVerdicts(2'000);     ///< for offers undecided at the end
 constexpr size_t kPreloadBytes = size_t{512} << 20;
-constexpr size_t kFramesAhead = 30;
 constexpr int kFrameThreadNice = -10;
 
 Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& source) {
@@ -40,29 +41,29 @@ Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& so
   }
   const auto path = options.calibration ? options.calibration : find_calibration(options.source);
   if (!path) {
-    return fail(ErrorCode::kConfiguration, "no calibration: there is no camera.txt beside " + options.source +
-                                               "; pass --calibration FILE with `width height fx fy cx cy [k1 k2 p1 p2 "
-                                               "[k3]]`, or a yaml of OpenCV or ROS");
+    return fail(ErrorCode::kConfiguration,
+                "no calibration: there is no camera.txt beside " + options.source +
+                    "; pass --calibration FILE with `width height fx fy cx cy [k1 k2 p1 p2 "
+                    "[k3]]`, or a yaml of OpenCV or ROS");
   }
   const auto parameters = read_calibration(*path);
   if (!parameters) return tl::unexpected(parameters.error());
   return make_camera(*parameters);
 }
 
-/// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as memory
-/// allows they are decoded before the clock starts.
-Result<std::unique_ptr<FrameSource>> decode_ahead(std::unique_ptr<FrameSource> source, const TrackOptions& options,
-                                                  const Camera& camera, const Logger& log) {
-  DecodeAheadOptions ahead;
-  ahead.queue_frames = kFramesAhead;
-  if (options.pace == Pace::kRealtime && !source->is_live()) {
-    const size_t frame_bytes = static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height());
-    ahead.queue_frames = std::max(kFramesAhead, kPreloadBytes / frame_bytes);
-    const auto count = source->frame_count();
-    ahead.preload = count && *count <= ahead.queue_frames;
-    if (ahead.preload) log->info("decoding {} frames before the clock starts", *count);
+/// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as
+/// memory allows it is decoded before the clock starts, else ahead of it.
+Result<std::unique_ptr<FrameSource>> decode_ahead(std::unique_ptr<FrameSource> source,
+                                                  const TrackOptions& options, const Camera& camera,
+                                                  const Logger& log,
+                                                  const std::function<bool()>& stop_requested) {
+  const size_t frame_bytes = static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height());
+  const auto count = source->frame_count();
+  if (options.pace == Pace::kRealtime && count && *count <= kPreloadBytes / frame_bytes) {
+    log->info("decoding {} frames before the clock starts", *count);
+    return std::make_unique<MemorySource>(*source, stop_requested);
   }
-  return DecodeAhead::start(std::move(source), ahead);
+  return DecodeAhead::start(std::move(source), {});
 }
 
 TrackerOptions tracker_options(const TrackOptions& options) {
@@ -113,8 +114,8 @@ Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camer
 }
 
 /// Completes the files; the first error, after all have been tried.
-Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatus& session, const TrackOptions& options,
-                     const Logger& log) {
+Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatus& session,
+                     const TrackOptions& options, const Logger& log) {
   Status status;
   if (outputs.video) {
     status = outputs.video->finish();
@@ -125,15 +126,18 @@ Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatu
   if (outputs.stats.is_open()) {
     outputs.stats << stats.to_json(session.bytes_sent, session.bytes_received);
     outputs.stats.close();
-    if (!outputs.stats && status) status = fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
+    if (!outputs.stats && status)
+      status = fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
   }
   if (outputs.trajectory && status) status = outputs.trajectory->status();
   return status;
 }
 
-/// Whether the server was seen before the first frame. A live camera does not wait; a recording would be over.
+/// Whether the server was seen before the first frame. A live camera does not wait; a recording would be
+/// over.
 bool await_server(Session& session, const std::function<bool()>& stop_requested) {
-  for (auto waited = milliseconds(0); waited < kServerPatience && !stop_requested(); waited += kPatienceSlice) {
+  for (auto waited = milliseconds(0); waited < kServerPatience && !stop_requested();
+       waited += kPatienceSlice) {
     if (session.wait_for_server(kPatienceSlice)) return true;
   }
   return false;
@@ -144,10 +148,12 @@ std::string no_server_text(const TrackOptions& options) {
          "; is it running, and on the same domain and profile?";
 }
 
-/// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or RLIMIT_NICE.
+/// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or
+/// RLIMIT_NICE.
 void prefer_this_thread(const Logger& log) {
   if (setpriority(PRIO_PROCESS, 0, kFrameThreadNice) != 0) {
-    log->debug("no right to prefer the frame thread (nice {}): a busy machine may delay frames", kFrameThreadNice);
+    log->debug("no right to prefer the frame thread (nice {}): a busy machine may delay frames",
+               kFrameThreadNice);
   }
 }
 
@@ -167,7 +173,8 @@ struct Run {
   Outputs outputs;
 };
 
-Result<Run> prepare(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested) {
+Result<Run> prepare(const TrackOptions& options, const Logger& log,
+                    const std::function<bool()>& stop_requested) {
   auto source = open_source(options.source);
   if (!source) return tl::unexpected(source.error());
   auto camera = find_camera(options, **source);
@@ -177,9 +184,14 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const std::f
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   auto session = Session::open(session_options(options), *camera, log);
   if (!session) return tl::unexpected(session.error());
-  auto ahead = decode_ahead(std::move(*source), options, **camera, log);
+  auto ahead = decode_ahead(std::move(*source), options, **camera, log, stop_requested);
   if (!ahead) return tl::unexpected(ahead.error());
-  return Run{options,           log, stop_requested, std::move(*camera), std::move(*ahead), std::move(*session),
+  return Run{options,
+             log,
+             stop_requested,
+             std::move(*camera),
+             std::move(*ahead),
+             std::move(*session),
              std::move(*outputs)};
 }
 
@@ -201,7 +213,12 @@ int track(Run& run) {
   loop_options.make_maps = run.options.makes_maps();
   FrameLoop loop(*run.source, tracker, link, clock, loop_options, observers);
   prefer_this_thread(run.log);
-  const auto finished = loop.run(run.stop_requested);
+  // A process under a name in use is refused until the other one is gone: a camera goes on, a recording would
+  // be in vain.
+  const auto finished = loop.run([&] {
+    const bool in_vain = run.options.pace != Pace::kRealtime && link.status().link == ServerLink::kRefused;
+    return in_vain || run.stop_requested();
+  });
   if (finished && *finished) {
     (void)link.wait_until_settled(kLastVerdicts);
     loop.deliver_replies();
@@ -215,6 +232,7 @@ int track(Run& run) {
   }
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
+  if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!*finished) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {
     return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
@@ -225,12 +243,14 @@ int track(Run& run) {
 }  // namespace
 
 int run_tracker(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested) {
+  const wire::LogRedirect middleware_log(log);
   auto run = prepare(options, log, stop_requested);
   if (!run) return report_error(run.error(), log);
-  if (!options.headless) log->info("the viewer's window is not available yet: running headless; --video shows the same");
-  if (!run->source->is_live() && !await_server(*run->session, stop_requested)) {
-    if (stop_requested()) return kInterruptedExit;
-    if (options.pace != Pace::kRealtime) return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
+  if (!options.headless)
+    log->info("the viewer's window is not available yet: running headless; --video shows the same");
+  if (!run->source->is_live() && !await_server(*run->session, stop_requested) && !stop_requested()) {
+    if (options.pace != Pace::kRealtime)
+      return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
     log->warn("{}; following the camera without maps until it comes", no_server_text(options));
   }
   return track(*run);

@@ -8,8 +8,9 @@
 
 namespace cairn {
 
-/// Runs `cairn-track` on the caller's thread until the source ends or `stop_requested`; all files are complete when it
-/// returns. Result: exit code of DESIGN 10; what went wrong is logged.
-[[nodiscard]] int run_tracker(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested);
+/// Runs `cairn-track` on the caller's thread until the source ends or `stop_requested`; all files are
+/// complete when it returns. Result: exit code of DESIGN 10; what went wrong is logged.
+[[nodiscard]] int run_tracker(const TrackOptions& options, const Logger& log,
+                              const std::function<bool()>& stop_requested);
 
 }  // namespace cairn

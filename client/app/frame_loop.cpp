@@ -6,7 +6,8 @@
 namespace cairn {
 namespace {
 
-/// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the tracker's state.
+/// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the
+/// tracker's state.
 FrameState frame_state(const FrameResult& result, bool had_map) {
   const bool measured = result.pose_measured && result.map;
   if (measured && result.state == TrackingState::kTracking) return FrameState::kTracking;
@@ -15,7 +16,9 @@ FrameState frame_state(const FrameResult& result, bool had_map) {
   return FrameState::kLost;
 }
 
-std::string size_text(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+std::string size_text(int width, int height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
 
 }  // namespace
 
@@ -54,9 +57,10 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   const Frame& frame = taken.frame;
   if (frame.image->width() != options_.width || frame.image->height() != options_.height) {
     const std::string reason = "frame " + std::to_string(frames_seen_) + " is " +
-                               size_text(frame.image->width(), frame.image->height()) + ", the calibration is for " +
-                               size_text(options_.width, options_.height);
-    if (frames_tracked_on_ == 0) return fail(ErrorCode::kConfiguration, reason + "; pass the camera's own with --calibration");
+                               size_text(frame.image->width(), frame.image->height()) +
+                               ", the calibration is for " + size_text(options_.width, options_.height);
+    if (frames_tracked_on_ == 0)
+      return fail(ErrorCode::kConfiguration, reason + "; pass the camera's own with --calibration");
     handle(UndecodableFrame{reason});
     return {};
   }
@@ -103,7 +107,8 @@ void FrameLoop::deliver_replies() {
     }
     notify(&FrameObserver::on_seed_reply, *reply);
   }
-  for (const auto& reply : link_.take_offer_replies()) notify(&FrameObserver::on_offer_reply, reply);
+  const auto replies = link_.take_offer_replies();
+  if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
 }
 
 void FrameLoop::observe_status(const SessionStatus& status) {
@@ -122,8 +127,8 @@ void FrameLoop::settle() {
   if (!link_.wait_until_settled(options_.settle_timeout)) notify(&FrameObserver::on_unsettled, frames_seen_);
 }
 
-/// A server that came back without the map will never answer for it: as long as the tracker holds, the replica serves; once
-/// lost, a new map is the only way on.
+/// A server that came back without the map will never answer for it: as long as the tracker holds, the
+/// replica serves; once lost, a new map is the only way on.
 void FrameLoop::start_over_if_stranded(const SessionStatus& status, FrameState state) {
   if (status.map_known || state != FrameState::kLost || !options_.make_maps) return;
   notify(&FrameObserver::on_start_over, frames_seen_);

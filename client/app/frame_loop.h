@@ -17,27 +17,27 @@ namespace cairn {
 
 struct FrameLoopOptions {
   Pace pace = Pace::kRealtime;
-  int width = 0;   ///< of the calibrated camera [px]; frames of another size cannot be tracked
+  int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
   bool make_maps = true;  ///< may leave a map that the server has lost, to begin another
   /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
   std::chrono::milliseconds settle_timeout{120'000};
 };
 
-/// Source -> tracker -> session, frame by frame; what comes back from the server is given to the tracker before the next
-/// frame. Never waits for the network, except in lockstep. Runs on the caller's thread.
+/// Source -> tracker -> session, frame by frame; what comes back from the server is given to the tracker
+/// before the next frame. Never waits for the network, except in lockstep. Runs on the caller's thread.
 class FrameLoop {
  public:
   /// All references must outlive the loop. Observers are called in the order given.
-  FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock, FrameLoopOptions options,
-            std::vector<FrameObserver*> observers);
+  FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link, PaceClock& clock,
+            FrameLoopOptions options, std::vector<FrameObserver*> observers);
 
-  /// Until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the first frame is not of
-  /// the camera's size, kDamaged when no frame could be decoded.
+  /// Until the source ends (true) or `stop_requested` says so (false). Errors: kConfiguration when the first
+  /// frame is not of the camera's size, kDamaged when no frame could be decoded.
   [[nodiscard]] Result<bool> run(const std::function<bool()>& stop_requested);
 
-  /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those that come
-  /// after the last one.
+  /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those
+  /// that come after the last one.
   void deliver_replies();
 
  private:

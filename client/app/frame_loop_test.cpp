@@ -9,10 +9,10 @@
 namespace cairn {
 namespace {
 
+using testing::at_ms;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::at_ms;
 using testing::ListSource;
 using testing::make_frame;
 using testing::ManualClock;
@@ -20,7 +20,9 @@ using testing::regular_frames;
 using testing::ScriptedLink;
 using testing::ScriptedTracker;
 
-bool never() { return false; }
+bool never() {
+  return false;
+}
 const MapId kMap{{1}};
 
 void starting(FrameResult&) {}
@@ -35,7 +37,9 @@ void lost(FrameResult& result) {
   result.state = TrackingState::kLost;
   result.map = kMap;
 }
-void with_seed(FrameResult& result) { result.seed.emplace(); }
+void with_seed(FrameResult& result) {
+  result.seed.emplace();
+}
 void with_keyframe(FrameResult& result) {
   tracking(result);
   result.keyframe.emplace();
@@ -57,7 +61,10 @@ class Notes final : public FrameObserver {
     numbers.push_back(report.number);
   }
   void on_seed_reply(const SeedReply&) override { words.emplace_back("seed reply"); }
-  void on_offer_reply(const OfferReply&) override { words.emplace_back("offer reply"); }
+  void on_offer_replies(const std::vector<OfferReply>& replies) override {
+    for (const auto& reply : replies)
+      words.emplace_back(reply.accepted ? "accepted" : "refused: " + reply.reason);
+  }
   void on_status(const SessionStatus& status) override { words.push_back(status.text); }
   void on_unsettled(size_t) override { words.emplace_back("unsettled"); }
   void on_start_over(size_t) override { words.emplace_back("start over"); }
@@ -135,7 +142,7 @@ TEST(FrameLoop, RepliesReachTheTrackerBeforeTheNextFrame) {
   rig.link.offer_replies = {{1, true, ""}, {2, false, "too near"}};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ElementsAre("refused: no parallax"));
-  EXPECT_THAT(rig.notes.words, ElementsAre("seed reply", "offer reply", "offer reply", ""));
+  EXPECT_THAT(rig.notes.words, ElementsAre("seed reply", "accepted", "refused: too near", ""));
 
   Rig accepted({starting});
   accepted.link.seed_reply = SeedReply{SeedAnswer{}, ""};
@@ -144,7 +151,8 @@ TEST(FrameLoop, RepliesReachTheTrackerBeforeTheNextFrame) {
 }
 
 TEST(FrameLoop, AStatusIsToldWhenItChangesAndNotBefore) {
-  Rig rig({starting, starting, [&rig](FrameResult&) { rig.link.session_status.text = "server gone"; }, starting});
+  Rig rig(
+      {starting, starting, [&rig](FrameResult&) { rig.link.session_status.text = "server gone"; }, starting});
   rig.link.session_status.text = "connected";
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.notes.words, ElementsAre("connected", "server gone"));

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "client/app/ports.h"
 #include "client/capture/frame_source.h"
@@ -31,9 +32,9 @@ struct FrameReport {
   FrameState state = FrameState::kStarting;
   const MapSnapshotPtr& snapshot;  ///< what it was tracked on; may be null
   const SessionStatus& status;
-  const StageTimes& stages;           ///< processor time
-  std::chrono::nanoseconds cpu{};     ///< processor time of all work on the frame
-  std::chrono::nanoseconds wall{};    ///< from when the frame was due (realtime) or taken up to its pose
+  const StageTimes& stages;         ///< processor time
+  std::chrono::nanoseconds cpu{};   ///< processor time of all work on the frame
+  std::chrono::nanoseconds wall{};  ///< from when the frame was due (realtime) or taken up to its pose
 };
 
 struct DroppedReport {
@@ -53,7 +54,8 @@ class FrameObserver {
   virtual void on_dropped(const DroppedReport&) {}
   virtual void on_undecodable(const UndecodableReport&) {}
   virtual void on_seed_reply(const SeedReply&) {}
-  virtual void on_offer_reply(const OfferReply&) {}
+  /// Those that came since the frame before, at least one.
+  virtual void on_offer_replies(const std::vector<OfferReply>&) {}
   /// The link to the server is in another state, or its words have changed.
   virtual void on_status(const SessionStatus&) {}
   /// Lockstep: the server did not settle; the run goes on without.

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <map>
 #include <utility>
 
 namespace cairn {
@@ -20,7 +21,8 @@ bool stderr_is_terminal() {
 
 std::string map_text(const FrameReport& report) {
   const std::string id = to_hex(report.result.map.bytes).substr(0, 8);
-  const bool named = report.snapshot && report.snapshot->map == report.result.map && !report.snapshot->name.empty();
+  const bool named =
+      report.snapshot && report.snapshot->map == report.result.map && !report.snapshot->name.empty();
   return named ? report.snapshot->name + " (" + id + ")" : id;
 }
 
@@ -45,8 +47,8 @@ void Narrator::tell_map(const FrameReport& report) {
   if (map_) {
     log_->info("frame {}: now in map {}", report.number, map_text(report));
   } else {
-    log_->info("map {} started at frame {}: {} of {} points found", map_text(report), report.number, report.result.found,
-               report.result.attempted);
+    log_->info("map {} started at frame {}: {} of {} points found", map_text(report), report.number,
+               report.result.found, report.result.attempted);
   }
   map_ = report.result.map;
 }
@@ -54,14 +56,16 @@ void Narrator::tell_map(const FrameReport& report) {
 void Narrator::tell_tracking(const FrameReport& report) {
   if (report.state == FrameState::kLost && !lost_since_) {
     lost_since_ = report.number;
-    log_->warn("frame {}: lost{}{}", report.number, report.result.note.empty() ? "" : ": ", report.result.note);
+    log_->warn("frame {}: lost{}{}", report.number, report.result.note.empty() ? "" : ": ",
+               report.result.note);
   } else if (is_tracked(report.state) && lost_since_) {
     log_->info("frame {}: found again after {} frames", report.number, report.number - *lost_since_);
     lost_since_.reset();
   }
 }
 
-std::string Narrator::progress_text(const FrameReport& report, std::optional<size_t> frame_count, size_t dropped) {
+std::string Narrator::progress_text(const FrameReport& report, std::optional<size_t> frame_count,
+                                    size_t dropped) {
   const auto& result = report.result;
   std::string text = fmt::format("frame {}", report.number);
   if (frame_count) text += fmt::format("/{}", *frame_count);
@@ -98,30 +102,35 @@ void Narrator::on_undecodable(const UndecodableReport& report) {
 
 void Narrator::on_seed_reply(const SeedReply& reply) {
   if (reply.answer) {
-    log_->info("the server made map {} from our two views: {} points", to_hex(reply.answer->map.bytes).substr(0, 8),
-               reply.answer->points.size());
+    log_->info("the server made map {} from our two views: {} points",
+               to_hex(reply.answer->map.bytes).substr(0, 8), reply.answer->points.size());
   } else {
     why_no_map_ = reply.reason;
     log_->info("the server refused to start a map: {}", reply.reason);
   }
 }
 
-void Narrator::on_offer_reply(const OfferReply& reply) {
-  if (reply.accepted) {
-    log_->info("frame {}: keyframe {} accepted", number_, reply.seq);
-  } else {
-    log_->info("frame {}: keyframe {} refused: {}", number_, reply.seq, reply.reason);
+/// One line for each verdict and reason: a restarted server refuses a whole spool at once.
+void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
+  std::map<std::string, size_t> verdicts;
+  for (const auto& reply : replies) ++verdicts[reply.accepted ? "accepted" : "refused: " + reply.reason];
+  for (const auto& [verdict, count] : verdicts) {
+    log_->info("frame {}: {} {}", number_, count == 1 ? "keyframe" : fmt::format("{} keyframes", count),
+               verdict);
   }
 }
 
+/// That the server is there is told by the session itself, also before the first frame.
 void Narrator::on_status(const SessionStatus& status) {
-  const bool fault = status.link == ServerLink::kGone || status.link == ServerLink::kRestarted || !status.map_known;
-  if (!status.text.empty()) log_->log(fault ? spdlog::level::warn : spdlog::level::info, "{}", status.text);
+  const bool fault =
+      status.link == ServerLink::kGone || status.link == ServerLink::kRestarted || !status.map_known;
+  if (fault && !status.text.empty()) log_->warn("{}", status.text);
 }
 
 void Narrator::on_unsettled(size_t frame_number) {
-  log_->warn("frame {}: the server did not finish its work on it; going on, this run cannot be repeated exactly",
-             frame_number);
+  log_->warn(
+      "frame {}: the server did not finish its work on it; going on, this run cannot be repeated exactly",
+      frame_number);
 }
 
 void Narrator::on_start_over(size_t frame_number) {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "client/app/frame_observer.h"
 #include "common/base/log.h"
@@ -12,8 +13,9 @@
 
 namespace cairn {
 
-/// Tells a person on stderr what happens: maps started, tracking lost and found, the server's verdicts with their reasons,
-/// the server gone and back; and once a second how far the run is. On a terminal the progress line stays in place.
+/// Tells a person on stderr what happens: maps started, tracking lost and found, the server's verdicts with
+/// their reasons, the server gone and back; and once a second how far the run is. On a terminal the progress
+/// line stays in place.
 class Narrator final : public FrameObserver {
  public:
   /// `frame_count` of the source if known. The clock gives the seconds between progress lines.
@@ -23,7 +25,7 @@ class Narrator final : public FrameObserver {
   void on_dropped(const DroppedReport&) override { ++dropped_; }
   void on_undecodable(const UndecodableReport& report) override;
   void on_seed_reply(const SeedReply& reply) override;
-  void on_offer_reply(const OfferReply& reply) override;
+  void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_status(const SessionStatus& status) override;
   void on_unsettled(size_t frame_number) override;
   void on_start_over(size_t frame_number) override;

@@ -23,7 +23,7 @@ const cv::Scalar kGridColor(200, 170, 60);
 const cv::Scalar kMissedColor(110, 110, 110);
 const cv::Scalar kTrailColor(60, 220, 220);
 const cv::Scalar kTextColor(235, 235, 235);
-const cv::Scalar kNoteColor(170, 170, 170);
+const cv::Scalar kMinorTextColor(170, 170, 170);
 
 /// Finest to coarsest pyramid level: red, yellow, green, blue.
 const std::array<cv::Scalar, 4> kLevelColors = {cv::Scalar(60, 60, 255), cv::Scalar(40, 230, 255),
@@ -56,7 +56,8 @@ double round_step(double value) {
 
 /// OpenCV's fonts have ASCII only; a name from elsewhere may hold anything.
 std::string printable(std::string text) {
-  std::replace_if(text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c > 0x7e; }, '?');
+  std::replace_if(
+      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c > 0x7e; }, '?');
   return text;
 }
 
@@ -124,7 +125,8 @@ void Overlay::draw_background(const GrayView& image) {
   color(cv::Rect(0, 0, camera_area_.cols, camera_area_.rows)).copyTo(camera_area_);
 }
 
-/// Canvas coordinates with kShift binary digits. The centre of pixel 0 lies at (scale - 1) / 2 of the enlarged picture.
+/// Canvas coordinates with kShift binary digits. The centre of pixel 0 lies at (scale - 1) / 2 of the
+/// enlarged picture.
 cv::Point Overlay::to_canvas(const Eigen::Vector2d& pixel) const {
   const Eigen::Vector2d p = ((pixel.array() + 0.5) * scale_ - 0.5) * (1 << kShift);
   return {static_cast<int>(std::lround(p.x())), static_cast<int>(std::lround(p.y()))};
@@ -144,8 +146,8 @@ void Overlay::draw_points(const std::vector<TrackedPoint>& points) {
     const auto center = to_canvas(point.pixel.cast<double>());
     const size_t level = std::min<size_t>(point.level, kLevelColors.size() - 1);
     if (point.found) {
-      cv::circle(camera_area_, center, (2 + static_cast<int>(level)) << kShift, kLevelColors[level], 1, cv::LINE_AA,
-                 kShift);
+      cv::circle(camera_area_, center, (2 + static_cast<int>(level)) << kShift, kLevelColors[level], 1,
+                 cv::LINE_AA, kShift);
     } else {
       cv::circle(camera_area_, center, 1 << kShift, kMissedColor, cv::FILLED, cv::LINE_AA, kShift);
     }
@@ -160,8 +162,8 @@ void Overlay::choose_grid(const OverlayFrame& frame) {
 }
 
 /// A straight line of the map, cut at a plane just in front of the camera and bent as the lens does.
-void Overlay::draw_map_line(const SE3& camera_from_map, const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                            const cv::Scalar& color, int thickness) {
+void Overlay::draw_map_line(const SE3& camera_from_map, const Eigen::Vector3d& from,
+                            const Eigen::Vector3d& to, const cv::Scalar& color, int thickness) {
   const double near_depth = 0.1 * grid_step_;
   Eigen::Vector3d a = camera_from_map * from;
   Eigen::Vector3d b = camera_from_map * to;
@@ -201,7 +203,8 @@ void Overlay::draw_axes(const SE3& camera_from_map) {
 
 void Overlay::draw_text(const std::string& text, int row, const cv::Scalar& color) {
   const int baseline = camera_area_.rows + row * kStatusRow + kStatusRow * 3 / 4;
-  cv::putText(canvas_, printable(text), {6, baseline}, cv::FONT_HERSHEY_SIMPLEX, kFontScale, color, 1, cv::LINE_AA);
+  cv::putText(canvas_, printable(text), {6, baseline}, cv::FONT_HERSHEY_SIMPLEX, kFontScale, color, 1,
+              cv::LINE_AA);
 }
 
 void Overlay::draw_status(const OverlayFrame& frame) {
@@ -212,14 +215,17 @@ void Overlay::draw_status(const OverlayFrame& frame) {
   last_time_ = frame.time;
 
   std::string line = fmt::format("{}  #{}", to_string(frame.state), frame.number);
-  if (frame.map) {
-    line += fmt::format("  {} r{}  {} keyframes  {} points", frame.map_name, frame.revision.value, frame.map_keyframes,
-                        frame.map_points);
-  }
   if (frame.attempted > 0) line += fmt::format("  found {}/{}", frame.found, frame.attempted);
-  line += fmt::format("  {:.0f} Hz {:.1f} ms", frame_rate_, frame.cpu_ms);
+  line += fmt::format("  {:.0f} Hz  {:.1f} ms", frame_rate_, frame.cpu_ms);
+  if (!frame.note.empty()) line += "  " + frame.note;
   draw_text(line, 0, state_color(frame.state));
-  draw_text(frame.note.empty() ? frame.server_text : frame.note + "  |  " + frame.server_text, 1, kNoteColor);
+
+  std::string surroundings;
+  if (frame.map_points > 0) {
+    surroundings = fmt::format("{} r{}  {} keyframes  {} points  ", frame.map_name, frame.revision.value,
+                               frame.map_keyframes, frame.map_points);
+  }
+  draw_text(surroundings + frame.server_text, 1, kMinorTextColor);
 }
 
 }  // namespace cairn

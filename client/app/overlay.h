@@ -41,9 +41,9 @@ struct OverlayFrame {
 
 [[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
 
-/// Draws the camera's picture with what the tracker knows: points found (coloured by pyramid level) and missed (faint),
-/// trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, and two status lines below.
-/// Deterministic; used from one thread.
+/// Draws the camera's picture with what the tracker knows: points found (coloured by pyramid level) and
+/// missed (faint), trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, and
+/// two status lines below. Deterministic; used from one thread.
 class Overlay {
  public:
   /// Small pictures are enlarged by a whole number, so that the status lines can be read.

@@ -16,7 +16,9 @@ namespace {
 using testing::at_ms;
 
 CameraPtr test_camera(int width = 640, int height = 480) {
-  auto camera = make_camera({CameraModel::kPinholeRadtan, width, height,
+  auto camera = make_camera({CameraModel::kPinholeRadtan,
+                             width,
+                             height,
                              {0.8 * width, 0.8 * width, 0.5 * width, 0.5 * height, -0.25, 0.08, 0, 0, 0}});
   EXPECT_TRUE(camera) << camera.error().message;
   return *camera;
@@ -30,13 +32,15 @@ OverlayFrame plain_frame(const Camera& camera, int64_t ms = 0) {
 }
 
 /// A camera one unit above Z = 0, looking at it from the side.
-SE3 looking_down() { return {Eigen::Quaterniond(Eigen::AngleAxisd(2.4, Eigen::Vector3d::UnitX())), {0, 0, 1.2}}; }
+SE3 looking_down() {
+  return {Eigen::Quaterniond(Eigen::AngleAxisd(2.4, Eigen::Vector3d::UnitX())), {0, 0, 1.2}};
+}
 
 /// Pixels with colour in them: the camera's picture is grey.
 int colored_pixels(const cv::Mat& picture, const cv::Rect& area) {
   cv::Mat channels[3];
   cv::split(picture(area), channels);
-  return cv::countNonZero(channels[0] != channels[2]) ;
+  return cv::countNonZero(channels[0] != channels[2]);
 }
 
 class OverlayTest : public ::testing::Test {
@@ -69,7 +73,9 @@ TEST_F(OverlayTest, TheGridLiesWhereTheCameraProjectsIt) {
     const auto between = camera_->project(*frame.camera_from_map * Eigen::Vector3d(0.1 * i + 0.05, -0.35, 0));
     ASSERT_TRUE(crossing && between);
     if (!camera_->in_image(*crossing, 8) || !camera_->in_image(*between, 8)) continue;
-    const auto around = [](const Eigen::Vector2d& p) { return cv::Rect(int(p.x()) - 1, int(p.y()) - 1, 3, 3); };
+    const auto around = [](const Eigen::Vector2d& p) {
+      return cv::Rect(int(p.x()) - 1, int(p.y()) - 1, 3, 3);
+    };
     EXPECT_GT(colored_pixels(picture, around(*crossing)), 0) << i;
     EXPECT_EQ(colored_pixels(picture, around(*between)), 0) << i;
     ++checked;
@@ -83,7 +89,8 @@ TEST_F(OverlayTest, AGridThatPassesBehindTheCameraIsCutAndNotMirrored) {
   frame.map = MapId{{1}};
   frame.mean_depth = 1.0;
   // Level with the plane's horizon, 5 cm above it, in its middle: half of the grid is behind.
-  frame.camera_from_map = SE3(Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX())), {0, 0.05, 0});
+  frame.camera_from_map =
+      SE3(Eigen::Quaterniond(Eigen::AngleAxisd(M_PI / 2, Eigen::Vector3d::UnitX())), {0, 0.05, 0});
   const auto& picture = overlay_.draw(frame);
   EXPECT_GT(colored_pixels(picture, {0, camera_->height() / 2 + 10, camera_->width(), 200}), 500);
   // Above the horizon there is only the upright map axis.
@@ -158,7 +165,8 @@ TEST_F(VideoTest, KeepsTimeAcrossMissingFrames) {
   for (const char* name : {"a.mp4", "a.avi", "a.mkv"}) {
     auto writer = VideoWriter::open(directory_ / name, camera_, VideoWriter::WhenBehind::kWait);
     ASSERT_TRUE(writer) << writer.error().message;
-    for (const int i : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17, 18, 19}) (*writer)->push(plain_frame(*camera_, 40 * i));
+    for (const int i : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 15, 16, 17, 18, 19})
+      (*writer)->push(plain_frame(*camera_, 40 * i));
     const auto status = (*writer)->finish();
     ASSERT_TRUE(status) << status.error().message;
     const auto [pictures, rate] = read(directory_ / name);
@@ -202,7 +210,8 @@ TEST_F(VideoTest, AWrongPathIsToldAtOnce) {
   ASSERT_FALSE(ending);
   EXPECT_EQ(ending.error().code, ErrorCode::kUsage);
   EXPECT_NE(ending.error().message.find(".mp4"), std::string::npos);
-  const auto missing = VideoWriter::open(directory_ / "no" / "a.mp4", camera_, VideoWriter::WhenBehind::kWait);
+  const auto missing =
+      VideoWriter::open(directory_ / "no" / "a.mp4", camera_, VideoWriter::WhenBehind::kWait);
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().code, ErrorCode::kIo);
 }

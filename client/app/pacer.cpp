@@ -46,8 +46,8 @@ FrameEvent Pacer::pace_recorded(Frame frame) {
   return TakenFrame{std::move(frame), last_->due};
 }
 
-/// A live source has dropped by itself what was not taken in time: gaps of the index, reported one by one and before the
-/// frame that follows them, with stamps in between.
+/// A live source has dropped by itself what was not taken in time: gaps of the index, reported one by one and
+/// before the frame that follows them, with stamps in between.
 FrameEvent Pacer::pace_live(Frame frame) {
   if (live_time_ && frame.index > live_index_) {
     const auto missing = static_cast<int64_t>(frame.index - live_index_);

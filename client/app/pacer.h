@@ -15,14 +15,16 @@ namespace cairn {
 
 /// When frames are given to the tracker (DESIGN 10).
 enum class Pace : uint8_t {
-  kRealtime,  ///< a frame falls due by its time stamp, counted from the first frame's arrival; late ones are dropped
+  kRealtime,  ///< a frame falls due by its time stamp, counted from the first frame's arrival; late ones are
+              ///< dropped
   kMax,       ///< as fast as frames can be processed
   kLockstep,  ///< as kMax, and the server's work on a frame is waited for before the next
 };
 
 struct TakenFrame {
   Frame frame;
-  PaceClock::TimePoint due;  ///< realtime recording: when a camera would have delivered it; else when it was taken
+  PaceClock::TimePoint
+      due;  ///< realtime recording: when a camera would have delivered it; else when it was taken
 };
 struct DroppedFrame {
   Timestamp time;
@@ -33,9 +35,9 @@ struct UndecodableFrame {
 struct EndOfFrames {};
 using FrameEvent = std::variant<TakenFrame, DroppedFrame, UndecodableFrame, EndOfFrames>;
 
-/// Turns a source into frames at their time. A recording at realtime pace behaves as a camera would: a frame for which the
-/// tracker was too slow (its successor is due already) is dropped, so that the tracker always works on the newest one.
-/// Used from one thread.
+/// Turns a source into frames at their time. A recording at realtime pace behaves as a camera would: a frame
+/// for which the tracker was too slow (its successor is due already) is dropped, so that the tracker always
+/// works on the newest one. Used from one thread.
 class Pacer {
  public:
   /// `stop_requested` is asked at least every 100 ms while waiting; once true, the frames end.
@@ -47,7 +49,8 @@ class Pacer {
  private:
   using Item = Result<std::optional<Frame>>;
 
-  /// The frame before the present one: due times are sums of steps, so that a jump of the stamps moves all that follow.
+  /// The frame before the present one: due times are sums of steps, so that a jump of the stamps moves all
+  /// that follow.
   struct Schedule {
     Timestamp time;
     PaceClock::TimePoint due;
@@ -66,9 +69,9 @@ class Pacer {
   PaceClock& clock_;
   const std::function<bool()> stop_requested_;
   std::optional<Item> lookahead_;
-  std::optional<Schedule> last_;         ///< recording: of the last frame taken or dropped
-  std::optional<Timestamp> live_time_;   ///< camera: stamp of the last frame taken or dropped
-  uint64_t live_index_ = 0;              ///< camera: index that the next frame has if none was lost
+  std::optional<Schedule> last_;        ///< recording: of the last frame taken or dropped
+  std::optional<Timestamp> live_time_;  ///< camera: stamp of the last frame taken or dropped
+  uint64_t live_index_ = 0;             ///< camera: index that the next frame has if none was lost
 };
 
 }  // namespace cairn

@@ -19,7 +19,9 @@ using testing::make_frame;
 using testing::ManualClock;
 using testing::regular_frames;
 
-bool never() { return false; }
+bool never() {
+  return false;
+}
 
 struct Outcome {
   std::vector<int64_t> taken_ms;
@@ -55,7 +57,8 @@ TEST(Pacer, FastTrackerGetsEveryFrameExactlyWhenItIsDue) {
   const auto outcome = run(source, Pace::kRealtime, clock, [](size_t) { return milliseconds(10); });
   EXPECT_EQ(outcome.taken_ms.size(), 100U);
   EXPECT_TRUE(outcome.dropped_ms.empty());
-  EXPECT_TRUE(std::all_of(outcome.late.begin(), outcome.late.end(), [](auto late) { return late == nanoseconds(0); }));
+  EXPECT_TRUE(std::all_of(outcome.late.begin(), outcome.late.end(),
+                          [](auto late) { return late == nanoseconds(0); }));
   EXPECT_EQ(clock.now() - start, milliseconds(99 * 33 + 10));
 }
 
@@ -70,7 +73,8 @@ TEST(Pacer, AFrameIsDroppedOnlyWhenItsSuccessorIsDue) {
   EXPECT_EQ(outcome.late[1], milliseconds(5));
 }
 
-/// Laws for any load: nothing is lost or doubled, order is kept, and a frame given out is less than a period old.
+/// Laws for any load: nothing is lost or doubled, order is kept, and a frame given out is less than a period
+/// old.
 TEST(Pacer, EveryFrameIsTakenOrDroppedOnceAndTheTakenOnesAreTheNewest) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -79,14 +83,16 @@ TEST(Pacer, EveryFrameIsTakenOrDroppedOnceAndTheTakenOnesAreTheNewest) {
     constexpr size_t kFrames = 200;
     constexpr int kPeriod = 33;
     ListSource source(regular_frames(kFrames, kPeriod));
-    const auto outcome = run(source, Pace::kRealtime, clock, [&random](size_t) { return milliseconds(random() % 90); });
+    const auto outcome =
+        run(source, Pace::kRealtime, clock, [&random](size_t) { return milliseconds(random() % 90); });
     std::vector<int64_t> all;
-    std::merge(outcome.taken_ms.begin(), outcome.taken_ms.end(), outcome.dropped_ms.begin(), outcome.dropped_ms.end(),
-               std::back_inserter(all));
+    std::merge(outcome.taken_ms.begin(), outcome.taken_ms.end(), outcome.dropped_ms.begin(),
+               outcome.dropped_ms.end(), std::back_inserter(all));
     ASSERT_EQ(all.size(), kFrames);
     for (size_t i = 0; i < kFrames; ++i) ASSERT_EQ(all[i], static_cast<int64_t>(i) * kPeriod);
     EXPECT_FALSE(outcome.dropped_ms.empty());
-    for (size_t i = 0; i + 1 < outcome.late.size(); ++i) EXPECT_LT(outcome.late[i], milliseconds(kPeriod)) << i;
+    for (size_t i = 0; i + 1 < outcome.late.size(); ++i)
+      EXPECT_LT(outcome.late[i], milliseconds(kPeriod)) << i;
   }
 }
 

@@ -17,10 +17,14 @@ using Json = nlohmann::ordered_json;
 /// A frame is on time when its pose is there before the next frame of a 30 Hz camera.
 constexpr double kOnTimeMs = 33.0;
 
-double to_ms(std::chrono::nanoseconds duration) { return std::chrono::duration<double, std::milli>(duration).count(); }
+double to_ms(std::chrono::nanoseconds duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
 
 /// Times to the microsecond: more digits would only make the file long.
-double rounded_ms(double ms) { return std::round(ms * 1e3) / 1e3; }
+double rounded_ms(double ms) {
+  return std::round(ms * 1e3) / 1e3;
+}
 
 Json percentiles(const std::vector<double>& samples) {
   return {{"p50", rounded_ms(percentile(samples, 0.50))},
@@ -56,7 +60,9 @@ std::chrono::nanoseconds thread_cpu_time() {
   return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
 }
 
-StageTimes StageClock::take() { return std::exchange(times_, StageTimes{}); }
+StageTimes StageClock::take() {
+  return std::exchange(times_, StageTimes{});
+}
 
 double percentile(std::vector<double> samples, double p) {
   if (samples.empty()) return 0;
@@ -69,7 +75,8 @@ double percentile(std::vector<double> samples, double p) {
 
 void RunStats::on_frame(const FrameReport& report) {
   const auto& result = report.result;
-  FrameRow row{report.frame.time, report.state, {}, result.found, result.attempted, to_ms(report.cpu), to_ms(report.wall)};
+  FrameRow row{report.frame.time, report.state,      {}, result.found, result.attempted,
+               to_ms(report.cpu), to_ms(report.wall)};
   if (is_tracked(report.state)) {
     row.map = result.map;
     if (!first_map_frame_) first_map_frame_ = frames_.size();
@@ -100,13 +107,17 @@ void RunStats::on_undecodable(const UndecodableReport&) {
   ++undecodable_;
 }
 
-void RunStats::on_seed_reply(const SeedReply& reply) { seeds_refused_ += reply.answer ? 0 : 1; }
+void RunStats::on_seed_reply(const SeedReply& reply) {
+  seeds_refused_ += reply.answer ? 0 : 1;
+}
 
-void RunStats::on_offer_reply(const OfferReply& reply) { ++(reply.accepted ? offers_accepted_ : offers_refused_); }
+void RunStats::on_offer_replies(const std::vector<OfferReply>& replies) {
+  for (const auto& reply : replies) ++(reply.accepted ? offers_accepted_ : offers_refused_);
+}
 
 size_t RunStats::count(FrameState state) const {
-  return static_cast<size_t>(
-      std::count_if(frames_.begin(), frames_.end(), [state](const FrameRow& row) { return row.state == state; }));
+  return static_cast<size_t>(std::count_if(frames_.begin(), frames_.end(),
+                                           [state](const FrameRow& row) { return row.state == state; }));
 }
 
 double RunStats::tracked_share() const {
@@ -131,16 +142,18 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
             {"bytes_received", bytes_received}};
   Json& stages = json["stages_ms"];
   stages["total"] = percentiles(stage_ms_[kStageCount]);
-  for (size_t s = 0; s < kStageCount; ++s) stages[to_string(static_cast<Stage>(s))] = percentiles(stage_ms_[s]);
-  json["summary"] = {{"tracked_share", tracked_share()},
-                     {"on_time_share", on_time_share()},
-                     {"undecodable", undecodable_},
-                     {"seeds_refused", seeds_refused_},
-                     {"keyframes_accepted", offers_accepted_},
-                     {"keyframes_refused", offers_refused_},
-                     {"map_keyframes", map_keyframes_},
-                     {"map_points", map_points_},
-                     {"reprojection_rms_px", inlier_sum_ == 0 ? 0.0 : std::sqrt(squared_error_sum_ / inlier_sum_)}};
+  for (size_t s = 0; s < kStageCount; ++s)
+    stages[to_string(static_cast<Stage>(s))] = percentiles(stage_ms_[s]);
+  json["summary"] = {
+      {"tracked_share", tracked_share()},
+      {"on_time_share", on_time_share()},
+      {"undecodable", undecodable_},
+      {"seeds_refused", seeds_refused_},
+      {"keyframes_accepted", offers_accepted_},
+      {"keyframes_refused", offers_refused_},
+      {"map_keyframes", map_keyframes_},
+      {"map_points", map_points_},
+      {"reprojection_rms_px", inlier_sum_ == 0 ? 0.0 : std::sqrt(squared_error_sum_ / inlier_sum_)}};
   Json frames = Json::array();
   for (const auto& row : frames_) {
     frames.push_back({{"t", row.time.seconds()},
@@ -158,22 +171,23 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
 std::vector<std::string> RunStats::summary_lines() const {
   std::vector<std::string> lines;
   const size_t dropped = count(FrameState::kDropped) - undecodable_;
-  lines.push_back(fmt::format("{} frames: {} tracked, {} poor, {} lost, {} starting, {} dropped, {} undecodable",
-                              frames_.size(), count(FrameState::kTracking), count(FrameState::kPoor),
-                              count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
+  lines.push_back(
+      fmt::format("{} frames: {} tracked, {} poor, {} lost, {} starting, {} dropped, {} undecodable",
+                  frames_.size(), count(FrameState::kTracking), count(FrameState::kPoor),
+                  count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
   if (!first_map_frame_) {
     lines.emplace_back("no map was started");
     return lines;
   }
   const auto& total = stage_ms_[kStageCount];
-  lines.push_back(fmt::format("map from frame {}; since then {:.1f} % tracked; {} map switches", *first_map_frame_,
-                              100 * tracked_share(), switches_));
-  lines.push_back(fmt::format("{} keyframes and {} points in the map; {} keyframes accepted, {} refused", map_keyframes_,
-                              map_points_, offers_accepted_, offers_refused_));
-  lines.push_back(fmt::format("processor time per tracked frame: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms; "
-                              "{:.1f} % of all frames on time",
-                              percentile(total, 0.50), percentile(total, 0.95), percentile(total, 0.99),
-                              100 * on_time_share()));
+  lines.push_back(fmt::format("map from frame {}; since then {:.1f} % tracked; {} map switches",
+                              *first_map_frame_, 100 * tracked_share(), switches_));
+  lines.push_back(fmt::format("{} keyframes and {} points in the map; {} keyframes accepted, {} refused",
+                              map_keyframes_, map_points_, offers_accepted_, offers_refused_));
+  lines.push_back(fmt::format(
+      "processor time per tracked frame: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms; "
+      "{:.1f} % of all frames on time",
+      percentile(total, 0.50), percentile(total, 0.95), percentile(total, 0.99), 100 * on_time_share()));
   return lines;
 }
 

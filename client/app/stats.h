@@ -19,8 +19,8 @@ namespace cairn {
 /// Processor time that the calling thread has used so far (CLOCK_THREAD_CPUTIME_ID).
 [[nodiscard]] std::chrono::nanoseconds thread_cpu_time();
 
-/// The tracker's stopwatch: processor time of the calling thread per stage, summed over a frame. Stages may be entered
-/// several times a frame and may nest; an inner stage is also counted in the outer one.
+/// The tracker's stopwatch: processor time of the calling thread per stage, summed over a frame. Stages may
+/// be entered several times a frame and may nest; an inner stage is also counted in the outer one.
 class StageClock final : public StageProbe {
  public:
   void begin(Stage stage) override { started_[static_cast<size_t>(stage)] = thread_cpu_time(); }
@@ -36,8 +36,8 @@ class StageClock final : public StageProbe {
   StageTimes times_{};
 };
 
-/// Value below which the share `p` (0..1) of the samples lies, interpolated between neighbours (as numpy.percentile does);
-/// 0 for no samples.
+/// Value below which the share `p` (0..1) of the samples lies, interpolated between neighbours (as
+/// numpy.percentile does); 0 for no samples.
 [[nodiscard]] double percentile(std::vector<double> samples, double p);
 
 /// Collects what `--stats` writes (DESIGN 10). Used from the thread of the frame loop.
@@ -47,11 +47,11 @@ class RunStats final : public FrameObserver {
   void on_dropped(const DroppedReport& report) override;
   void on_undecodable(const UndecodableReport& report) override;
   void on_seed_reply(const SeedReply& reply) override;
-  void on_offer_reply(const OfferReply& reply) override;
+  void on_offer_replies(const std::vector<OfferReply>& replies) override;
 
-  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame` counts all frames of the source from 0,
-  /// null without a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not
-  /// known). `summary` has what the contract does not ask for.
+  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame` counts all frames of the
+  /// source from 0, null without a map. An undecodable frame is listed as dropped, with the stamp of the
+  /// frame before it (its own is not known). `summary` has what the contract does not ask for.
   [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
 
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.
@@ -78,7 +78,8 @@ class RunStats final : public FrameObserver {
   [[nodiscard]] double on_time_share() const;
 
   std::vector<FrameRow> frames_;
-  std::array<std::vector<double>, kStageCount + 1> stage_ms_;  ///< of tracked frames; the last is the whole frame
+  std::array<std::vector<double>, kStageCount + 1>
+      stage_ms_;  ///< of tracked frames; the last is the whole frame
   std::optional<size_t> first_map_frame_;
   MapId current_map_;
   size_t switches_ = 0;

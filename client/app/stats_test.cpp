@@ -22,7 +22,8 @@ TEST(Percentile, OfAnEvenRampIsTheRampAndOrderDoesNotMatter) {
   for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<double>(i);
   std::mt19937 random(1);
   std::shuffle(ramp.begin(), ramp.end(), random);
-  for (const double p : {0.0, 0.25, 0.5, 0.95, 0.99, 1.0}) EXPECT_NEAR(percentile(ramp, p), 100 * p, 1e-9) << p;
+  for (const double p : {0.0, 0.25, 0.5, 0.95, 0.99, 1.0})
+    EXPECT_NEAR(percentile(ramp, p), 100 * p, 1e-9) << p;
 }
 
 TEST(Percentile, LiesBetweenNeighboursAndOfNothingIsZero) {
@@ -34,7 +35,8 @@ TEST(Percentile, LiesBetweenNeighboursAndOfNothingIsZero) {
 /// Feeds frames as the loop would.
 class StatsTest : public ::testing::Test {
  protected:
-  void add(FrameState state, MapId map = {}, milliseconds cpu = milliseconds(5), milliseconds wall = milliseconds(8)) {
+  void add(FrameState state, MapId map = {}, milliseconds cpu = milliseconds(5),
+           milliseconds wall = milliseconds(8)) {
     result_.map = map;
     result_.found = 40;
     result_.attempted = 60;

@@ -12,7 +12,9 @@ StopSignal::StopSignal() {
   pthread_sigmask(SIG_BLOCK, &signals_, &mask_before_);
 }
 
-StopSignal::~StopSignal() { pthread_sigmask(SIG_SETMASK, &mask_before_, nullptr); }
+StopSignal::~StopSignal() {
+  pthread_sigmask(SIG_SETMASK, &mask_before_, nullptr);
+}
 
 bool StopSignal::requested() {
   if (requested_) return true;

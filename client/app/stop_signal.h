@@ -5,8 +5,9 @@
 
 namespace cairn {
 
-/// SIGINT and SIGTERM as a question instead of an interruption. The signals are blocked for the thread that makes the object
-/// and all threads begun later, so make it first; the second signal ends the process at once.
+/// SIGINT and SIGTERM as a question instead of an interruption. The signals are blocked for the thread that
+/// makes the object and all threads begun later, so make it first; the second signal ends the process at
+/// once.
 class StopSignal {
  public:
   StopSignal();

@@ -15,7 +15,9 @@
 /// Scripted stand-ins for source, clock, tracker and server: tests only.
 namespace cairn::testing {
 
-inline Timestamp at_ms(int64_t ms) { return Timestamp{ms * 1'000'000}; }
+inline Timestamp at_ms(int64_t ms) {
+  return Timestamp{ms * 1'000'000};
+}
 
 inline Frame make_frame(uint64_t index, Timestamp time, int width = 64, int height = 48) {
   return {index, time, std::make_shared<const GrayImage>(width, height)};
@@ -56,7 +58,8 @@ class ListSource final : public FrameSource {
 /// `count` frames, `period_ms` apart.
 inline std::deque<ListSource::Item> regular_frames(size_t count, int64_t period_ms) {
   std::deque<ListSource::Item> items;
-  for (size_t i = 0; i < count; ++i) items.emplace_back(make_frame(i, at_ms(static_cast<int64_t>(i) * period_ms)));
+  for (size_t i = 0; i < count; ++i)
+    items.emplace_back(make_frame(i, at_ms(static_cast<int64_t>(i) * period_ms)));
   return items;
 }
 
@@ -67,7 +70,8 @@ class ScriptedTracker final : public TrackingEngine {
 
   explicit ScriptedTracker(std::vector<Step> script) : script_(std::move(script)) {}
 
-  const FrameResult& track(const GrayImagePtr&, Timestamp time, const MapSnapshotPtr& map, StageProbe* probe) override {
+  const FrameResult& track(const GrayImagePtr&, Timestamp time, const MapSnapshotPtr& map,
+                           StageProbe* probe) override {
     probe->begin(Stage::kPose);
     result_ = FrameResult{};
     if (times.size() < script_.size()) script_[times.size()](result_);

@@ -26,7 +26,8 @@ constexpr size_t kMaxName = 32;
 constexpr const char* kDescription =
     "Tracks a camera against the maps of a cairn-server, and helps them grow.";
 constexpr const char* kFooter =
-    "Sources: tum:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, sim:SCENARIO?seed=1\n"
+    "Sources: tum:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
+    "sim:SCENARIO?seed=1\n"
     "Exit codes: 0 ok, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
     "Examples:\n"
     "  cairn-track --source v4l2:/dev/video0 --calibration camera.txt --video desk.mp4\n"
@@ -87,24 +88,36 @@ std::string check_name(const std::string& name) {
 
 void declare(CLI::App& app, Words& words) {
   auto& options = words.options;
-  app.add_option("--source", options.source, "where frames come from (see below)")->required()->type_name("URI");
-  app.add_option("--calibration", words.calibration, "camera.txt or OpenCV yaml [camera.txt beside the source]")
+  app.add_option("--source", options.source, "where frames come from (see below)")
+      ->required()
+      ->type_name("URI");
+  app.add_option("--calibration", words.calibration,
+                 "camera.txt or OpenCV yaml [camera.txt beside the source]")
       ->type_name("FILE|auto");
-  app.add_option("--server", options.server, "host of cairn-server")->type_name("HOST")->capture_default_str();
-  app.add_option("--domain", options.domain, "DDS domain")->check(CLI::Range(0, kMaxDomain))->capture_default_str();
+  app.add_option("--server", options.server, "host of cairn-server")
+      ->type_name("HOST")
+      ->capture_default_str();
+  app.add_option("--domain", options.domain, "DDS domain")
+      ->check(CLI::Range(0, kMaxDomain))
+      ->capture_default_str();
   app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
       ->type_name("loopback|wifi|FILE");
   app.add_option("--security", words.security, "DDS Security files")->type_name("DIR");
-  app.add_option("--name", options.name, "of this client [host name and process id]")->check(check_name)->type_name("NAME");
+  app.add_option("--name", options.name, "of this client [host name and process id]")
+      ->check(check_name)
+      ->type_name("NAME");
   app.add_option("--wearer", words.wearer, "who wears the camera")->check(check_name)->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
-  app.add_option("--pace", words.pace, "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
+  app.add_option("--pace", words.pace,
+                 "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
       ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
       ->capture_default_str();
-  app.add_option("--seed", options.seed, "of all random choices")->capture_default_str();
+  app.add_option("--seed", options.seed, "of all random choices")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
   app.add_flag("--headless", options.headless, "without a window");
   app.add_option("--trajectory", words.trajectory, "writes TUM rows")->type_name("FILE");
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
@@ -127,7 +140,8 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
   if (!words.wearer.empty()) return usage("--wearer: several cameras of one wearer are not available yet");
   if (words.calibration == "auto") {
-    return usage("--calibration auto: calibrating while tracking is not available yet; pass a calibration file");
+    return usage(
+        "--calibration auto: calibrating while tracking is not available yet; pass a calibration file");
   }
   TrackOptions options = std::move(words.options);
   options.calibration = path_or_nothing(words.calibration);
@@ -142,7 +156,8 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
 
 ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
-  if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr) return {0, std::string(error.what()) + "\n"};
+  if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
+    return {0, std::string(error.what()) + "\n"};
   const auto unknown = app.remaining();
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
     return usage("unknown argument '" + unknown.front() + "'" + suggestion(app, unknown.front()));
@@ -161,11 +176,12 @@ std::string default_client_name(std::string_view host_name, int process_id) {
   return (name.empty() ? "camera" : name.substr(0, kMaxName - suffix.size())) + suffix;
 }
 
-std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments, std::string_view host_name,
-                                                          int process_id) {
+std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
+                                                          std::string_view host_name, int process_id) {
   if (!arguments.empty() && arguments.front() == "calibrate") {
-    return usage("calibrate: calibrating from a board is not available yet; --calibration takes a camera.txt "
-                 "(`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`) or a yaml of OpenCV or ROS");
+    return usage(
+        "calibrate: calibrating from a board is not available yet; --calibration takes a camera.txt "
+        "(`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`) or a yaml of OpenCV or ROS");
   }
   CLI::App app(kDescription, "cairn-track");
   app.footer(kFooter);

@@ -21,8 +21,8 @@ struct TrackOptions {
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
   std::string name;
-  bool reader = false;        ///< --role reader: makes neither maps nor keyframes
-  bool no_new_maps = false;   ///< keyframes only
+  bool reader = false;       ///< --role reader: makes neither maps nor keyframes
+  bool no_new_maps = false;  ///< keyframes only
   Pace pace = Pace::kRealtime;
   uint64_t seed = 1;
   bool headless = false;
@@ -42,9 +42,11 @@ struct ParseExit {
 
 /// `arguments` without the program's name. `host_name` and `process_id` make the default client name.
 [[nodiscard]] std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
-                                                                        std::string_view host_name, int process_id);
+                                                                        std::string_view host_name,
+                                                                        int process_id);
 
-/// A valid client name from a host name and a process id: "<host>-<pid>", what does not fit [a-z0-9-]{1,32} replaced or cut.
+/// A valid client name from a host name and a process id: "<host>-<pid>", what does not fit [a-z0-9-]{1,32}
+/// replaced or cut.
 [[nodiscard]] std::string default_client_name(std::string_view host_name, int process_id);
 
 }  // namespace cairn

@@ -11,7 +11,9 @@ namespace {
 
 using ::testing::HasSubstr;
 
-auto parse(std::vector<std::string> arguments) { return parse_track_options(std::move(arguments), "host", 42); }
+auto parse(std::vector<std::string> arguments) {
+  return parse_track_options(std::move(arguments), "host", 42);
+}
 
 TrackOptions good(std::vector<std::string> arguments) {
   arguments.insert(arguments.begin(), {"--source", "sim:desk"});
@@ -47,10 +49,31 @@ TEST(TrackOptions, DefaultsAreThoseOfTheContract) {
 }
 
 TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
-  const auto options =
-      good({"--calibration", "c.txt", "--server", "desk.local", "--domain", "7", "--profile", "wifi", "--name", "cam-1",
-            "--role", "reader", "--no-new-maps", "--pace", "lockstep", "--seed", "99", "--headless", "--trajectory",
-            "t.txt", "--stats", "s.json", "--video", "v.mp4", "-v"});
+  const auto options = good({"--calibration",
+                             "c.txt",
+                             "--server",
+                             "desk.local",
+                             "--domain",
+                             "7",
+                             "--profile",
+                             "wifi",
+                             "--name",
+                             "cam-1",
+                             "--role",
+                             "reader",
+                             "--no-new-maps",
+                             "--pace",
+                             "lockstep",
+                             "--seed",
+                             "99",
+                             "--headless",
+                             "--trajectory",
+                             "t.txt",
+                             "--stats",
+                             "s.json",
+                             "--video",
+                             "v.mp4",
+                             "-v"});
   EXPECT_EQ(options.calibration, "c.txt");
   EXPECT_EQ(options.server, "desk.local");
   EXPECT_EQ(options.domain, 7);
@@ -112,7 +135,8 @@ TEST(TrackOptions, HelpAndVersionEndWell) {
 }
 
 TEST(DefaultClientName, IsAlwaysAValidNameThatEndsWithTheProcess) {
-  for (const char* host : {"desk", "Desk_7.local", "", "..", "ünïcode", "a-very-long-host-name-of-more-than-32-letters"}) {
+  for (const char* host :
+       {"desk", "Desk_7.local", "", "..", "ünïcode", "a-very-long-host-name-of-more-than-32-letters"}) {
     for (const int pid : {1, 4194304}) {
       const auto name = default_client_name(host, pid);
       EXPECT_TRUE(is_valid_name(name)) << name;

@@ -50,11 +50,15 @@ Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::pa
   if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
     return fail(ErrorCode::kIo, path.string() + ": cannot be written");
   }
-  return std::unique_ptr<VideoWriter>(new VideoWriter(path, std::move(camera), when_behind));  // NOLINT: private
+  return std::unique_ptr<VideoWriter>(
+      new VideoWriter(path, std::move(camera), when_behind));  // NOLINT: private
 }
 
 VideoWriter::VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind)
-    : path_(std::move(path)), when_behind_(when_behind), overlay_(std::move(camera)), thread_([this] { run(); }) {}
+    : path_(std::move(path)),
+      when_behind_(when_behind),
+      overlay_(std::move(camera)),
+      thread_([this] { run(); }) {}
 
 VideoWriter::~VideoWriter() {
   if (thread_.joinable()) (void)finish();

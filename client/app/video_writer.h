@@ -17,8 +17,9 @@
 
 namespace cairn {
 
-/// Draws and encodes the overlay video in a thread of its own (DESIGN 10, --video). The rate is that of the stamps of the
-/// first frames; while frames are missing the last picture stands still, so the video keeps time.
+/// Draws and encodes the overlay video in a thread of its own (DESIGN 10, --video). The rate is that of the
+/// stamps of the first frames; while frames are missing the last picture stands still, so the video keeps
+/// time.
 class VideoWriter final : public FrameObserver {
  public:
   enum class WhenBehind : uint8_t {
@@ -27,8 +28,8 @@ class VideoWriter final : public FrameObserver {
   };
 
   /// Checks the ending (.mp4, .avi, .mkv) and that the file can be written. Errors: kUsage, kIo.
-  [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(const std::filesystem::path& path, CameraPtr camera,
-                                                                 WhenBehind when_behind);
+  [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(const std::filesystem::path& path,
+                                                                 CameraPtr camera, WhenBehind when_behind);
   /// As finish(), without a report.
   ~VideoWriter() override;
   VideoWriter(const VideoWriter&) = delete;

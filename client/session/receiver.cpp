@@ -142,9 +142,7 @@ void Receiver::act_on(const wire::SeedVerdict& verdict) {
     state_.seed_reply = SeedReply{
         SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
         {}};
-    if (state_.map_in_use != verdict.map) state_.snapshot = nullptr;
-    state_.map_in_use = verdict.map;
-    state_.restarted = false;
+    state_.choose_map(verdict.map);
     state_.monitor.map_listed(verdict.map, verdict.epoch);
     state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
   } else {
@@ -160,8 +158,12 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
   const auto notice = std::find_if(verdict.recent.begin(), verdict.recent.end(),
                                    [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
   const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
-  if (refusal != state_.refusal && !refusal.empty()) log_->error("refused by the server: {}", refusal);
-  state_.refusal = refusal;
+  if (refusal != state_.refusal) {
+    if (!refusal.empty()) log_->error("refused by the server: {}", refusal);
+    state_.refusal = refusal;
+    state_.seed.resend();  // what went unheard while we were refused
+    state_.spool.resend_all();
+  }
   for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
   if (!verdict.recent.empty() && verdict.recent.back().revision) {
     const wire::OfferOutcome& newest = verdict.recent.back();
@@ -173,20 +175,21 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
 
 void Receiver::follow_map_in_use() {
   MapId wanted;
+  uint64_t choice = 0;
   {
     const std::scoped_lock lock(state_.mutex);
     wanted = state_.map_in_use;
+    choice = state_.map_choice;
   }
-  const MapId open = channel_ ? channel_->replica.map() : MapId{};
-  if (wanted == open) return;
+  if (choice == channel_choice_) return;
   channel_.reset();
-  if (!wanted) return;
-  Result<MapChannel> channel = open_channel(wanted);
-  if (channel) {
+  if (wanted) {
+    Result<MapChannel> channel = open_channel(wanted);
+    if (!channel)
+      return log_->error("the map cannot be received: {}", channel.error().message);  // tried again soon
     channel_ = std::move(*channel);
-  } else {
-    log_->error("the map cannot be received: {}", channel.error().message);  // tried again in a moment
   }
+  channel_choice_ = choice;
 }
 
 Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
@@ -220,7 +223,7 @@ void Receiver::take_map_messages() {
   take_all(channel_->commits, receive);
   if (!replica.update(std::chrono::steady_clock::now())) return;
   const std::scoped_lock lock(state_.mutex);
-  if (state_.map_in_use != replica.map()) return;
+  if (state_.map_choice != channel_choice_) return;
   state_.snapshot = replica.snapshot();
   state_.tracker_changed = true;  // the server waits to hear that this revision is in use
   state_.for_sender.notify_one();

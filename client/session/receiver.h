@@ -63,6 +63,7 @@ class Receiver {
   std::string client_name_;
   ServerReaders server_;
   std::optional<MapChannel> channel_;
+  uint64_t channel_choice_ = 0;  ///< state_.map_choice that the channel belongs to
   wire::Waiter waiter_;
   Logger log_;
   std::thread thread_;

@@ -9,7 +9,7 @@ namespace {
 
 /// Takes a block unless the one in place is newer (a resent history may come after newer values).
 template <typename Block>
-void keep_newest(std::shared_ptr<const Block>* place, Block&& block) {
+void keep_newest(std::shared_ptr<const Block>* place, Block block) {
   if (*place != nullptr && (*place)->version >= block.version) return;
   *place = std::make_shared<const Block>(std::move(block));
 }

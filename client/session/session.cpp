@@ -49,7 +49,8 @@ struct Session::State {
   std::unique_ptr<Receiver> receiver;
 };
 
-Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, CameraPtr camera, Logger log) {
+Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, const CameraPtr& camera,
+                                               Logger log) {
   if (!is_valid_name(options.name)) {
     return fail(ErrorCode::kUsage, "name '" + options.name + "': expected 1 to 32 of a-z, 0-9 and -");
   }
@@ -78,17 +79,21 @@ MapSnapshotPtr Session::snapshot() const {
   return state_->shared.snapshot;
 }
 
+void Session::use_map(MapId map) {
+  {
+    const std::scoped_lock lock(state_->shared.mutex);
+    state_->shared.choose_map(map);
+  }
+  state_->receiver->map_changed();
+}
+
 void Session::leave_map() {
   {
     const std::scoped_lock lock(state_->shared.mutex);
-    state_->shared.map_in_use = {};
-    state_->shared.snapshot = nullptr;
-    state_->shared.required.reset();
-    state_->shared.restarted = false;
     state_->shared.seed.drop();
     state_->shared.seed_reply.reset();
   }
-  state_->receiver->map_changed();
+  use_map({});
 }
 
 void Session::send_seed(SeedProposal proposal) {

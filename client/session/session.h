@@ -69,6 +69,8 @@ class Session {
 
   /// Newest whole revision of the map in use (the one seeded, or chosen by use_map); null before the first.
   [[nodiscard]] MapSnapshotPtr snapshot() const;
+  /// Makes a map of the server's the one in use; its replica comes.
+  void use_map(MapId map);
   /// Forgets the map in use, e.g. to begin another.
   void leave_map();
 

@@ -58,9 +58,18 @@ struct SessionState {
   bool tracker_changed = true;
 
   MapId map_in_use;
+  uint64_t map_choice = 0;  ///< counts choices of a map: left and chosen again is another replica
   MapSnapshotPtr snapshot;  ///< of the map in use
   std::optional<RequiredRevision> required;
 
+  void choose_map(MapId map) {
+    if (map_in_use == map) return;
+    map_in_use = map;
+    ++map_choice;
+    snapshot = nullptr;
+    required.reset();
+    restarted = false;
+  }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {
     if (!required || required->map != map_in_use) return true;

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <ostream>
 #include <string>
 
 namespace cairn {
@@ -14,6 +15,10 @@ struct NamedCamera {
   std::string name;
   CameraParameters parameters;
 };
+
+void PrintTo(const NamedCamera& camera, std::ostream* out) {
+  *out << camera.name;
+}
 
 CameraParameters parameters_of(int width, int height, std::vector<double> values) {
   return {CameraModel::kPinholeRadtan, width, height, std::move(values)};

@@ -2,10 +2,11 @@
 #include "common/geometry/epipolar.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
-#include <numbers>
+#include <limits>
 
 #include "common/geometry/robust.h"
 
@@ -18,11 +19,11 @@ using Matrix5d = Eigen::Matrix<double, 5, 5>;
 // In units of sigma^2, 3.5 sigma: keeps nearly all of the good, none of the wild.
 constexpr double kTukeyCutoff = 12.25;
 
-double epipolar_cost(const NormalisedMatches& data, const SE3& pose) {
+double epipolar_cost(NormalisedMatches matches, const SE3& pose) {
   const Eigen::Matrix3d E = essential_of(pose);
   double cost = 0;
-  for (const auto& m : data.matches) {
-    cost += tukey_cost(sampson_error(E, m, data.variance_a, data.variance_b), kTukeyCutoff);
+  for (const auto& m : matches) {
+    cost += tukey_cost(sampson_error(E, m), kTukeyCutoff);
   }
   return cost;
 }
@@ -37,18 +38,18 @@ Eigen::Matrix<double, 3, 2> tangent_basis(const Eigen::Vector3d& t) {
 
 /// Normal equations of the Sampson residuals b^T [t]x R a / spread. The spread counts as constant: its change
 /// multiplies a residual of zero mean.
-void linearise(const NormalisedMatches& data, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
+void linearise(NormalisedMatches matches, const SE3& pose, Matrix5d* information, Vector5d* gradient) {
   const Eigen::Matrix3d R = pose.rotation_matrix();
   const Eigen::Vector3d& t = pose.translation();
   const Eigen::Matrix3d E = skew(t) * R;
   const Eigen::Matrix<double, 3, 2> basis = tangent_basis(t);
   information->setZero();
   gradient->setZero();
-  for (const auto& m : data.matches) {
+  for (const auto& m : matches) {
     const Eigen::Vector3d line_b = E * m.a;
     const Eigen::Vector3d line_a = E.transpose() * m.b;
     const double variance =
-        data.variance_b * line_b.head<2>().squaredNorm() + data.variance_a * line_a.head<2>().squaredNorm();
+        m.variance_b * line_b.head<2>().squaredNorm() + m.variance_a * line_a.head<2>().squaredNorm();
     const double algebraic = m.b.dot(line_b);
     const double weight = tukey_weight(algebraic * algebraic / variance, kTukeyCutoff) / variance;
     if (!(weight > 0)) continue;
@@ -66,8 +67,7 @@ Eigen::Matrix3d essential_of(const SE3& b_from_a) {
   return skew(b_from_a.translation()) * b_from_a.rotation_matrix();
 }
 
-double sampson_error(const Eigen::Matrix3d& E, const NormalisedMatch& m, double variance_a,
-                     double variance_b) {
+double sampson_error(const Eigen::Matrix3d& E, const NormalisedMatch& m) {
   const double x = m.a.x();
   const double y = m.a.y();
   const double u = m.b.x();
@@ -78,7 +78,7 @@ double sampson_error(const Eigen::Matrix3d& E, const NormalisedMatch& m, double 
   const double ax = E(0, 0) * u + E(1, 0) * v + E(2, 0);
   const double ay = E(0, 1) * u + E(1, 1) * v + E(2, 1);
   const double algebraic = u * bx + v * by + bz;
-  return algebraic * algebraic / (variance_b * (bx * bx + by * by) + variance_a * (ax * ax + ay * ay));
+  return algebraic * algebraic / (m.variance_b * (bx * bx + by * by) + m.variance_a * (ax * ax + ay * ay));
 }
 
 SE3 pose_of_essential(const Eigen::Matrix3d& E) {
@@ -97,14 +97,14 @@ std::array<SE3, 4> twisted_poses(const SE3& pose) {
   return {pose, SE3(pose.rotation(), -t), SE3(twisted, t), SE3(twisted, -t)};
 }
 
-SE3 refine_epipolar(const NormalisedMatches& data, const SE3& start, int iterations) {
+SE3 refine_epipolar(NormalisedMatches matches, const SE3& start, int iterations) {
   SE3 pose = start;
-  double cost = epipolar_cost(data, pose);
+  double cost = epipolar_cost(matches, pose);
   double damping = 1e-4;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Matrix5d information;
     Vector5d gradient;
-    linearise(data, pose, &information, &gradient);
+    linearise(matches, pose, &information, &gradient);
     bool improved = false;
     double gain = 0;
     for (int attempt = 0; attempt < 4 && !improved; ++attempt) {
@@ -115,7 +115,7 @@ SE3 refine_epipolar(const NormalisedMatches& data, const SE3& start, int iterati
       const Eigen::Vector3d t =
           (pose.translation() + tangent_basis(pose.translation()) * step.tail<2>()).normalized();
       const SE3 candidate(so3_exp(step.head<3>()) * pose.rotation(), t);
-      const double candidate_cost = epipolar_cost(data, candidate);
+      const double candidate_cost = epipolar_cost(matches, candidate);
       improved = candidate_cost < cost;
       if (improved) {
         gain = cost - candidate_cost;
@@ -127,6 +127,19 @@ SE3 refine_epipolar(const NormalisedMatches& data, const SE3& start, int iterati
     if (!improved || gain < 1e-6 * cost) break;
   }
   return pose;
+}
+
+double direction_uncertainty(NormalisedMatches matches, const SE3& pose) {
+  Matrix5d information;
+  Vector5d gradient;
+  linearise(matches, pose, &information, &gradient);
+  const Eigen::SelfAdjointEigenSolver<Matrix5d> spectrum(information);
+  if (!(spectrum.eigenvalues()(0) > 1e-12 * spectrum.eigenvalues()(4)))
+    return std::numeric_limits<double>::infinity();
+  const Matrix5d covariance = spectrum.eigenvectors() * spectrum.eigenvalues().cwiseInverse().asDiagonal() *
+                              spectrum.eigenvectors().transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> direction(covariance.bottomRightCorner<2, 2>());
+  return std::sqrt(direction.eigenvalues()(1));
 }
 
 }  // namespace cairn

@@ -69,8 +69,8 @@ using Constraints = Eigen::Matrix<double, 10, kMonomials>;
 NullSpace null_space(const std::array<NormalisedMatch, 5>& sample) {
   Eigen::Matrix<double, 9, 5> constraints;
   for (int k = 0; k < 5; ++k) {
-    const auto& [a, b] = sample[static_cast<size_t>(k)];
-    constraints.col(k) << b.x() * a, b.y() * a, b.z() * a;
+    const NormalisedMatch& m = sample[static_cast<size_t>(k)];
+    constraints.col(k) << m.b.x() * m.a, m.b.y() * m.a, m.b.z() * m.a;
   }
   const Eigen::HouseholderQR<Eigen::Matrix<double, 9, 5>> qr(constraints);
   NullSpace last = NullSpace::Zero();

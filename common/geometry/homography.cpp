@@ -27,12 +27,12 @@ bool projective_basis(const std::array<Eigen::Vector3d, 4>& p, Eigen::Matrix3d* 
 }  // namespace
 
 double transfer_error(const Eigen::Matrix3d& b_from_a, const Eigen::Matrix3d& a_from_b,
-                      const NormalisedMatch& m, double variance_a, double variance_b) {
+                      const NormalisedMatch& m) {
   const Eigen::Vector3d in_b = b_from_a * m.a;
   const Eigen::Vector3d in_a = a_from_b * m.b;
   const double forward = (in_b.head<2>() / in_b.z() - m.b.head<2>()).squaredNorm();
   const double backward = (in_a.head<2>() / in_a.z() - m.a.head<2>()).squaredNorm();
-  return 0.5 * (forward + backward) / (variance_a + variance_b);
+  return 0.5 * (forward + backward) / (m.variance_a + m.variance_b);
 }
 
 bool solve_four_point(const std::array<NormalisedMatch, 4>& sample, Eigen::Matrix3d* H) {
@@ -51,14 +51,14 @@ bool solve_four_point(const std::array<NormalisedMatch, 4>& sample, Eigen::Matri
   return true;
 }
 
-Eigen::Matrix3d refine_homography(const NormalisedMatches& data, Eigen::Matrix3d H, int iterations) {
-  const double variance = data.variance_a + data.variance_b;
+Eigen::Matrix3d refine_homography(NormalisedMatches matches, Eigen::Matrix3d H, int iterations) {
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Eigen::Matrix<double, 9, 9> scatter = Eigen::Matrix<double, 9, 9>::Zero();
-    for (const auto& m : data.matches) {
+    for (const auto& m : matches) {
       const Eigen::Vector3d in_b = H * m.a;
+      const double variance = m.variance_a + m.variance_b;
       const double squared = (in_b.head<2>() / in_b.z() - m.b.head<2>()).squaredNorm() / variance;
-      const double weight = tukey_weight(squared, kTukeyCutoff) / (in_b.z() * in_b.z());
+      const double weight = tukey_weight(squared, kTukeyCutoff) / (variance * in_b.z() * in_b.z());
       if (!(weight > 0)) continue;
       // Rows (a, 0, -b_x a) and (0, a, -b_y a): the scatter is made of multiples of a a^T.
       const Eigen::Matrix3d aa = weight * m.a * m.a.transpose();
@@ -109,19 +109,19 @@ std::vector<PlaneMotion> decompose_homography(const Eigen::Matrix3d& H) {
   return solutions;
 }
 
-Eigen::Matrix3d fit_rotation(const NormalisedMatches& data, const Eigen::Matrix3d& H, int iterations) {
+Eigen::Matrix3d fit_rotation(NormalisedMatches matches, const Eigen::Matrix3d& H, int iterations) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H.determinant() < 0 ? Eigen::Matrix3d(-H) : H,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Matrix3d rotation = svd.matrixU() * svd.matrixV().transpose();
-  const double variance = data.variance_a + data.variance_b;
   for (int iteration = 0; iteration < iterations; ++iteration) {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    for (const auto& m : data.matches) {
+    for (const auto& m : matches) {
       const Eigen::Vector3d p = rotation * m.a;
       const Eigen::Vector2d projected = p.head<2>() / p.z();
       const Eigen::Vector2d residual = projected - m.b.head<2>();
-      const double weight = tukey_weight(residual.squaredNorm() / variance, kTukeyCutoff);
+      const double variance = m.variance_a + m.variance_b;
+      const double weight = tukey_weight(residual.squaredNorm() / variance, kTukeyCutoff) / variance;
       if (!(weight > 0)) continue;
       Eigen::Matrix<double, 2, 3> d_projected;
       d_projected << 1, 0, -projected.x(), 0, 1, -projected.y();

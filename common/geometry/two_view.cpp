@@ -19,6 +19,7 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kRefinements = 10;
+constexpr double kMaxDirectionUncertainty = 20 / kDegrees;  ///< one sigma of the direction of the translation
 
 /// Squared residuals of every match under the model, in units of sigma.
 using Residuals = std::vector<double>;
@@ -36,9 +37,9 @@ std::string text(const char* format, Values... values) {
 
 /// Sum of truncated residuals (MSAC, Torr and Zisserman 2000); stops counting at `limit`.
 template <typename Error>
-double msac_cost(const NormalisedMatches& data, double cutoff, double limit, Error error) {
+double msac_cost(NormalisedMatches matches, double cutoff, double limit, Error error) {
   double cost = 0;
-  for (const auto& m : data.matches) {
+  for (const auto& m : matches) {
     cost += std::min(error(m), cutoff);
     if (cost >= limit) break;
   }
@@ -46,9 +47,9 @@ double msac_cost(const NormalisedMatches& data, double cutoff, double limit, Err
 }
 
 template <size_t N>
-std::array<NormalisedMatch, N> pick(const NormalisedMatches& data, const std::array<size_t, N>& indices) {
+std::array<NormalisedMatch, N> pick(NormalisedMatches matches, const std::array<size_t, N>& indices) {
   std::array<NormalisedMatch, N> sample;
-  for (size_t i = 0; i < N; ++i) sample[i] = data.matches[indices[i]];
+  for (size_t i = 0; i < N; ++i) sample[i] = matches[indices[i]];
   return sample;
 }
 
@@ -57,65 +58,64 @@ struct Hypothesis {
   double cost = std::numeric_limits<double>::infinity();
 };
 
-double homography_cost(const NormalisedMatches& data, const Eigen::Matrix3d& H, double limit) {
+double homography_cost(NormalisedMatches matches, const Eigen::Matrix3d& H, double limit) {
   const Eigen::Matrix3d inverse = H.inverse();
-  return msac_cost(data, kTransferCutoff, limit, [&](const NormalisedMatch& m) {
-    return transfer_error(H, inverse, m, data.variance_a, data.variance_b);
-  });
+  return msac_cost(matches, kTransferCutoff, limit,
+                   [&](const NormalisedMatch& m) { return transfer_error(H, inverse, m); });
 }
 
-double essential_cost(const NormalisedMatches& data, const Eigen::Matrix3d& E, double limit) {
-  return msac_cost(data, kEpipolarCutoff, limit, [&](const NormalisedMatch& m) {
-    return sampson_error(E, m, data.variance_a, data.variance_b);
-  });
+double essential_cost(NormalisedMatches matches, const Eigen::Matrix3d& E, double limit) {
+  return msac_cost(matches, kEpipolarCutoff, limit,
+                   [&](const NormalisedMatch& m) { return sampson_error(E, m); });
 }
 
-std::optional<Eigen::Matrix3d> find_homography(const NormalisedMatches& data, const TwoViewOptions& options) {
-  const double all_out = kTransferCutoff * static_cast<double>(data.matches.size());
-  MinimalSampler sampler(options.seed, data.matches.size());
+std::optional<Eigen::Matrix3d> find_homography(NormalisedMatches matches, const TwoViewOptions& options) {
+  const double all_out = kTransferCutoff * static_cast<double>(matches.size());
+  MinimalSampler sampler(options.seed, matches.size());
   Hypothesis best{Eigen::Matrix3d::Identity(), all_out};
   int trials = options.iterations;
   for (int trial = 0; trial < trials; ++trial) {
     Eigen::Matrix3d H;
-    if (!solve_four_point(pick(data, sampler.draw<4>()), &H)) continue;
-    if (const double cost = homography_cost(data, H, best.cost); cost < best.cost) {
+    if (!solve_four_point(pick(matches, sampler.draw<4>()), &H)) continue;
+    if (const double cost = homography_cost(matches, H, best.cost); cost < best.cost) {
       best = {H, cost};
       // A minimal sample carries the noise of four matches; all its inliers together do better.
-      const Eigen::Matrix3d refined = refine_homography(data, H, 3);
-      if (const double refined_cost = homography_cost(data, refined, best.cost); refined_cost < best.cost) {
+      const Eigen::Matrix3d refined = refine_homography(matches, H, 3);
+      if (const double refined_cost = homography_cost(matches, refined, best.cost);
+          refined_cost < best.cost) {
         best = {refined, refined_cost};
       }
       trials = std::min(trials, required_trials(1 - best.cost / all_out, 4, options.iterations));
     }
   }
   if (best.cost >= all_out) return std::nullopt;
-  return refine_homography(data, best.matrix, kRefinements);
+  return refine_homography(matches, best.matrix, kRefinements);
 }
 
 /// Locally optimised RANSAC (Chum, Matas and Kittler 2003); the pose is one of the four of its essential
 /// matrix.
-std::optional<SE3> find_essential(const NormalisedMatches& data, const TwoViewOptions& options) {
-  const double all_out = kEpipolarCutoff * static_cast<double>(data.matches.size());
-  MinimalSampler sampler(options.seed, data.matches.size());
+std::optional<SE3> find_essential(NormalisedMatches matches, const TwoViewOptions& options) {
+  const double all_out = kEpipolarCutoff * static_cast<double>(matches.size());
+  MinimalSampler sampler(options.seed, matches.size());
   std::optional<SE3> best;
   double best_cost = all_out;
   std::vector<Eigen::Matrix3d> solutions;
   int trials = options.iterations;
   for (int trial = 0; trial < trials; ++trial) {
     solutions.clear();
-    solve_five_point(pick(data, sampler.draw<5>()), solutions);
+    solve_five_point(pick(matches, sampler.draw<5>()), solutions);
     Hypothesis winner{Eigen::Matrix3d::Zero(), best_cost};
     for (const auto& E : solutions) {
-      if (const double cost = essential_cost(data, E, winner.cost); cost < winner.cost) winner = {E, cost};
+      if (const double cost = essential_cost(matches, E, winner.cost); cost < winner.cost) winner = {E, cost};
     }
     if (winner.cost >= best_cost) continue;
-    const SE3 refined = refine_epipolar(data, pose_of_essential(winner.matrix), 4);
+    const SE3 refined = refine_epipolar(matches, pose_of_essential(winner.matrix), 4);
     best = refined;
-    best_cost = std::min(winner.cost, essential_cost(data, essential_of(refined), all_out));
+    best_cost = std::min(winner.cost, essential_cost(matches, essential_of(refined), all_out));
     trials = std::min(trials, required_trials(1 - best_cost / all_out, 5, options.iterations));
   }
   if (!best) return std::nullopt;
-  return refine_epipolar(data, *best, kRefinements);
+  return refine_epipolar(matches, *best, kRefinements);
 }
 
 /// Torr's geometric robust information criterion ("An assessment of information criteria for motion model
@@ -129,23 +129,22 @@ double gric(const Residuals& residuals, int dimension, int freedom) {
   return sum + std::log(4.0) * dimension * n + std::log(4 * n) * freedom;
 }
 
-Residuals transfer_residuals(const NormalisedMatches& data, const Eigen::Matrix3d& H) {
+Residuals transfer_residuals(NormalisedMatches matches, const Eigen::Matrix3d& H) {
   Residuals residuals;
-  residuals.reserve(data.matches.size());
+  residuals.reserve(matches.size());
   const Eigen::Matrix3d inverse = H.inverse();
-  for (const auto& m : data.matches) {
-    const double r = transfer_error(H, inverse, m, data.variance_a, data.variance_b);
+  for (const auto& m : matches) {
+    const double r = transfer_error(H, inverse, m);
     residuals.push_back(std::isfinite(r) ? r : std::numeric_limits<double>::infinity());
   }
   return residuals;
 }
 
-Residuals epipolar_residuals(const NormalisedMatches& data, const SE3& pose) {
+Residuals epipolar_residuals(NormalisedMatches matches, const SE3& pose) {
   Residuals residuals;
-  residuals.reserve(data.matches.size());
+  residuals.reserve(matches.size());
   const Eigen::Matrix3d E = essential_of(pose);
-  for (const auto& m : data.matches)
-    residuals.push_back(sampson_error(E, m, data.variance_a, data.variance_b));
+  for (const auto& m : matches) residuals.push_back(sampson_error(E, m));
   return residuals;
 }
 
@@ -165,59 +164,71 @@ struct Models {
   int rotation_inliers = 0;
 };
 
-Models fit_models(const NormalisedMatches& data, const TwoViewOptions& options) {
+Models fit_models(NormalisedMatches matches, const TwoViewOptions& options) {
   Models models;
-  models.homography = find_homography(data, options);
+  models.homography = find_homography(matches, options);
   if (models.homography) {
-    models.gric_homography = gric(transfer_residuals(data, *models.homography), 2, 8);
-    models.rotation = fit_rotation(data, *models.homography, 6);
-    const Residuals residuals = transfer_residuals(data, *models.rotation);
+    models.gric_homography = gric(transfer_residuals(matches, *models.homography), 2, 8);
+    models.rotation = fit_rotation(matches, *models.homography, 6);
+    const Residuals residuals = transfer_residuals(matches, *models.rotation);
     models.gric_rotation = gric(residuals, 2, 3);
     models.rotation_inliers = count_below(residuals, kTransferCutoff);
   }
-  models.essential = find_essential(data, options);
-  if (models.essential) models.gric_essential = gric(epipolar_residuals(data, *models.essential), 3, 5);
+  models.essential = find_essential(matches, options);
+  if (models.essential) models.gric_essential = gric(epipolar_residuals(matches, *models.essential), 3, 5);
   return models;
 }
 
-/// Whether a match can lie in front of both cameras: ranges along both rays positive, or the rays so near to
-/// parallel that the noise decides the sign.
-bool may_be_in_front(const SE3& pose, const Eigen::Matrix3d& rotation, const NormalisedMatch& m,
-                     double variance) {
-  const Eigen::Vector3d a = rotation * m.a;
-  const Eigen::Vector3d& t = pose.translation();
-  // range_b b = range_a a + t, crossed with b and with a.
-  const Eigen::Vector3d normal = a.cross(m.b);
-  const double scale = a.squaredNorm() * m.b.squaredNorm();
-  if (normal.squaredNorm() < 9 * variance * scale) return true;
-  const double range_a = m.b.cross(t).dot(normal);
-  const double range_b = a.cross(t).dot(normal);
-  return range_a > 0 && range_b > 0;
+/// Whether the rays of a match meet in front of both cameras: range_b b = range_a R a + t with positive
+/// ranges.
+bool meets_in_front(const Eigen::Vector3d& rotated_a, const Eigen::Vector3d& t, const Eigen::Vector3d& b) {
+  const Eigen::Vector3d normal = rotated_a.cross(b);
+  return b.cross(t).dot(normal) > 0 && rotated_a.cross(t).dot(normal) > 0;
 }
 
-/// A pose judged on all matches: truncated epipolar cost, in which a match behind a camera counts as an
-/// outlier.
+/// Squared error of a match whose point lies in front of both cameras, in units of sigma. A match that meets
+/// behind them is best explained at infinity: far points, whose noise decides the sign, stay cheap, and no
+/// threshold is needed.
+double frontal_error(const SE3& pose, const Eigen::Matrix3d& rotation, const NormalisedMatch& m,
+                     double epipolar_residual) {
+  const Eigen::Vector3d a = rotation * m.a;
+  if (meets_in_front(a, pose.translation(), m.b)) return epipolar_residual;
+  if (!(a.z() > 0)) return std::numeric_limits<double>::infinity();
+  return (a.head<2>() / a.z() - m.b.head<2>()).squaredNorm() / (m.variance_a + m.variance_b);
+}
+
+/// A pose judged on all matches.
 struct Candidate {
   SE3 pose;
-  double cost = 0;
+  Residuals
+      epipolar;  ///< Sampson errors; for matches of the plane, if there is one, what they miss the plane by
+  Residuals frontal;  ///< frontal_error(), at most the cut-off
+  double cost = 0;    ///< sum of `frontal`
 };
 
-Candidate judge(const NormalisedMatches& data, const SE3& pose) {
+/// `plane`: transfer residuals under the homography that all candidates share, or none. On it they differ
+/// only by the side of the camera. Their Sampson errors there are noise of two different directions and must
+/// not decide.
+Candidate judge(NormalisedMatches matches, const SE3& pose, const Residuals& plane) {
+  constexpr double kWiderCutoff = 2 * kTransferCutoff;  // the tail of the inliers is no evidence either
   const Eigen::Matrix3d rotation = pose.rotation_matrix();
-  const Residuals residuals = epipolar_residuals(data, pose);
-  Candidate candidate{pose, 0};
-  for (size_t i = 0; i < residuals.size(); ++i) {
-    const bool good = residuals[i] < kEpipolarCutoff &&
-                      may_be_in_front(pose, rotation, data.matches[i], data.variance_a + data.variance_b);
-    candidate.cost += good ? residuals[i] : kEpipolarCutoff;
+  Candidate candidate{pose, epipolar_residuals(matches, pose), {}, 0};
+  for (size_t i = 0; i < plane.size(); ++i) {
+    if (plane[i] < kWiderCutoff) candidate.epipolar[i] = std::min(plane[i], kEpipolarCutoff);
+  }
+  candidate.frontal.reserve(matches.size());
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const double error = frontal_error(pose, rotation, matches[i], candidate.epipolar[i]);
+    candidate.frontal.push_back(std::min(error, kEpipolarCutoff));
+    candidate.cost += candidate.frontal.back();
   }
   return candidate;
 }
 
 /// Motions of the refined homography for which the plane lies in front of the first camera at most of its
 /// inliers.
-std::vector<SE3> plane_motions(const NormalisedMatches& data, const Eigen::Matrix3d& H) {
-  const Residuals residuals = transfer_residuals(data, H);
+std::vector<SE3> plane_motions(NormalisedMatches matches, const Eigen::Matrix3d& H) {
+  const Residuals residuals = transfer_residuals(matches, H);
   std::vector<SE3> poses;
   for (const auto& motion : decompose_homography(H)) {
     int visible = 0;
@@ -225,7 +236,7 @@ std::vector<SE3> plane_motions(const NormalisedMatches& data, const Eigen::Matri
     for (size_t i = 0; i < residuals.size(); ++i) {
       if (residuals[i] >= kTransferCutoff) continue;
       ++inliers;
-      if (motion.normal.dot(data.matches[i].a) > 0) ++visible;
+      if (motion.normal.dot(matches[i].a) > 0) ++visible;
     }
     if (2 * visible > inliers) poses.push_back(motion.b_from_a);
   }
@@ -235,17 +246,18 @@ std::vector<SE3> plane_motions(const NormalisedMatches& data, const Eigen::Matri
 /// Candidates of the chosen model, best first. A plane: the homography's own motions, which are the
 /// maximum-likelihood ones. Otherwise: the poses of the essential matrix and the plane's motions refined on
 /// all matches, for a scene with one big plane has a second minimum there.
-std::vector<Candidate> candidates_of(const NormalisedMatches& data, const Models& models,
-                                     TwoViewModel model) {
+std::vector<Candidate> candidates_of(NormalisedMatches matches, const Models& models, TwoViewModel model) {
   std::vector<SE3> poses;
-  if (models.homography) poses = plane_motions(data, *models.homography);
+  if (models.homography) poses = plane_motions(matches, *models.homography);
   if (model == TwoViewModel::kEssential) {
-    for (SE3& pose : poses) pose = refine_epipolar(data, pose, kRefinements);
+    for (SE3& pose : poses) pose = refine_epipolar(matches, pose, kRefinements);
     for (const SE3& pose : twisted_poses(*models.essential)) poses.push_back(pose);
   }
   std::vector<Candidate> candidates;
   candidates.reserve(poses.size());
-  for (const SE3& pose : poses) candidates.push_back(judge(data, pose));
+  const Residuals plane =
+      model == TwoViewModel::kHomography ? transfer_residuals(matches, *models.homography) : Residuals();
+  for (const SE3& pose : poses) candidates.push_back(judge(matches, pose, plane));
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& x, const Candidate& y) { return x.cost < y.cost; });
   return candidates;
@@ -258,15 +270,36 @@ bool same_motion(const SE3& x, const SE3& y) {
          parallax(Eigen::Vector3d::Zero(), x.translation(), y.translation()) < kSameDirection;
 }
 
-/// Support (matches explained, 0..n) of the best candidate's strongest rival over its own; 0 where the costs
-/// differ by so much that the noise cannot have made the choice.
-double ambiguity(const std::vector<Candidate>& candidates, size_t matches) {
-  const double n = static_cast<double>(matches);
-  const double decisive =
-      std::max(30.0, 0.1 * n);  // units of sigma^2; a tenth per match for imperfect calibration
+/// What a match costs a candidate because its point lies behind a camera, in units of sigma^2.
+double cost_of_side(const Candidate& candidate, size_t i) {
+  return candidate.frontal[i] - std::min(candidate.epipolar[i], kEpipolarCutoff);
+}
+
+/// Whether the noise cannot have made `best` cheaper than `rival`. Two kinds of evidence: the side of the
+/// camera on which the points of matches lie that fit both poses (both motions of a plane) is free of chance;
+/// the epipolar constraint, which about one in ten outliers keeps by luck, is not.
+bool decided(const Candidate& best, const Candidate& rival) {
+  const double n = static_cast<double>(best.epipolar.size());
+  double side = 0;
+  int outliers = 0;
+  for (size_t i = 0; i < best.epipolar.size(); ++i) {
+    const bool fits_best = best.epipolar[i] <= kEpipolarCutoff;
+    if (!fits_best) ++outliers;
+    if (fits_best && rival.epipolar[i] <= kEpipolarCutoff)
+      side += cost_of_side(rival, i) - cost_of_side(best, i);
+  }
+  const double luck = 3 * kEpipolarCutoff * std::sqrt(2 * 0.1 * outliers);
+  // The shares of n, in units of sigma^2 per match, leave room for imperfect calibration.
+  return side > std::max(10.0, 0.03 * n) || rival.cost - best.cost > std::max({30.0, 0.1 * n, luck});
+}
+
+/// Support (matches explained, 0..n) of the strongest rival of candidates[0] over its own; 0 if all are
+/// decided against.
+double ambiguity(const std::vector<Candidate>& candidates) {
+  const double n = static_cast<double>(candidates[0].epipolar.size());
   for (size_t i = 1; i < candidates.size(); ++i) {
-    if (same_motion(candidates[0].pose, candidates[i].pose)) continue;
-    if (candidates[i].cost - candidates[0].cost > decisive) return 0;
+    if (same_motion(candidates[0].pose, candidates[i].pose) || decided(candidates[0], candidates[i]))
+      continue;
     return (n - candidates[i].cost / kEpipolarCutoff) / (n - candidates[0].cost / kEpipolarCutoff);
   }
   return 0;
@@ -279,7 +312,7 @@ struct Structure {
 };
 
 Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
-                          std::span<const size_t> index, const NormalisedMatches& data, const SE3& pose,
+                          std::span<const size_t> index, NormalisedMatches normalised, const SE3& pose,
                           const TwoViewOptions& options) {
   const double limit = 16 * options.sigma * options.sigma;
   Structure result;
@@ -287,18 +320,18 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
   geometry.b_from_a = pose;
   geometry.points.assign(matches.size(), Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   geometry.inlier.assign(matches.size(), false);
-  const Residuals residuals = epipolar_residuals(data, pose);
+  const Residuals residuals = epipolar_residuals(normalised, pose);
+  const Eigen::Matrix3d rotation = pose.rotation_matrix();
   const Eigen::Vector3d center_b = pose.center();
   std::vector<double> parallaxes;
   int fitting = 0;
   for (size_t i = 0; i < index.size(); ++i) {
     if (residuals[i] >= kEpipolarCutoff) continue;
-    const NormalisedMatch& m = data.matches[i];
+    const NormalisedMatch& m = normalised[i];
     const auto point = triangulate(pose, m.a.normalized(), m.b.normalized());
     if (!point) {
-      const bool certain =
-          !may_be_in_front(pose, pose.rotation_matrix(), m, data.variance_a + data.variance_b);
-      fitting += certain ? 1 : 0;
+      const double at_infinity = frontal_error(pose, rotation, m, residuals[i]);
+      fitting += at_infinity < kEpipolarCutoff ? 0 : 1;
       continue;
     }
     ++fitting;
@@ -321,22 +354,34 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
   return result;
 }
 
+/// A pixel as (x/z, y/z, 1), and the variance there of a pixel with `sigma`: where the lens compresses the
+/// view, a pixel is a larger angle (mean over directions).
+std::pair<Eigen::Vector3d, double> normalise(const Camera& camera, const Eigen::Vector2d& pixel,
+                                             double sigma) {
+  const Eigen::Vector3d ray = camera.unproject(pixel);
+  const Eigen::Vector3d point = ray / ray.z();
+  double pixels_per_unit = camera.focal_length();
+  Matrix23d jacobian;
+  if (camera.project(point, &jacobian))
+    pixels_per_unit = std::sqrt(std::abs(jacobian.leftCols<2>().determinant()));
+  return {point, std::pow(sigma / pixels_per_unit, 2)};
+}
+
 /// Finite matches as points of the ideal camera; `index` has their places in `matches`.
-NormalisedMatches normalise(const Camera& camera_a, const Camera& camera_b,
-                            std::span<const PixelMatch> matches, double sigma, std::vector<size_t>* index) {
-  NormalisedMatches data;
-  data.matches.reserve(matches.size());
+std::vector<NormalisedMatch> normalise(const Camera& camera_a, const Camera& camera_b,
+                                       std::span<const PixelMatch> matches, double sigma,
+                                       std::vector<size_t>* index) {
+  std::vector<NormalisedMatch> normalised;
+  normalised.reserve(matches.size());
   index->reserve(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     if (!matches[i].a.allFinite() || !matches[i].b.allFinite()) continue;
-    const Eigen::Vector3d a = camera_a.unproject(matches[i].a);
-    const Eigen::Vector3d b = camera_b.unproject(matches[i].b);
-    data.matches.push_back({a / a.z(), b / b.z()});
+    const auto [a, variance_a] = normalise(camera_a, matches[i].a, sigma);
+    const auto [b, variance_b] = normalise(camera_b, matches[i].b, sigma);
+    normalised.push_back({a, b, variance_a, variance_b});
     index->push_back(i);
   }
-  data.variance_a = std::pow(sigma / camera_a.focal_length(), 2);
-  data.variance_b = std::pow(sigma / camera_b.focal_length(), 2);
-  return data;
+  return normalised;
 }
 
 /// The camera turned or stood: which of the two, in words.
@@ -354,31 +399,32 @@ tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& ca
                                                                 std::span<const PixelMatch> matches,
                                                                 const TwoViewOptions& options) {
   std::vector<size_t> index;
-  const NormalisedMatches data = normalise(camera_a, camera_b, matches, options.sigma, &index);
+  const std::vector<NormalisedMatch> normalised =
+      normalise(camera_a, camera_b, matches, options.sigma, &index);
   constexpr int kMinimalSample = 5;
-  const auto count = static_cast<int>(data.matches.size());
+  const auto count = static_cast<int>(normalised.size());
   if (count < std::max(options.min_matches, kMinimalSample)) {
     return refuse(TwoViewRefusal::kTooFewMatches,
                   text("%d matches, at least %d needed", count, options.min_matches));
   }
 
-  const Models models = fit_models(data, options);
+  const Models models = fit_models(normalised, options);
   const double enough = options.min_inlier_fraction * count;
   if (models.rotation_inliers >= enough &&
       models.gric_rotation <= std::min(models.gric_essential, models.gric_homography)) {
-    return tl::unexpected(rotation_failure(*models.rotation, std::sqrt(data.variance_a)));
+    return tl::unexpected(rotation_failure(*models.rotation, options.sigma / camera_a.focal_length()));
   }
   if (!models.essential) return refuse(TwoViewRefusal::kNoModel, "no two-view model fits the matches");
   const auto model =
       models.gric_homography < models.gric_essential ? TwoViewModel::kHomography : TwoViewModel::kEssential;
-  const auto candidates = candidates_of(data, models, model);
+  const auto candidates = candidates_of(normalised, models, model);
   if (candidates.empty())
     return refuse(TwoViewRefusal::kNoModel, "no motion puts the plane in front of both cameras");
 
   Structure structure =
-      build_structure(camera_a, camera_b, matches, index, data, candidates[0].pose, options);
+      build_structure(camera_a, camera_b, matches, index, normalised, candidates[0].pose, options);
   structure.geometry.model = model;
-  const int fitting = count_below(epipolar_residuals(data, candidates[0].pose), kEpipolarCutoff);
+  const int fitting = count_below(epipolar_residuals(normalised, candidates[0].pose), kEpipolarCutoff);
   if (fitting < enough) {
     return refuse(TwoViewRefusal::kNoModel, text("only %d of %d matches fit one motion", fitting, count));
   }
@@ -391,7 +437,11 @@ tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& ca
     return refuse(TwoViewRefusal::kNoModel, text("only %.0f %% of the matches lie in front of both cameras",
                                                  100 * structure.good_fraction));
   }
-  if (const double rival = ambiguity(candidates, data.matches.size()); rival > options.max_ambiguity) {
+  if (model == TwoViewModel::kEssential &&
+      direction_uncertainty(normalised, candidates[0].pose) > kMaxDirectionUncertainty) {
+    return refuse(TwoViewRefusal::kNoModel, "the matches do not determine the direction of the motion");
+  }
+  if (const double rival = ambiguity(candidates); rival > options.max_ambiguity) {
     return refuse(TwoViewRefusal::kAmbiguous,
                   text("two motions explain the matches, the second %.0f %% as well", 100 * rival));
   }

@@ -32,7 +32,8 @@ struct CornerList {
 /// the image. Reuses the memory of `out`.
 void detect_fast10(const GrayView& image, int threshold, CornerList* out);
 
-/// FAST score: the largest threshold at which the pixel is still a FAST-10 corner (0..255).
+/// FAST score: the largest threshold at which the pixel is still a FAST-10 corner (0..254); 0 also where
+/// it is none at any.
 [[nodiscard]] int fast10_score(const GrayView& image, int x, int y);
 
 /// Shi-Tomasi minimum eigenvalue of the gradient matrix in a (2 half_size + 1)^2 box; gradients are unhalved

@@ -207,7 +207,7 @@ TemplateSums fill_template(const RingedTemplate& ringed, PatchTemplate* out) {
 /// level (unhalved): then what moves the estimate is noise.
 void invert_hessian(const TemplateSums& s, PatchTemplate* out) {
   constexpr double kMinVariance = 1.0;
-  constexpr double n = kPixels;
+  const double n = kPixels;
   // n^2 times the covariance of the unhalved gradient.
   const double cxx = n * s.xx - static_cast<double>(s.x) * s.x;
   const double cxy = n * s.xy - static_cast<double>(s.x) * s.y;

@@ -11,14 +11,17 @@
 
 namespace cairn {
 
-constexpr int kTemplateSize = 8;  ///< search template, px at the search level (ptam.md 6)
-constexpr int kSourcePatchSize =
-    24;  ///< stored patch, px at the source level: an 8x8 template warped by any map whose
-         ///< area factor is within the limits of warp_level() stays inside it
+/// Side of a search template, px at the search level (ptam.md 6).
+constexpr int kTemplateSize = 8;
+constexpr size_t kTemplatePixels = size_t{kTemplateSize} * kTemplateSize;
+/// Side of a stored patch, px at the source level: room for a template turned by any angle and stretched by
+/// up to two.
+constexpr int kSourcePatchSize = 24;
+constexpr size_t kSourcePatchPixels = size_t{kSourcePatchSize} * kSourcePatchSize;
 
 /// Source patch of a map point: pixel (i, j) is the source level's pixel (x - 12 + i, y - 12 + j) of the
 /// (integer) corner.
-using SourcePatch = std::array<uint8_t, kSourcePatchSize * kSourcePatchSize>;
+using SourcePatch = std::array<uint8_t, kSourcePatchPixels>;
 
 /// Copies the 24x24 patch around a corner; nothing if it leaves the image (needs 12 px before, 11 px after).
 [[nodiscard]] bool cut_source_patch(const GrayView& image, Corner corner, SourcePatch* out);
@@ -34,19 +37,19 @@ using Warp = Eigen::Matrix2f;
 /// position (center.x + i - 4, center.y + j - 4): the reference pixel is (4, 4), so it matches a corner's own
 /// pixel exactly.
 struct PatchTemplate {
-  alignas(64) std::array<uint8_t, kTemplateSize * kTemplateSize> pixels{};
-  alignas(
-      64) std::array<int16_t, kTemplateSize * kTemplateSize> gradient_x{};  ///< unhalved central differences
-  alignas(64) std::array<int16_t, kTemplateSize * kTemplateSize> gradient_y{};
+  alignas(64) std::array<uint8_t, kTemplatePixels> pixels{};
+  alignas(64) std::array<int16_t, kTemplatePixels> gradient_x{};  ///< unhalved central differences
+  alignas(64) std::array<int16_t, kTemplatePixels> gradient_y{};
   Eigen::Matrix3f inverse_hessian = Eigen::Matrix3f::Zero();  ///< of (x, y, mean)
   int sum = 0;
   int sum_squares = 0;
   int level = 0;
-  bool flat = true;  ///< the Hessian is singular: no sub-pixel refinement
+  bool flat = true;  ///< the Hessian is singular or nearly: no sub-pixel refinement
 };
 
 /// Warps a source patch into a template of `level`: `level0_from_source` as in warp_level(). Samples
-/// bilinearly; a 10x10 window gives full 8x8 gradients. False if a sample leaves the 24x24 patch.
+/// bilinearly; a ring of one pixel more, clamped to the patch, gives full 8x8 gradients. False if one of the
+/// 8x8 samples leaves the 24x24 patch.
 [[nodiscard]] bool make_template(const SourcePatch& source, const Warp& level0_from_source, int level,
                                  PatchTemplate* out);
 
@@ -68,9 +71,9 @@ constexpr int kMaxZmssd = 64 * 250;
 [[nodiscard]] int zmssd_at(const PatchTemplate& patch, const GrayView& level_image, int x, int y);
 
 /// Inverse compositional alignment (Baker and Matthews, IJCV 2004) on (x, y, mean) from `start`, search-level
-/// px. Converged when a step is below 0.03 px within `max_iterations`; nothing when it diverges, moves more
-/// than `max_shift` px from the start, leaves the image or ends with a ZMSSD (at the refined position) above
-/// `max_zmssd`.
+/// px. Samples the image by cubic convolution (README.md), for which it needs 5 px of border. Converged when
+/// a step is below 0.03 px within `max_iterations`; nothing when it diverges, moves more than `max_shift` px
+/// from the start, leaves the image or ends with a ZMSSD (at the refined position) above `max_zmssd`.
 [[nodiscard]] std::optional<Eigen::Vector2f> refine_patch(const PatchTemplate& patch,
                                                           const GrayView& level_image,
                                                           const Eigen::Vector2f& start,

@@ -118,7 +118,7 @@ CAIRN_INLINE HalfSums half_sums(const PatchTemplate& patch, const Window& window
   __m128 b = across_sse2(window, 1, i);
   __m128 c = across_sse2(window, 2, i);
   for (int j = 0; j < kTemplateSize; ++j) {
-    const auto k = static_cast<size_t>(j * kTemplateSize + i);
+    const auto k = static_cast<size_t>(j) * kTemplateSize + static_cast<size_t>(i);
     const __m128 d = across_sse2(window, j + 3, i);
     const __m128 r = _mm_sub_ps(blend(window.down, a, b, c, d), bytes_to_floats(patch.pixels.data() + k));
     sums.xr = _mm_add_ps(sums.xr, _mm_mul_ps(words_to_floats(patch.gradient_x.data() + k), r));

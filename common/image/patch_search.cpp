@@ -21,7 +21,8 @@ int zmssd_scalar(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t st
   int sum = 0;
   for (int j = 0; j < kTemplateSize; ++j) {
     for (int i = 0; i < kTemplateSize; ++i) {
-      const int d = patch.pixels[static_cast<size_t>(j * kTemplateSize + i)] - window[j * stride + i];
+      const int d = patch.pixels[static_cast<size_t>(j) * kTemplateSize + static_cast<size_t>(i)] -
+                    window[j * stride + i];
       squares += d * d;
       sum += d;
     }

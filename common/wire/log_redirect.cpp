@@ -23,7 +23,7 @@ struct LogRedirect::Sink {
   static void write(void* self, const dds_log_data_t* line) { static_cast<Sink*>(self)->write(*line); }
 
   void write(const dds_log_data_t& line) {
-    std::string_view text(line.message + line.hdrsize);
+    std::string_view text(line.message);
     while (text.ends_with('\n')) text.remove_suffix(1);
     std::string suffix;
     {

@@ -38,8 +38,8 @@ MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const s
     problem.bundle.points.push_back(point.position);
     for (const KeyframeId observer : point.observers) {
       const Measurement& m = *map.find_measurement(observer, points[i]);
-      problem.bundle.observations.push_back({pose_index[observer.value - 1], static_cast<int>(i),
-                                             m.pixel.cast<double>(), m.inverse_sigma()});
+      problem.bundle.observations.push_back(
+          {pose_index[observer.value - 1], static_cast<int>(i), m.pixel.cast<double>(), m.inverse_sigma()});
     }
   }
   problem.points = std::move(points);
@@ -83,7 +83,8 @@ void write_poses(const MapProblem& solved, MapState* map) {
       p.position = solved.bundle.points[static_cast<size_t>(point_index[i])];
     } else {
       const KeyframeId source = p.source.keyframe;
-      p.position = map->keyframe(source).camera_from_map.inverse() * (old_poses[source.value - 1] * p.position);
+      p.position =
+          map->keyframe(source).camera_from_map.inverse() * (old_poses[source.value - 1] * p.position);
     }
   }
 }
@@ -93,7 +94,8 @@ void write_local(const MapProblem& solved, MapState* map) {
   for (size_t i = 0; i < solved.keyframes.size(); ++i) {
     map->keyframe(solved.keyframes[i]).camera_from_map = solved.bundle.poses[i].camera_from_map;
   }
-  for (size_t i = 0; i < solved.points.size(); ++i) map->point(solved.points[i]).position = solved.bundle.points[i];
+  for (size_t i = 0; i < solved.points.size(); ++i)
+    map->point(solved.points[i]).position = solved.bundle.points[i];
 }
 
 void hold_scale(const MapProblem& solved, const ScaleAnchor& anchor, MapState* map) {
@@ -185,7 +187,9 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, co
 
 BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor) {
   MapProblem problem = global_problem(*map);
-  const BundleReport report = solve_bundle(&problem.bundle, global_options({}, 1));
+  BundleOptions options = global_options({}, 1);
+  options.rounds = 3;
+  const BundleReport report = solve_bundle(&problem.bundle, options);
   if (report.usable) write_back(problem, report.squared_cutoff, anchor, map);
   return report;
 }
@@ -194,7 +198,6 @@ BundleOptions global_options(const std::function<bool()>& should_stop, int threa
   BundleOptions options;
   options.max_iterations = 20;
   options.function_tolerance = 1e-4;
-  options.rounds = 2;
   options.threads = threads;
   options.should_stop = should_stop;
   return options;

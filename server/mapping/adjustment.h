@@ -19,29 +19,32 @@ struct MapProblem {
   std::vector<PointId> points;        ///< of bundle.points, ascending
 };
 
-/// What fixes the unit of length. The baseline of the first two keyframes is known no better than their parallax allows, so
-/// holding it would have the whole map breathe with one keyframe; held is the median distance of the seed's points from the
-/// first keyframe, relative to what it was at the first revision. Cheap to copy.
+/// What fixes the unit of length. The baseline of the first two keyframes is known no better than their
+/// parallax allows, so holding it would have the whole map breathe with one keyframe; held is the median
+/// distance of the seed's points from the first keyframe, relative to what it was at the first revision.
+/// Cheap to copy.
 class ScaleAnchor {
  public:
   ScaleAnchor() = default;
   explicit ScaleAnchor(const MapState& map);
-  /// The similarity about the first camera that puts the unit right; identity when too few of the points are left.
+  /// The similarity about the first camera that puts the unit right; identity when too few of the points are
+  /// left.
   [[nodiscard]] Similarity3 correction(const MapState& map) const;
 
  private:
   std::vector<std::pair<PointId, double>> distances_;
 };
 
-/// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all their points; every
-/// other observer is fixed (ptam.md 10).
+/// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
+/// their points; every other observer is fixed (ptam.md 10).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
 /// All but the first keyframe move.
 [[nodiscard]] MapProblem global_problem(const MapState& map);
 
-/// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay removed, keyframes not
-/// in the problem keep their pose relative to their reference keyframe, points not in it theirs relative to their source. Drops
-/// measurements that the robust cost calls outliers, holds the scale unless two fixed keyframes did, refreshes depths.
+/// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay
+/// removed, keyframes not in the problem keep their pose relative to their reference keyframe, points not in
+/// it theirs relative to their source. Drops measurements that the robust cost calls outliers, holds the
+/// scale unless two fixed keyframes did, refreshes depths.
 void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map);
 
 /// solve_bundle() and write_back() of a local problem; the map is untouched unless the report says usable.

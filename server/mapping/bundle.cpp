@@ -15,8 +15,10 @@ namespace cairn {
 namespace {
 
 constexpr double kHugeResidual = 1e6;
+constexpr int kScaleRoundIterations = 2;
 
-/// Above this many moving poses the reduced camera matrix of a map is sparse enough for CHOLMOD to beat a dense factorisation.
+/// Above this many moving poses the reduced camera matrix of a map is sparse enough for CHOLMOD to beat a
+/// dense factorisation.
 constexpr int kDenseSchurPoses = 150;
 
 using PoseParameters = std::array<double, kPoseParameters>;
@@ -55,15 +57,18 @@ class CeresBundle {
     set_ordering();
   }
 
-  ceres::Solver::Summary solve(double squared_cutoff, const BundleOptions& options, StopCallback* callback) {
+  ceres::Solver::Summary solve(double squared_cutoff, const BundleOptions& options, int max_iterations,
+                               StopCallback* callback) {
     loss_.Reset(new ceres::TukeyLoss(std::sqrt(squared_cutoff)), ceres::TAKE_OWNERSHIP);
     ceres::Solver::Options o;
     o.linear_solver_ordering = ordering_;
     o.linear_solver_type = moving_poses_ <= kDenseSchurPoses ? ceres::DENSE_SCHUR : ceres::SPARSE_SCHUR;
-    o.max_num_iterations = options.max_iterations;
+    o.max_num_iterations = max_iterations;
     o.function_tolerance = options.function_tolerance;
     o.num_threads = options.threads;
     o.jacobi_scaling = true;
+    // With one fixed pose the scale is free: without some damping the reduced system is singular.
+    o.max_trust_region_radius = 1e8;
     o.logging_type = ceres::SILENT;
     o.callbacks.push_back(callback);
     ceres::Solver::Summary summary;
@@ -73,7 +78,8 @@ class CeresBundle {
 
   void write_poses() {
     for (size_t i = 0; i < poses_.size(); ++i) {
-      if (!problem_->poses[i].fixed) problem_->poses[i].camera_from_map = pose_from_parameters(poses_[i].data());
+      if (!problem_->poses[i].fixed)
+        problem_->poses[i].camera_from_map = pose_from_parameters(poses_[i].data());
     }
   }
 
@@ -171,7 +177,8 @@ bool PoseManifold::MinusJacobian(const double* /*x*/, double* jacobian) const {
   return true;
 }
 
-bool ReprojectionCost::Evaluate(double const* const* parameters, double* residuals, double** jacobians) const {
+bool ReprojectionCost::Evaluate(double const* const* parameters, double* residuals,
+                                double** jacobians) const {
   const Eigen::Map<const Eigen::Quaterniond> rotation(parameters[0] + 3);
   const Eigen::Matrix3d R = rotation.toRotationMatrix();
   const Eigen::Vector3d in_camera =
@@ -201,7 +208,8 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
 
 double squared_residual(const BundleProblem& problem, const BundleObservation& o) {
   const BundlePose& pose = problem.poses[static_cast<size_t>(o.pose)];
-  const auto pixel = pose.camera->project(pose.camera_from_map * problem.points[static_cast<size_t>(o.point)]);
+  const auto pixel =
+      pose.camera->project(pose.camera_from_map * problem.points[static_cast<size_t>(o.point)]);
   if (!pixel) return std::numeric_limits<double>::infinity();
   return (*pixel - o.pixel).squaredNorm() * o.inverse_sigma * o.inverse_sigma;
 }
@@ -215,7 +223,9 @@ BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options) 
   CeresBundle bundle(problem);
   for (int round = 0; round < options.rounds && !callback.stopped(); ++round) {
     report.squared_cutoff = robust_squared_cutoff(*problem, options.min_squared_cutoff);
-    const ceres::Solver::Summary summary = bundle.solve(report.squared_cutoff, options, &callback);
+    const int iterations = round + 1 < options.rounds ? kScaleRoundIterations : options.max_iterations;
+    const ceres::Solver::Summary summary =
+        bundle.solve(report.squared_cutoff, options, iterations, &callback);
     report.iterations += static_cast<int>(summary.iterations.size()) - 1;
     report.converged = summary.termination_type == ceres::CONVERGENCE;
     if (!summary.IsSolutionUsable()) break;

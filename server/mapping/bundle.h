@@ -33,26 +33,29 @@ struct BundleProblem {
 
 struct BundleOptions {
   int max_iterations = 20;
-  double function_tolerance = 1e-4;   ///< relative decrease of the cost at which an iteration is the last
-  double min_squared_cutoff = 0.25;   ///< floor of Tukey's squared cut-off, units of sigma
-  int rounds = 1;                     ///< times the robust scale is estimated anew, the first from the start values
+  double function_tolerance = 1e-4;  ///< relative decrease of the cost at which an iteration is the last
+  double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, units of sigma
+  /// Times that the robust scale is estimated. All rounds but the last are of two iterations: a scale from
+  /// bad start values is wide enough to keep outliers, and minimising to the end with it lets them win.
+  int rounds = 1;
   int threads = 1;
   std::function<bool()> should_stop;  ///< polled once per iteration; what has been reached is kept
 };
 
 struct BundleReport {
-  bool usable = false;       ///< finite and not worse; otherwise the problem is as it was
-  bool converged = false;    ///< false: stopped by should_stop or by max_iterations
-  double initial_cost = 0;   ///< sum of tukey_cost at the cut-off of the last round
+  bool usable = false;      ///< finite and not worse; otherwise the problem is as it was
+  bool converged = false;   ///< false: stopped by should_stop or by max_iterations
+  double initial_cost = 0;  ///< sum of tukey_cost at the cut-off of the last round
   double final_cost = 0;
-  double squared_cutoff = 0; ///< of the last round, units of sigma
+  double squared_cutoff = 0;  ///< of the last round, units of sigma
   int iterations = 0;
   int observations = 0;
 };
 
-/// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses and all points, in place. Levenberg-
-/// Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1); Tukey's cut-off by the median of the
-/// residuals (ptam.md 7, 10). At least one pose should be fixed. Deterministic for one thread.
+/// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses and all points, in
+/// place. Levenberg- Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1);
+/// Tukey's cut-off by the median of the residuals (ptam.md 7, 10). At least one pose should be fixed.
+/// Deterministic for one thread.
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 
 /// Squared whitened reprojection error; infinite where the point does not project.

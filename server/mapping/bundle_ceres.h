@@ -15,8 +15,9 @@ constexpr int kPoseParameters = 7;
 void pose_to_parameters(const SE3& camera_from_map, double* parameters);
 [[nodiscard]] SE3 pose_from_parameters(const double* parameters);
 
-/// SE(3) with left perturbation: Plus(T, xi) = exp(xi) T. Cost functions give derivatives by xi in the first six of seven
-/// columns, so the Jacobian of Plus is the identity over a zero row ("lifted" Jacobians, as in Leutenegger et al., IJRR 2015).
+/// SE(3) with left perturbation: Plus(T, xi) = exp(xi) T. Cost functions give derivatives by xi in the first
+/// six of seven columns, so the Jacobian of Plus is the identity over a zero row ("lifted" Jacobians, as in
+/// Leutenegger et al., IJRR 2015).
 class PoseManifold final : public ceres::Manifold {
  public:
   [[nodiscard]] int AmbientSize() const override { return kPoseParameters; }
@@ -27,8 +28,8 @@ class PoseManifold final : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-/// (project(camera_from_map * point) - pixel) / sigma. A point that does not project has a constant, huge residual: an outlier
-/// to the robust loss, no failure of the evaluation.
+/// (project(camera_from_map * point) - pixel) / sigma. A point that does not project has a constant, huge
+/// residual: an outlier to the robust loss, no failure of the evaluation.
 class ReprojectionCost final : public ceres::SizedCostFunction<2, kPoseParameters, 3> {
  public:
   /// `camera` outlives the cost.

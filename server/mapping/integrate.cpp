@@ -15,14 +15,15 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinMeasurements = 20;       ///< good ones
-constexpr double kSameDirection = 0.9;     ///< cosine between optical axes of keyframes that look the same way (26 degrees)
-constexpr double kNewAreaDistance = 0.3;   ///< of the spacing: what a keyframe that shows new area needs
-constexpr double kNewAreaFraction = 0.5;   ///< of the textured cells of the image: without a measurement
+constexpr int kMinMeasurements = 20;  ///< good ones
+constexpr double kSameDirection =
+    0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
+constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
+constexpr double kNewAreaFraction = 0.5;  ///< of the textured cells of the image: without a measurement
 constexpr int kCellsX = 8;
 constexpr int kCellsY = 6;
-constexpr int kTexturedCorners = 3;        ///< candidates that make a cell textured
-constexpr float kMaxRefinement = 1.5F;     ///< [search-level px] from the tracker's measurement
+constexpr int kTexturedCorners = 3;     ///< candidates that make a cell textured
+constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker's measurement
 
 struct Judged {
   SE3 camera_from_map;
@@ -30,7 +31,9 @@ struct Judged {
   double mean_depth = 0;
 };
 
-KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) { return {verdict, std::move(reason), {}}; }
+KeyframeDecision refuse(KeyframeVerdict verdict, std::string reason) {
+  return {verdict, std::move(reason), {}};
+}
 
 bool is_sound(const KeyframeInput& input) {
   return input.camera && input.image && input.image->width() == input.camera->width() &&
@@ -42,10 +45,12 @@ std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input
   std::vector<PointObservation> observations;
   std::vector<PointMeasurement> known;
   for (const PointMeasurement& m : input.measurements) {
-    const bool sound = map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
+    const bool sound =
+        map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
     if (!sound) continue;
     known.push_back(m);
-    observations.push_back({map.point(m.id).position, m.pixel.cast<double>(), static_cast<double>(1 << m.level)});
+    observations.push_back(
+        {map.point(m.id).position, m.pixel.cast<double>(), static_cast<double>(1 << m.level)});
   }
   const SE3 start = input.camera_from_reference * map.keyframe(input.reference).camera_from_map;
   const auto estimate = optimize_pose(*input.camera, start, observations);
@@ -76,7 +81,8 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
     const double distance = (k.camera_from_map.center() - center).norm();
     nearest.any = std::min(nearest.any, distance);
     const Eigen::Vector3d other_axis = k.camera_from_map.rotation_matrix().row(2);
-    if (axis.dot(other_axis) > kSameDirection) nearest.same_direction = std::min(nearest.same_direction, distance);
+    if (axis.dot(other_axis) > kSameDirection)
+      nearest.same_direction = std::min(nearest.same_direction, distance);
   }
   return nearest;
 }
@@ -93,7 +99,8 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
     return static_cast<size_t>(j * kCellsX + i);
   };
   for (const Candidate& c : images.candidates[kLevel]) ++texture[cell(c.corner.x, c.corner.y)];
-  for (const PointMeasurement& m : measured) known[cell(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel))] = true;
+  for (const PointMeasurement& m : measured)
+    known[cell(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel))] = true;
   int textured = 0;
   int unknown = 0;
   for (size_t i = 0; i < texture.size(); ++i) {
@@ -106,11 +113,13 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
 
 std::string describe_distance(double distance, double needed) {
   char text[96];
-  std::snprintf(text, sizeof(text), "%.3f from the nearest keyframe, %.3f needed at this depth", distance, needed);
+  std::snprintf(text, sizeof(text), "%.3f from the nearest keyframe, %.3f needed at this depth", distance,
+                needed);
   return text;
 }
 
-/// The tracker measures to a pixel where that is enough for it; a keyframe's measurements are refined on its own image.
+/// The tracker measures to a pixel where that is enough for it; a keyframe's measurements are refined on its
+/// own image.
 void add_refined(MapState* map, KeyframeId id, const std::vector<PointMeasurement>& measurements) {
   for (const PointMeasurement& m : measurements) {
     MapPoint& point = map->point(m.id);
@@ -146,14 +155,16 @@ KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_me
   return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
 }
 
-KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input, const KeyframeSpacing& spacing) {
+KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
+                                    const KeyframeSpacing& spacing) {
   if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
-  if (!map->is_live(input.reference)) return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+  if (!map->is_live(input.reference))
+    return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
   const auto judged = reoptimize(*map, input);
   if (!judged || static_cast<int>(judged->inliers.size()) < kMinMeasurements) {
-    return refuse(KeyframeVerdict::kTooFewPoints,
-                  std::to_string(judged ? judged->inliers.size() : 0) + " good measurements of map points, " +
-                      std::to_string(kMinMeasurements) + " needed");
+    return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
+                                                      " good measurements of map points, " +
+                                                      std::to_string(kMinMeasurements) + " needed");
   }
   const double needed = spacing.min_distance_over_depth * judged->mean_depth;
   const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);

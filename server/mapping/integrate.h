@@ -13,8 +13,8 @@ struct KeyframeSpacing {
 };
 [[nodiscard]] KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth);
 
-/// Re-optimises the pose on the measurements, judges, and on acceptance adds the keyframe with its measurements, refined to
-/// sub-pixel, and with every other point of the map that is found in it.
+/// Re-optimises the pose on the measurements, judges, and on acceptance adds the keyframe with its
+/// measurements, refined to sub-pixel, and with every other point of the map that is found in it.
 [[nodiscard]] KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
                                                   const KeyframeSpacing& spacing);
 

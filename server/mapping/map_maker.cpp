@@ -20,15 +20,18 @@ namespace {
 constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // ptam.md 9
 constexpr int kRefindsPerPoll = 200;
 
-/// A keyframe that still lacks points at kLevelOrder[next_level] and later.
+/// A keyframe that still lacks points, from a candidate of kLevelOrder[next_level] on.
 struct PendingKeyframe {
   KeyframeId id;
   size_t next_level = 0;
+  size_t next_candidate = 0;
   int made = 0;
 };
 
 /// The finest level has most candidates by far; it may not use up what the levels after it need.
-int level_budget(int level, int remaining) { return level == 0 ? remaining / 2 : remaining; }
+int level_budget(int level, int remaining) {
+  return level == 0 ? remaining / 2 : remaining;
+}
 
 }  // namespace
 
@@ -40,7 +43,7 @@ struct MapMaker::State {
   SnapshotBuilder builder;
   std::deque<PendingKeyframe> wanting_points = {};
   std::deque<PointId> wanting_observers = {};  ///< new points, to be found in old keyframes
-  KeyframeId newest;                      ///< around which the local adjustment goes
+  KeyframeId newest;                           ///< around which the local adjustment goes
   bool local_adjustment_due = false;
   bool upkeep_due = false;
   bool global_adjustment_due = false;
@@ -55,17 +58,21 @@ StepReport MapMaker::State::make_points(const std::function<bool()>& should_yiel
   StepReport report{.work = MapWork::kNewPoints};
   PendingKeyframe& pending = wanting_points.front();
   while (pending.next_level < kLevelOrder.size()) {
-    const int level = kLevelOrder[pending.next_level++];
+    const int level = kLevelOrder[pending.next_level];
     NewPointsOptions limits;
     limits.max_points = level_budget(level, options.max_points_per_keyframe - pending.made);
-    const std::vector<PointId> made = make_new_points(&map, pending.id, level, limits);
-    pending.made += static_cast<int>(made.size());
-    wanting_observers.insert(wanting_observers.end(), made.begin(), made.end());
-    report.changed |= !made.empty();
-    if (pending.next_level < kLevelOrder.size() && should_yield()) {
+    limits.first_candidate = pending.next_candidate;
+    const NewPoints result = make_new_points(&map, pending.id, level, limits, should_yield);
+    pending.made += static_cast<int>(result.made.size());
+    wanting_observers.insert(wanting_observers.end(), result.made.begin(), result.made.end());
+    report.changed |= !result.made.empty();
+    if (!result.finished) {
+      pending.next_candidate = result.next_candidate;
       report.finished = false;
       return report;
     }
+    pending.next_candidate = 0;
+    ++pending.next_level;
   }
   map.update_depths(pending.id);
   wanting_points.pop_front();
@@ -94,7 +101,8 @@ StepReport MapMaker::State::find_new_in_old(const std::function<bool()>& should_
   while (!wanting_observers.empty()) {
     const PointId point = wanting_observers.front();
     wanting_observers.pop_front();
-    for (size_t i = 0; i < map.keyframes().size(); ++i) report.changed |= refind(&map, KeyframeId{i + 1}, point);
+    for (size_t i = 0; i < map.keyframes().size(); ++i)
+      report.changed |= refind(&map, KeyframeId{i + 1}, point);
     tried += static_cast<int>(map.keyframes().size());
     if (tried < kRefindsPerPoll) continue;
     tried = 0;
@@ -110,7 +118,7 @@ StepReport MapMaker::State::tidy() {
   StepReport report{.work = MapWork::kCull};
   upkeep_due = false;
   report.changed = cull_points(&map) > 0;
-  if (const auto redundant = find_redundant_keyframe(map)) {
+  if (const auto redundant = find_redundant_keyframe(map, newest)) {
     map.remove_keyframe(*redundant);
     report.changed = true;
   }
@@ -121,13 +129,15 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
                                                                          const MapMakerOptions& options) {
   auto seeded = seed_map(input, options);
   if (!seeded) return tl::unexpected(seeded.error());
-  const KeyframeSpacing spacing = keyframe_spacing(options, seeded->map.keyframe(seeded->result.first_keyframe).mean_depth);
-  auto state = std::make_unique<State>(State{.options = options,
-                                             .spacing = spacing,
-                                             .map = std::move(seeded->map),
-                                             .anchor = std::move(seeded->anchor),
-                                             .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
-                                             .newest = seeded->result.second_keyframe});
+  const KeyframeSpacing spacing =
+      keyframe_spacing(options, seeded->map.keyframe(seeded->result.first_keyframe).mean_depth);
+  auto state =
+      std::make_unique<State>(State{.options = options,
+                                    .spacing = spacing,
+                                    .map = std::move(seeded->map),
+                                    .anchor = std::move(seeded->anchor),
+                                    .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
+                                    .newest = seeded->result.second_keyframe});
   return std::pair{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(seeded->result)};
 }
 
@@ -157,7 +167,8 @@ StepReport MapMaker::step(const std::function<bool()>& should_yield) {
 
 bool MapMaker::wants_global_adjustment() const {
   const State& s = *state_;
-  const bool idle = s.wanting_points.empty() && s.wanting_observers.empty() && !s.local_adjustment_due && !s.upkeep_due;
+  const bool idle =
+      s.wanting_points.empty() && s.wanting_observers.empty() && !s.local_adjustment_due && !s.upkeep_due;
   return idle && s.global_adjustment_due;
 }
 
@@ -182,7 +193,9 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   return report;
 }
 
-MapSnapshotPtr MapMaker::snapshot() { return state_->builder.build(state_->map); }
+MapSnapshotPtr MapMaker::snapshot() {
+  return state_->builder.build(state_->map);
+}
 
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
@@ -192,7 +205,8 @@ MapStatistics MapMaker::statistics() const {
   for (const MapKeyframe& k : map.keyframes()) {
     stats.keyframes += k.live ? 1 : 0;
     stats.measurements += k.measurements.size();
-    stats.bytes += sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
+    stats.bytes +=
+        sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
     if (k.images) stats.bytes += k.images->bytes();
     for (const Measurement& m : k.measurements) {
       const auto pixel = k.camera->project(k.camera_from_map * map.point(m.point).position);
@@ -203,9 +217,11 @@ MapStatistics MapMaker::statistics() const {
     stats.bytes += sizeof(p) + p.observers.capacity() * sizeof(KeyframeId);
     if (!p.live) continue;
     ++stats.points;
-    for (int i = 0; i < 3; ++i) coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
+    for (int i = 0; i < 3; ++i)
+      coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
   }
-  if (stats.measurements > 0) stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
+  if (stats.measurements > 0)
+    stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
   for (int i = 0; i < 3 && stats.points > 0; ++i) {
     std::vector<float>& c = coordinates[static_cast<size_t>(i)];
     std::sort(c.begin(), c.end());
@@ -219,6 +235,8 @@ void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, 
   problem->report = solve_bundle(&problem->problem.bundle, global_options(should_stop, threads));
 }
 
-void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const { std::default_delete<GlobalAdjustment>()(problem); }
+void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const {
+  std::default_delete<GlobalAdjustment>()(problem);
+}
 
 }  // namespace cairn

@@ -18,15 +18,18 @@
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
 
-/// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep. Pure: no threads,
-/// clocks, files or DDS; equal inputs give equal bytes. One writer: a MapMaker is used from one serial queue at a time.
+/// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.
+/// Pure: no threads, clocks, files or DDS; equal inputs give equal bytes. One writer: a MapMaker is used from
+/// one serial queue at a time.
 namespace cairn {
 
 struct MapMakerOptions {
-  double baseline = 0.1;          ///< [m] distance of the first two keyframes: the map's scale (ptam.md 2)
-  double min_keyframe_distance = 1.0;  ///< in units of baseline / first mean depth, times mean depth (ptam.md 8)
+  double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (ptam.md 2)
+  double min_keyframe_distance =
+      1.0;  ///< in units of baseline / first mean depth, times mean depth (ptam.md 8)
   int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
-  int local_keyframes = 4;        ///< nearest keyframes that move in a local adjustment, beside the newest (ptam.md 10)
+  int local_keyframes =
+      4;  ///< nearest keyframes that move in a local adjustment, beside the newest (ptam.md 10)
   uint64_t seed = 1;
 };
 
@@ -64,17 +67,17 @@ enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kSta
 
 struct KeyframeDecision {
   KeyframeVerdict verdict = KeyframeVerdict::kAccepted;
-  std::string reason;      ///< for a person; empty when accepted
-  KeyframeId keyframe;     ///< when accepted
+  std::string reason;   ///< for a person; empty when accepted
+  KeyframeId keyframe;  ///< when accepted
 };
 
 /// What a unit of work did, for logs, metrics and benchmarks.
 enum class MapWork : uint8_t { kNone, kNewPoints, kLocalAdjustment, kRefind, kGlobalAdjustment, kCull };
 struct StepReport {
   MapWork work = MapWork::kNone;
-  bool finished = true;     ///< false: yielded to a waiting keyframe, to be taken up again
-  bool changed = false;     ///< the map differs: publish
-  int observations = 0;     ///< of an adjustment
+  bool finished = true;  ///< false: yielded to a waiting keyframe, to be taken up again
+  bool changed = false;  ///< the map differs: publish
+  int observations = 0;  ///< of an adjustment
   int iterations = 0;
 };
 
@@ -82,8 +85,9 @@ struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
   size_t measurements = 0;
-  size_t bytes = 0;                ///< memory of the map, images included
-  double mean_reprojection = 0;    ///< [px] root mean square over inlier measurements after the last adjustment, in level-0 px
+  size_t bytes = 0;  ///< memory of the map, images included
+  double mean_reprojection =
+      0;  ///< [px] root mean square over inlier measurements after the last adjustment, in level-0 px
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
 };
@@ -97,32 +101,36 @@ using GlobalAdjustmentPtr = std::unique_ptr<GlobalAdjustment, GlobalAdjustmentDe
 
 class MapMaker {
  public:
-  /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant plane, where there is
-  /// one, becomes Z = 0, the baseline `options.baseline`. The map's frame and scale are fixed from here on.
-  [[nodiscard]] static Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> start(const SeedInput& input,
-                                                                                      const MapMakerOptions& options);
+  /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant
+  /// plane, where there is one, becomes Z = 0, the baseline `options.baseline`. The map's frame and scale are
+  /// fixed from here on.
+  [[nodiscard]] static Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> start(
+      const SeedInput& input, const MapMakerOptions& options);
   ~MapMaker();
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
 
-  /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe and measurements of known points
-  /// are in the map on return, the rest is work for step(). A few milliseconds.
+  /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe and
+  /// measurements of known points are in the map on return, the rest is work for step(). A few milliseconds.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
 
-  /// Does the most urgent unit of work: new points for the newest keyframe, local adjustment, re-finding of new points in old
-  /// keyframes, culling. `should_yield` is polled at least every 10 ms; when true the step returns early (finished = false).
-  /// Global adjustment is not done here. work == kNone when there is nothing to do.
+  /// Does the most urgent unit of work: new points for the newest keyframe, local adjustment, re-finding of
+  /// new points in old keyframes, culling. `should_yield` is polled at least every 10 ms; when true the step
+  /// returns early (finished = false). Global adjustment is not done here. work == kNone when there is
+  /// nothing to do.
   StepReport step(const std::function<bool()>& should_yield);
 
-  /// Whether a global adjustment would be worth its time now; the problem is a copy (of poses, points, measurements).
+  /// Whether a global adjustment would be worth its time now; the problem is a copy (of poses, points,
+  /// measurements).
   [[nodiscard]] bool wants_global_adjustment() const;
   [[nodiscard]] GlobalAdjustmentPtr prepare_global_adjustment() const;
-  /// Adopts a solved problem: what is newer than the copy rides on the correction of its reference keyframe. Keeps the last good
-  /// map (and says so in the report) when the solution is not finite or worse.
+  /// Adopts a solved problem: what is newer than the copy rides on the correction of its reference keyframe.
+  /// Keeps the last good map (and says so in the report) when the solution is not finite or worse.
   StepReport adopt(const GlobalAdjustment& solved);
 
-  /// The map as of now, as blocks; blocks in which nothing moved by more than 0.2 px (as seen from the source keyframe) since
-  /// they were last cut are shared with the previous snapshot. The revision grows only if something changed.
+  /// The map as of now, as blocks; blocks in which nothing moved by more than 0.2 px (as seen from the source
+  /// keyframe) since they were last cut are shared with the previous snapshot. The revision grows only if
+  /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
   [[nodiscard]] MapStatistics statistics() const;
@@ -133,8 +141,8 @@ class MapMaker {
   std::unique_ptr<State> state_;
 };
 
-/// Solves in place: `should_stop` is polled once per iteration and keeps what has been reached; `threads` for Ceres (1 in
-/// lockstep: deterministic).
+/// Solves in place: `should_stop` is polled once per iteration and keeps what has been reached; `threads` for
+/// Ceres (1 in lockstep: deterministic).
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads);
 
 }  // namespace cairn

@@ -22,13 +22,15 @@ using testing::Scene;
 constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
 const auto kNeverYield = [] { return false; };
 
-/// Trails as a tracker would have them: corners of the first image, their true places in the second with a pixel's rounding, one in
-/// ten wrong.
-std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const SE3& first_pose, const SE3& second_pose) {
+/// Trails as a tracker would have them: corners of the first image, their true places in the second with a
+/// pixel's rounding, one in ten wrong.
+std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const SE3& first_pose,
+                               const SE3& second_pose) {
   CornerList corners;
   detect_fast10(first.view(), 10, &corners);
   std::vector<Candidate> candidates = find_candidates(first.view(), corners);
-  std::stable_sort(candidates.begin(), candidates.end(), [](const auto& a, const auto& b) { return a.score > b.score; });
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const auto& a, const auto& b) { return a.score > b.score; });
   candidates.resize(std::min<size_t>(candidates.size(), 500));
   std::mt19937_64 random(1);
   std::vector<Trail> trails;
@@ -38,7 +40,8 @@ std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const
     if (!scene.sees(second_pose, point)) continue;
     Eigen::Vector2d b = *scene.camera()->project(second_pose * point);
     b = {std::round(b.x()), std::round(b.y())};
-    if (trails.size() % 10 == 9) b += Eigen::Vector2d(static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10);
+    if (trails.size() % 10 == 9)
+      b += Eigen::Vector2d(static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10);
     trails.push_back({TrailId{trails.size() + 1}, a.cast<float>(), b.cast<float>()});
   }
   return trails;
@@ -54,7 +57,8 @@ Similarity3 world_from_map(const MapSnapshot& s) {
   return {scale, rotation, Scene::pose(0).center() - scale * (rotation * first.center())};
 }
 
-/// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they should be.
+/// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
+/// should be.
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
   KeyframeInput offer;
   offer.camera = scene.camera();
@@ -84,18 +88,24 @@ KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
       const auto level = warp_level(warp);
       PatchTemplate patch;
       if (!level || !make_template(source.pixels, warp, *level, &patch)) continue;
-      const Eigen::Vector2f at(to_level(static_cast<float>(pixel->x()), *level), to_level(static_cast<float>(pixel->y()), *level));
-      const auto match = find_patch(patch, pyramid.level(*level).view(), corners[static_cast<size_t>(*level)], at, 5);
+      const Eigen::Vector2f at(to_level(static_cast<float>(pixel->x()), *level),
+                               to_level(static_cast<float>(pixel->y()), *level));
+      const auto match =
+          find_patch(patch, pyramid.level(*level).view(), corners[static_cast<size_t>(*level)], at, 5);
       if (!match) continue;
-      offer.measurements.push_back({source.id, static_cast<uint8_t>(*level),
-                                    {from_level(match->corner.x, *level), from_level(match->corner.y, *level)}});
+      offer.measurements.push_back(
+          {source.id,
+           static_cast<uint8_t>(*level),
+           {from_level(match->corner.x, *level), from_level(match->corner.y, *level)}});
     }
   }
   return offer;
 }
 
-/// Distance of each live point from the surface it was made on, over its depth: the source pixel's ray gives the truth.
-std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s, const std::vector<int>& step_of_keyframe) {
+/// Distance of each live point from the surface it was made on, over its depth: the source pixel's ray gives
+/// the truth.
+std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s,
+                                 const std::vector<int>& step_of_keyframe) {
   std::vector<Eigen::Vector3d> mapped;
   std::vector<Eigen::Vector3d> truth;
   std::vector<double> depths;
@@ -104,7 +114,8 @@ std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s, const
       const PointSource& source = block->source(i);
       if (!s.find(source.id)) continue;
       const SE3 pose = Scene::pose(step_of_keyframe[source.keyframe.value - 1]);
-      const Eigen::Vector3d hit = scene.hit(pose, {from_level(source.corner.x, source.level), from_level(source.corner.y, source.level)});
+      const Eigen::Vector3d hit = scene.hit(
+          pose, {from_level(source.corner.x, source.level), from_level(source.corner.y, source.level)});
       mapped.push_back(block->position(i));
       truth.push_back(hit);
       depths.push_back((pose * hit).z());
@@ -113,7 +124,8 @@ std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s, const
   const auto world_from_map = align_points(mapped, truth, true);
   std::vector<double> errors;
   if (!world_from_map) return errors;
-  for (size_t i = 0; i < mapped.size(); ++i) errors.push_back((*world_from_map * mapped[i] - truth[i]).norm() / depths[i]);
+  for (size_t i = 0; i < mapped.size(); ++i)
+    errors.push_back((*world_from_map * mapped[i] - truth[i]).norm() / depths[i]);
   std::sort(errors.begin(), errors.end());
   return errors;
 }
@@ -181,7 +193,9 @@ TEST_F(MapMakerTest, StartsFromTwoViews) {
   EXPECT_GT(s->point_count(), seed_.points.size() * 5 / 4) << "no new points beside the trails'";
   EXPECT_GT(seed_.points.size(), input_.trails.size() / 2);
   for (const auto& [trail, point] : seed_.points) EXPECT_TRUE(s->find(point));
-  const double baseline = (s->find(KeyframeId{1})->camera_from_map.center() - s->find(KeyframeId{2})->camera_from_map.center()).norm();
+  const double baseline =
+      (s->find(KeyframeId{1})->camera_from_map.center() - s->find(KeyframeId{2})->camera_from_map.center())
+          .norm();
   EXPECT_NEAR(baseline, 0.1, 1e-6);
   EXPECT_TRUE(seed_.plane_aligned);
   EXPECT_GT(s->find(KeyframeId{1})->camera_from_map.center().z(), 0);
@@ -216,7 +230,7 @@ TEST_F(MapMakerTest, RefusesInputThatIsNoPairOfViews) {
 TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {
   start();
   const size_t points_at_start = maker_->statistics().points;
-  for (int step = 4; step <= 12; step += 2) {
+  for (int step = 5; step <= 14; step += 3) {
     SCOPED_TRACE(step);
     EXPECT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
   }
@@ -232,7 +246,7 @@ TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {
 TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   start();
   const auto s = maker_->snapshot();
-  const KeyframeInput good = make_offer(scene_, *s, 4);
+  const KeyframeInput good = make_offer(scene_, *s, 5);
   KeyframeInput stale = good;
   stale.reference = KeyframeId{77};
   EXPECT_EQ(maker_->add_keyframe(stale).verdict, KeyframeVerdict::kStale);
@@ -254,7 +268,7 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
 
 TEST_F(MapMakerTest, ReoptimisesThePoseBeforeItJudges) {
   start();
-  KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 4);
+  KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 5);
   const SE3 truth = input.camera_from_reference;
   Vector6d push;
   push << 0.004, -0.003, 0.005, 0.004, -0.003, 0.004;
@@ -262,13 +276,14 @@ TEST_F(MapMakerTest, ReoptimisesThePoseBeforeItJudges) {
   const KeyframeDecision decision = maker_->add_keyframe(input);
   ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
   const auto s = maker_->snapshot();
-  const SE3 found = s->find(decision.keyframe)->camera_from_map * s->find(input.reference)->camera_from_map.inverse();
+  const SE3 found =
+      s->find(decision.keyframe)->camera_from_map * s->find(input.reference)->camera_from_map.inverse();
   EXPECT_LT((found * truth.inverse()).log().norm(), 0.3 * push.norm());
 }
 
 TEST_F(MapMakerTest, YieldsToAWaitingKeyframeAndFinishesLater) {
   start();
-  const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), 4));
+  const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), 5));
   ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
   const StepReport first = maker_->step([] { return true; });
   EXPECT_EQ(first.work, MapWork::kNewPoints);
@@ -281,13 +296,13 @@ TEST_F(MapMakerTest, YieldsToAWaitingKeyframeAndFinishesLater) {
 
 TEST_F(MapMakerTest, NewerKeyframesRideOnAnAdoptedAdjustment) {
   start();
-  for (int step = 4; step <= 8; step += 2) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  for (int step = 5; step <= 11; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
   const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
   solve(problem.get(), {}, 1);
-  const KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 10);
+  const KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 14);
   const KeyframeDecision newer = maker_->add_keyframe(input);
   ASSERT_EQ(newer.verdict, KeyframeVerdict::kAccepted);
-  steps_.push_back(10);
+  steps_.push_back(14);
   const auto relative = [&] {
     const auto s = maker_->snapshot();
     return s->find(newer.keyframe)->camera_from_map * s->find(input.reference)->camera_from_map.inverse();
@@ -303,7 +318,7 @@ TEST_F(MapMakerTest, NewerKeyframesRideOnAnAdoptedAdjustment) {
 
 TEST_F(MapMakerTest, KeepsTheLastGoodMapWhenAnAdjustmentFails) {
   start();
-  ASSERT_EQ(offer(4).verdict, KeyframeVerdict::kAccepted);
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
   const auto before = maker_->snapshot();
   const GlobalAdjustmentPtr unsolved = maker_->prepare_global_adjustment();
   const StepReport report = maker_->adopt(*unsolved);
@@ -314,12 +329,13 @@ TEST_F(MapMakerTest, KeepsTheLastGoodMapWhenAnAdjustmentFails) {
 TEST_F(MapMakerTest, FrameAndScaleStayWhatTheyWere) {
   start();
   const auto s0 = maker_->snapshot();
-  for (int step = 4; step <= 12; step += 2) {
+  for (int step = 5; step <= 14; step += 3) {
     ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
     adjust_globally();
   }
   const auto s1 = maker_->snapshot();
-  const SE3 drift = s1->find(KeyframeId{1})->camera_from_map * s0->find(KeyframeId{1})->camera_from_map.inverse();
+  const SE3 drift =
+      s1->find(KeyframeId{1})->camera_from_map * s0->find(KeyframeId{1})->camera_from_map.inverse();
   EXPECT_LT(drift.log().norm(), 1e-9);
   const Eigen::Vector3d center = s0->find(KeyframeId{1})->camera_from_map.center();
   std::vector<double> ratios;
@@ -327,8 +343,10 @@ TEST_F(MapMakerTest, FrameAndScaleStayWhatTheyWere) {
     const auto a = s0->find(point);
     const auto b = s1->find(point);
     if (!a || !b) continue;
-    const double distance_0 = (s0->point_blocks[static_cast<size_t>(a->block)]->position(a->slot) - center).norm();
-    const double distance_1 = (s1->point_blocks[static_cast<size_t>(b->block)]->position(b->slot) - center).norm();
+    const double distance_0 =
+        (s0->point_blocks[static_cast<size_t>(a->block)]->position(a->slot) - center).norm();
+    const double distance_1 =
+        (s1->point_blocks[static_cast<size_t>(b->block)]->position(b->slot) - center).norm();
     ratios.push_back(distance_1 / distance_0);
   }
   ASSERT_GT(ratios.size(), 50U);
@@ -364,7 +382,7 @@ TEST_F(MapMakerTest, SameInputSameBytes) {
   std::vector<uint8_t> runs[2];
   for (auto& run : runs) {
     start();
-    for (int step = 4; step <= 8; step += 2) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    for (int step = 5; step <= 11; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
     adjust_globally();
     run = bytes_of(*maker_->snapshot());
   }

@@ -8,7 +8,9 @@ namespace {
 
 constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};  // ptam.md 1
 
-bool by_point(const Measurement& m, PointId id) { return m.point < id; }
+bool by_point(const Measurement& m, PointId id) {
+  return m.point < id;
+}
 
 template <typename Container, typename Id>
 void insert_sorted(Container* ids, Id id) {
@@ -23,7 +25,8 @@ size_t KeyframeImages::bytes() const {
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     total += static_cast<size_t>(pyramid.level(l).stride()) * static_cast<size_t>(pyramid.level(l).height());
-    total += corners[i].corners.capacity() * sizeof(Corner) + corners[i].row_begin.capacity() * sizeof(uint32_t);
+    total +=
+        corners[i].corners.capacity() * sizeof(Corner) + corners[i].row_begin.capacity() * sizeof(uint32_t);
     total += candidates[i].capacity() * sizeof(Candidate);
   }
   return total;
@@ -47,7 +50,8 @@ size_t MapState::live_keyframes() const {
 }
 
 size_t MapState::live_points() const {
-  return static_cast<size_t>(std::count_if(points_.begin(), points_.end(), [](const MapPoint& p) { return p.live; }));
+  return static_cast<size_t>(
+      std::count_if(points_.begin(), points_.end(), [](const MapPoint& p) { return p.live; }));
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

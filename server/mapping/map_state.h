@@ -14,15 +14,16 @@
 #include "common/map/ids.h"
 #include "common/map/snapshot.h"
 
-/// The map as the map maker holds it: keyframes, points and the measurements that join them. Plain values with the invariants
-/// of the joins kept by MapState; no policy. One writer, no locks.
+/// The map as the map maker holds it: keyframes, points and the measurements that join them. Plain values
+/// with the invariants of the joins kept by MapState; no policy. One writer, no locks.
 namespace cairn {
 
 /// What is computed once from a keyframe's image.
 struct KeyframeImages {
   Pyramid pyramid;
   std::array<CornerList, kPyramidLevels> corners;
-  std::array<std::vector<Candidate>, kPyramidLevels> candidates;  ///< where new points may be made (ptam.md 1)
+  std::array<std::vector<Candidate>, kPyramidLevels>
+      candidates;  ///< where new points may be made (ptam.md 1)
 
   [[nodiscard]] GrayView level(int l) const { return pyramid.level(l).view(); }
   [[nodiscard]] size_t bytes() const;
@@ -48,10 +49,10 @@ struct MapKeyframe {
   SE3 camera_from_map;
   std::shared_ptr<const KeyframeImages> images;  ///< null once the keyframe is removed
   std::vector<Measurement> measurements;         ///< ascending by point, each point at most once
-  std::vector<PointId> given_up;                 ///< ascending: searched without success or dropped as outliers; not retried
-  double mean_depth = 0;                         ///< [map unit] of the points measured here, as are the two below
-  double near_depth = 0;                         ///< 5th percentile
-  double far_depth = 0;                          ///< 95th percentile
+  std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
+  double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below
+  double near_depth = 0;          ///< 5th percentile
+  double far_depth = 0;           ///< 95th percentile
   bool live = true;
 };
 
@@ -59,13 +60,14 @@ struct MapPoint {
   PointSource source;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   std::vector<KeyframeId> observers;                   ///< ascending
-  int attempts = 0;  ///< keyframes in which it should have been seen and was searched, beside those that made it
-  int found = 0;     ///< of these, with success
+  int attempts =
+      0;          ///< keyframes in which it should have been seen and was searched, beside those that made it
+  int found = 0;  ///< of these, with success
   bool live = true;
 };
 
-/// Ids are dense: keyframe k is keyframes()[k - 1], point p is points()[p - 1]; removed ones keep their place and lose `live`.
-/// Passing an id that was never given out is a programming error.
+/// Ids are dense: keyframe k is keyframes()[k - 1], point p is points()[p - 1]; removed ones keep their place
+/// and lose `live`. Passing an id that was never given out is a programming error.
 class MapState {
  public:
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
@@ -87,12 +89,13 @@ class MapState {
   PointId add_point(const PointSource& source, const Eigen::Vector3d& position);
   /// Joins a live point and a live keyframe; an existing measurement of the pair is replaced.
   void add_measurement(KeyframeId keyframe, const Measurement& measurement);
-  /// Severs the pair for good: it is not searched again. A point left with fewer than two observers, or without its source
-  /// keyframe's measurement, is removed.
+  /// Severs the pair for good: it is not searched again. A point left with fewer than two observers, or
+  /// without its source keyframe's measurement, is removed.
   void drop_measurement(KeyframeId keyframe, PointId point);
   void give_up(KeyframeId keyframe, PointId point);
   void remove_point(PointId id);
-  /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers go too.
+  /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers
+  /// go too.
   void remove_keyframe(KeyframeId id);
 
   [[nodiscard]] const Measurement* find_measurement(KeyframeId keyframe, PointId point) const;

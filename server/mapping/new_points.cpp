@@ -11,22 +11,27 @@
 namespace cairn {
 namespace {
 
-constexpr double kMinParallax = 0.0175;      ///< [rad] 1 degree: below, depth is noise (0.3 px at f 525 is 3 % of it)
-constexpr double kGoodParallax = 0.07;       ///< [rad] from here on more does not help, and patches begin to differ
-constexpr double kWideParallax = 0.25;       ///< [rad] from here on patches and occlusions differ too much
-constexpr double kNearMargin = 0.6;          ///< depths searched, relative to the keyframe's 5th percentile of depth
-constexpr double kFarMargin = 1.8;           ///< and to its 95th
-constexpr double kKnownDistance = 10;        ///< [level px] of a candidate from a known measurement (ptam.md 9)
-constexpr double kNewDistance = 6;           ///< [level px] between new points of one level
-constexpr float kLineDistance = 2.5F;        ///< [level px] of a corner from the epipolar line
-constexpr double kSegmentLength = 16;        ///< [source-level px] of the line that shares one warp and counts as straight
-constexpr int kMaxSegments = 24;
+constexpr double kMinParallax =
+    0.0175;  ///< [rad] 1 degree: below, depth is noise (0.3 px at f 525 is 3 % of it)
+constexpr double kGoodParallax =
+    0.07;  ///< [rad] from here on more does not help, and patches begin to differ
+constexpr double kWideParallax = 0.25;  ///< [rad] from here on patches and occlusions differ too much
+constexpr double kNearMargin = 0.6;  ///< depths searched, relative to the keyframe's 5th percentile of depth
+constexpr double kFarMargin = 1.8;   ///< and to its 95th
+constexpr double kKnownDistance = 10;  ///< [level px] of a candidate from a known measurement (ptam.md 9)
+constexpr double kNewDistance = 6;     ///< [level px] between new points of one level
+constexpr float kLineDistance = 2.5F;  ///< [level px] of a corner from the epipolar line
+constexpr double kSegmentLength =
+    24;  ///< [source-level px] of the line that shares one warp and counts as straight
+constexpr int kMaxSegments = 16;
 constexpr double kMaxSquaredResidual = 1.0;  ///< of a new point in its two views, units of sigma
 constexpr float kUniqueDistance = 3.0F;      ///< [level px] a rival is a corner farther away than this
 constexpr double kUniqueRatio = 0.7;         ///< best ZMSSD over the best rival's
 constexpr float kWitnessRadius = 3.0F;       ///< [level px]
-constexpr double kWitnessCosine = 0.9;       ///< a view more oblique against the source's proves nothing by not finding
+constexpr double kWitnessCosine =
+    0.9;  ///< a view more oblique against the source's proves nothing by not finding
 constexpr int kOverlapSamples = 60;
+constexpr size_t kCandidatesPerPoll = 64;
 
 /// A raster of what is taken, for thinning in constant time.
 class Occupancy {
@@ -95,7 +100,8 @@ class EpipolarSearch {
   [[nodiscard]] std::optional<PatchView> view_at(const PointSource& source, double inverse_depth) const {
     return view_patch(source, point_at(source, inverse_depth), partner_from_source_, *partner_.camera);
   }
-  [[nodiscard]] std::optional<Eigen::Vector2d> pixel_at(const PointSource& source, double inverse_depth) const {
+  [[nodiscard]] std::optional<Eigen::Vector2d> pixel_at(const PointSource& source,
+                                                        double inverse_depth) const {
     return partner_.camera->project(partner_from_source_ * point_at(source, inverse_depth));
   }
 
@@ -114,7 +120,8 @@ class EpipolarSearch {
     for (int i = 0; i < segments; ++i) {
       const double inverse_depth = min_inverse_depth_ + i * step;
       const auto end = pixel_at(source, inverse_depth + step);
-      if (begin && end) search_segment(source, inverse_depth + 0.5 * step, begin->cast<float>(), end->cast<float>());
+      if (begin && end)
+        search_segment(source, inverse_depth + 0.5 * step, begin->cast<float>(), end->cast<float>());
       begin = end;
     }
   }
@@ -127,55 +134,67 @@ class EpipolarSearch {
     const Eigen::Vector2f a(to_level(begin.x(), level), to_level(begin.y(), level));
     const Eigen::Vector2f b(to_level(end.x(), level), to_level(end.y(), level));
     const float length = (b - a).norm();
-    const Eigen::Vector2f along = length > 1e-3F ? Eigen::Vector2f((b - a) / length) : Eigen::Vector2f::UnitX();
+    const Eigen::Vector2f along =
+        length > 1e-3F ? Eigen::Vector2f((b - a) / length) : Eigen::Vector2f::UnitX();
     const GrayView image = partner_.images->level(level);
     const CornerList& corners = partner_.images->corners[static_cast<size_t>(level)];
     // The 8x8 window of a template must lie inside the image.
+    const float left = std::max(4.0F, std::min(a.x(), b.x()) - kLineDistance);
+    const float right = std::min(static_cast<float>(image.width - 5), std::max(a.x(), b.x()) + kLineDistance);
     const int first_row = std::max(4, static_cast<int>(std::floor(std::min(a.y(), b.y()) - kLineDistance)));
-    const int last_row = std::min(image.height - 5, static_cast<int>(std::ceil(std::max(a.y(), b.y()) + kLineDistance)));
+    const int last_row =
+        std::min(image.height - 5, static_cast<int>(std::ceil(std::max(a.y(), b.y()) + kLineDistance)));
     for (int y = first_row; y <= last_row; ++y) {
-      const auto row = static_cast<size_t>(y);
-      for (uint32_t i = corners.row_begin[row]; i < corners.row_begin[row + 1]; ++i) {
-        const Corner c = corners.corners[i];
-        const Eigen::Vector2f d = Eigen::Vector2f(c.x, c.y) - a;
+      const auto row = corners.corners.begin() + corners.row_begin[static_cast<size_t>(y)];
+      const auto row_end = corners.corners.begin() + corners.row_begin[static_cast<size_t>(y) + 1];
+      const auto starts_before = [](const Corner& c, float x) { return static_cast<float>(c.x) < x; };
+      for (auto c = std::lower_bound(row, row_end, left, starts_before); c != row_end && c->x <= right; ++c) {
+        const Eigen::Vector2f d = Eigen::Vector2f(c->x, c->y) - a;
         const float t = along.dot(d);
         if (t < -kLineDistance || t > length + kLineDistance) continue;
         if (std::abs(along.x() * d.y() - along.y() * d.x()) > kLineDistance) continue;
-        if (c.x < 4 || c.x > image.width - 5) continue;
-        const int zmssd = zmssd_at(patch_, image, c.x, c.y);
-        if (zmssd >= kMaxZmssd) continue;
-        const Eigen::Vector2f at_level(c.x, c.y);
-        matches_.push_back({zmssd, level, at_level,
-                            {from_level(at_level.x(), level), from_level(at_level.y(), level)}, inverse_depth});
+        const int zmssd = zmssd_at(patch_, image, c->x, c->y);
+        if (zmssd >= kSearchZmssd) continue;
+        const Eigen::Vector2f at_level(c->x, c->y);
+        matches_.push_back({zmssd,
+                            level,
+                            at_level,
+                            {from_level(at_level.x(), level), from_level(at_level.y(), level)},
+                            inverse_depth});
       }
     }
   }
 
   [[nodiscard]] const LineMatch* unique_best() const {
-    const auto best = std::min_element(matches_.begin(), matches_.end(),
-                                       [](const LineMatch& a, const LineMatch& b) { return a.zmssd < b.zmssd; });
+    const auto best =
+        std::min_element(matches_.begin(), matches_.end(),
+                         [](const LineMatch& a, const LineMatch& b) { return a.zmssd < b.zmssd; });
     if (best == matches_.end()) return nullptr;
     const float apart = kUniqueDistance * static_cast<float>(1 << best->level);
     for (const LineMatch& rival : matches_) {
-      if ((rival.pixel - best->pixel).norm() > apart && best->zmssd > kUniqueRatio * rival.zmssd) return nullptr;
+      if ((rival.pixel - best->pixel).norm() > apart && best->zmssd > kUniqueRatio * rival.zmssd)
+        return nullptr;
     }
     return &*best;
   }
 
-  [[nodiscard]] std::optional<NewPoint> triangulate_match(const PointSource& source, const PatchFound& found) const {
+  [[nodiscard]] std::optional<NewPoint> triangulate_match(const PointSource& source,
+                                                          const PatchFound& found) const {
     const Eigen::Vector3d ray_b = partner_.camera->unproject(found.pixel.cast<double>());
     const auto point = triangulate(partner_from_source_, source.ray_center.cast<double>(), ray_b);
     if (!point) return std::nullopt;
     const Eigen::Vector3d center_b = partner_from_source_.center();
     if (parallax(*point, Eigen::Vector3d::Zero(), center_b) < kMinParallax) return std::nullopt;
     if (point->z() * min_inverse_depth_ > 1.0 || point->z() * max_inverse_depth_ < 1.0) return std::nullopt;
-    const Eigen::Vector2d corner(from_level(source.corner.x, source.level), from_level(source.corner.y, source.level));
+    const Eigen::Vector2d corner(from_level(source.corner.x, source.level),
+                                 from_level(source.corner.y, source.level));
     const auto in_source = source_camera_.project(*point);
     const auto in_partner = partner_.camera->project(partner_from_source_ * *point);
     if (!in_source || !in_partner) return std::nullopt;
     const double source_sigma = 1 << source.level;
     const double partner_sigma = 1 << found.level;
-    if ((*in_source - corner).squaredNorm() > kMaxSquaredResidual * source_sigma * source_sigma) return std::nullopt;
+    if ((*in_source - corner).squaredNorm() > kMaxSquaredResidual * source_sigma * source_sigma)
+      return std::nullopt;
     if ((*in_partner - found.pixel.cast<double>()).squaredNorm() >
         kMaxSquaredResidual * partner_sigma * partner_sigma) {
       return std::nullopt;
@@ -195,7 +214,8 @@ class EpipolarSearch {
 /// Asks keyframes that should see a new point too. False: at least two should, and none does.
 class Witnesses {
  public:
-  Witnesses(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids) : ids_(std::move(ids)) {
+  Witnesses(const MapState& map, const MapKeyframe& keyframe, std::vector<KeyframeId> ids)
+      : ids_(std::move(ids)) {
     for (const KeyframeId id : ids_) {
       keyframes_.push_back(&map.keyframe(id));
       from_source_.push_back(keyframes_.back()->camera_from_map * keyframe.camera_from_map.inverse());
@@ -235,6 +255,19 @@ Occupancy known_measurements(const MapKeyframe& keyframe, int level) {
   return taken;
 }
 
+/// A new point with its measurements in the source keyframe and in those that see it.
+PointId add_point(MapState* map, const PointSource& source, const NewPoint& point,
+                  const std::vector<std::pair<KeyframeId, PatchFound>>& seen_by) {
+  const SE3 map_from_source = map->keyframe(source.keyframe).camera_from_map.inverse();
+  const PointId id = map->add_point(source, map_from_source * point.in_source);
+  const Eigen::Vector2f pixel(from_level(source.corner.x, source.level),
+                              from_level(source.corner.y, source.level));
+  map->add_measurement(source.keyframe, {id, source.level, pixel});
+  for (const auto& [observer, found] : seen_by)
+    map->add_measurement(observer, {id, found.level, found.pixel});
+  return id;
+}
+
 std::vector<Candidate> strongest_first(const std::vector<Candidate>& candidates) {
   std::vector<Candidate> sorted = candidates;
   std::stable_sort(sorted.begin(), sorted.end(),
@@ -259,7 +292,8 @@ std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe
       if (pixel && other.camera->in_image(*pixel)) angles.push_back(parallax(point, center, other_center));
     }
     if (angles.empty()) continue;
-    std::nth_element(angles.begin(), angles.begin() + static_cast<ptrdiff_t>(angles.size() / 2), angles.end());
+    std::nth_element(angles.begin(), angles.begin() + static_cast<ptrdiff_t>(angles.size() / 2),
+                     angles.end());
     const double angle = angles[angles.size() / 2];
     if (angle < kMinParallax) continue;
     const double usefulness = std::min({1.0, angle / kGoodParallax, kWideParallax / angle});
@@ -271,10 +305,11 @@ std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe
   return partners;
 }
 
-std::vector<PointId> make_new_points(MapState* map, KeyframeId keyframe_id, int level, const NewPointsOptions& options) {
+NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, const NewPointsOptions& options,
+                          const std::function<bool()>& should_yield) {
   const MapKeyframe& keyframe = map->keyframe(keyframe_id);
-  std::vector<PointId> made;
-  if (keyframe.near_depth <= 0) return made;
+  NewPoints result;
+  if (keyframe.near_depth <= 0) return result;
   const std::vector<KeyframeId> others =
       choose_partners(*map, keyframe_id, static_cast<size_t>(options.partners + options.witnesses));
   std::vector<EpipolarSearch> searches;
@@ -283,28 +318,30 @@ std::vector<PointId> make_new_points(MapState* map, KeyframeId keyframe_id, int 
   }
   const Witnesses witnesses(*map, keyframe, others);
   Occupancy taken = known_measurements(keyframe, level);
-  std::vector<std::pair<KeyframeId, PatchFound>> confirmed;
-  const SE3 map_from_camera = keyframe.camera_from_map.inverse();
-  for (const Candidate& candidate : strongest_first(keyframe.images->candidates[static_cast<size_t>(level)])) {
-    if (static_cast<int>(made.size()) >= options.max_points) break;
-    if (taken.is_taken(candidate.corner)) continue;
-    const auto source = make_source(keyframe, level, candidate.corner);
+  std::vector<std::pair<KeyframeId, PatchFound>> seen_by;
+  const std::vector<Candidate> candidates =
+      strongest_first(keyframe.images->candidates[static_cast<size_t>(level)]);
+  for (size_t c = options.first_candidate; c < candidates.size(); ++c) {
+    if (static_cast<int>(result.made.size()) >= options.max_points) break;
+    if (c % kCandidatesPerPoll == kCandidatesPerPoll - 1 && should_yield()) {
+      result.next_candidate = c;
+      result.finished = false;
+      break;
+    }
+    const Corner corner = candidates[c].corner;
+    if (taken.is_taken(corner)) continue;
+    const auto source = make_source(keyframe, level, corner);
     if (!source) continue;
     for (size_t i = 0; i < searches.size(); ++i) {
       const auto point = searches[i].find(*source);
-      if (!point || !witnesses.confirm(*source, *point, others[i], &confirmed)) continue;
-      const PointId id = map->add_point(*source, map_from_camera * point->in_source);
-      const float x = from_level(candidate.corner.x, level);
-      const float y = from_level(candidate.corner.y, level);
-      map->add_measurement(keyframe_id, {id, source->level, {x, y}});
-      map->add_measurement(others[i], {id, point->found.level, point->found.pixel});
-      for (const auto& [witness, found] : confirmed) map->add_measurement(witness, {id, found.level, found.pixel});
-      taken.take_disc(candidate.corner.x, candidate.corner.y, kNewDistance);
-      made.push_back(id);
+      if (!point || !witnesses.confirm(*source, *point, others[i], &seen_by)) continue;
+      seen_by.emplace_back(others[i], point->found);
+      result.made.push_back(add_point(map, *source, *point, seen_by));
+      taken.take_disc(corner.x, corner.y, kNewDistance);
       break;
     }
   }
-  return made;
+  return result;
 }
 
 }  // namespace cairn

@@ -13,15 +13,24 @@ namespace cairn {
 [[nodiscard]] std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe, size_t count);
 
 struct NewPointsOptions {
-  int max_points = 1000;  ///< for this call
-  int partners = 2;       ///< keyframes searched for each candidate, until one has it
-  int witnesses = 3;      ///< further keyframes that are asked to confirm a new point
+  int max_points = 1000;       ///< for this call
+  int partners = 2;            ///< keyframes searched for each candidate, until one has it
+  int witnesses = 3;           ///< further keyframes that are asked to confirm a new point
+  size_t first_candidate = 0;  ///< where an earlier call stopped
 };
 
-/// Makes points at one pyramid level of a keyframe: candidates away from known measurements, strongest first; each is searched
-/// along its epipolar line, accepted if unique, triangulated, and confirmed by reprojection, parallax and, where others should
-/// see it too, at least one witness (PTAM 2007, 6.2; ptam.md 9). Returns the points in order of creation.
-[[nodiscard]] std::vector<PointId> make_new_points(MapState* map, KeyframeId keyframe, int level,
-                                                   const NewPointsOptions& options);
+struct NewPoints {
+  std::vector<PointId> made;  ///< in order of creation
+  size_t next_candidate = 0;  ///< where to go on
+  bool finished = true;       ///< no more candidates at this level, or max_points reached
+};
+
+/// Makes points at one pyramid level of a keyframe: candidates away from known measurements, strongest first;
+/// each is searched along its epipolar line, accepted if unique, triangulated, and confirmed by reprojection,
+/// parallax and, where others should see it too, at least one witness (PTAM 2007, 6.2; ptam.md 9).
+/// `should_yield` is polled about every millisecond.
+[[nodiscard]] NewPoints make_new_points(MapState* map, KeyframeId keyframe, int level,
+                                        const NewPointsOptions& options,
+                                        const std::function<bool()>& should_yield);
 
 }  // namespace cairn

@@ -70,15 +70,16 @@ std::optional<PatchFound> find_near_corner(const PointSource& source, const Patc
   if (!make_template(source.pixels, view.warp, view.level, &patch)) return std::nullopt;
   const GrayView image = images.level(view.level);
   const auto match = find_patch(patch, image, images.corners[static_cast<size_t>(view.level)],
-                                level_position(view.pixel.cast<float>(), view.level), radius);
+                                level_position(view.pixel.cast<float>(), view.level), radius, kSearchZmssd);
   if (!match) return std::nullopt;
   const auto refined = refine_patch(patch, image, {match->corner.x, match->corner.y});
   if (!refined) return std::nullopt;
   return found_at(*refined, view.level);
 }
 
-std::optional<PatchFound> refine_from(const PointSource& source, const PatchView& view, const KeyframeImages& images,
-                                      const Eigen::Vector2f& start, float max_shift) {
+std::optional<PatchFound> refine_from(const PointSource& source, const PatchView& view,
+                                      const KeyframeImages& images, const Eigen::Vector2f& start,
+                                      float max_shift) {
   PatchTemplate patch;
   if (!make_template(source.pixels, view.warp, view.level, &patch)) return std::nullopt;
   const auto refined =

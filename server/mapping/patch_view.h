@@ -5,8 +5,13 @@
 
 #include "server/mapping/map_state.h"
 
-/// How a point's patch looks from a keyframe, and finding it there. All functions are pure and may run on any thread.
+/// How a point's patch looks from a keyframe, and finding it there. All functions are pure and may run on any
+/// thread.
 namespace cairn {
+
+/// Limit of the ZMSSD at a whole pixel (ptam.md 6). Half a pixel off, a sharp corner differs from itself by
+/// this much; the stricter kMaxZmssd applies after refinement.
+constexpr int kSearchZmssd = 64 * 500;
 
 /// A patch as projected into an image.
 struct PatchView {
@@ -15,12 +20,12 @@ struct PatchView {
   int level = 0;                                    ///< at which to search
 };
 
-/// The source of a point whose patch is cut around a corner of a keyframe, its surface facing the camera. Nothing when the
-/// patch leaves the image.
+/// The source of a point whose patch is cut around a corner of a keyframe, its surface facing the camera.
+/// Nothing when the patch leaves the image.
 [[nodiscard]] std::optional<PointSource> make_source(const MapKeyframe& keyframe, int level, Corner corner);
 
-/// Projects a patch. `point` in the source camera's frame, target_from_source between cameras. Nothing when it does not
-/// project into the image, is edge-on, or is too large, too small or turned away (warp_level).
+/// Projects a patch. `point` in the source camera's frame, target_from_source between cameras. Nothing when
+/// it does not project into the image, is edge-on, or is too large, too small or turned away (warp_level).
 [[nodiscard]] std::optional<PatchView> view_patch(const PointSource& source, const Eigen::Vector3d& point,
                                                   const SE3& target_from_source, const Camera& target);
 
@@ -30,15 +35,17 @@ struct PatchFound {
   uint8_t level = 0;
 };
 
-/// Searches the corners within `radius` px (of the search level) of where the patch projects, then refines to sub-pixel.
+/// Searches the corners within `radius` px (of the search level) of where the patch projects, then refines to
+/// sub-pixel.
 [[nodiscard]] std::optional<PatchFound> find_near_corner(const PointSource& source, const PatchView& view,
                                                          const KeyframeImages& images, float radius);
 /// Refines from a given level-0 pixel, without corners; `max_shift` in px of the search level.
 [[nodiscard]] std::optional<PatchFound> refine_from(const PointSource& source, const PatchView& view,
-                                                    const KeyframeImages& images, const Eigen::Vector2f& start,
-                                                    float max_shift);
+                                                    const KeyframeImages& images,
+                                                    const Eigen::Vector2f& start, float max_shift);
 
 /// view_patch() of a map point in a keyframe of the map.
-[[nodiscard]] std::optional<PatchView> view_point(const MapState& map, const MapPoint& point, const MapKeyframe& keyframe);
+[[nodiscard]] std::optional<PatchView> view_point(const MapState& map, const MapPoint& point,
+                                                  const MapKeyframe& keyframe);
 
 }  // namespace cairn

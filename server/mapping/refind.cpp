@@ -6,9 +6,10 @@
 namespace cairn {
 namespace {
 
-constexpr float kRefindRadius = 4.0F;     ///< [search-level px] ptam.md 9
-constexpr double kVisibleCosine = 0.7;    ///< 45 degrees off the source's direction: beyond, the patch is another one
-constexpr double kImageBorder = 6;        ///< [search-level px] of the projection from the image's edge
+constexpr float kRefindRadius = 4.0F;  ///< [search-level px] ptam.md 9
+constexpr double kVisibleCosine =
+    0.7;  ///< 45 degrees off the source's direction: beyond, the patch is another one
+constexpr double kImageBorder = 6;  ///< [search-level px] of the projection from the image's edge
 
 }  // namespace
 

@@ -6,14 +6,17 @@
 /// Finding known points in keyframes that do not measure them yet.
 namespace cairn {
 
-/// Looks for one point in one keyframe, if it should be visible there: within 4 px of its projection, sub-pixel (ptam.md 9). Adds the
-/// measurement or gives the pair up; counts both on the point. False when the pair is known, given up or out of view.
+/// Looks for one point in one keyframe, if it should be visible there: within 4 px of its projection,
+/// sub-pixel (ptam.md 9). Adds the measurement or gives the pair up; counts both on the point. False when the
+/// pair is known, given up or out of view.
 bool refind(MapState* map, KeyframeId keyframe, PointId point);
 
 /// refind() of every live point of the map in a keyframe. Returns how many were found.
 int refind_all(MapState* map, KeyframeId keyframe);
 
-/// Whether a point should be visible from a camera: seen from a direction and distance not far from those of its observers.
-[[nodiscard]] bool should_see(const MapState& map, const MapPoint& point, const Eigen::Vector3d& camera_center);
+/// Whether a point should be visible from a camera: seen from a direction and distance not far from those of
+/// its observers.
+[[nodiscard]] bool should_see(const MapState& map, const MapPoint& point,
+                              const Eigen::Vector3d& camera_center);
 
 }  // namespace cairn

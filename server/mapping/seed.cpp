@@ -13,9 +13,9 @@ namespace cairn {
 namespace {
 
 constexpr size_t kMinSeedPoints = 30;
-constexpr double kMaxRms = 2.0;               ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
-constexpr float kTrailShift = 2.0F;           ///< [px] of a trail's end under refinement
-constexpr double kPlaneInlierDistance = 0.03; ///< of the mean depth
+constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
+constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
+constexpr double kPlaneInlierDistance = 0.03;                       ///< of the mean depth
 constexpr std::array<int, kPyramidLevels> kLevelOrder{0, 3, 1, 2};  // ptam.md 2
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
@@ -42,17 +42,20 @@ Status check_input(const SeedInput& input) {
 }
 
 /// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
-std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first, const MapKeyframe& second) {
+std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first,
+                                     const MapKeyframe& second) {
   std::vector<SeedMatch> matches;
   for (const Trail& trail : input.trails) {
     const Eigen::Vector2d a = trail.first.cast<double>();
     const Eigen::Vector2d b = trail.second.cast<double>();
-    if (!a.allFinite() || !b.allFinite() || !input.camera->in_image(a) || !input.camera->in_image(b)) continue;
+    if (!a.allFinite() || !b.allFinite() || !input.camera->in_image(a) || !input.camera->in_image(b))
+      continue;
     SeedMatch m{trail.id, to_corner(trail.first), {a, b}};
     const auto source = make_source(first, 0, m.corner);
     if (!source) continue;
     const Eigen::Vector2f from_corner = Eigen::Vector2f(m.corner.x, m.corner.y) - trail.first;
-    const auto refined = refine_from(*source, PatchView{}, *second.images, trail.second + from_corner, kTrailShift);
+    const auto refined =
+        refine_from(*source, PatchView{}, *second.images, trail.second + from_corner, kTrailShift);
     if (refined) m.match = {{m.corner.x, m.corner.y}, refined->pixel.cast<double>()};
     matches.push_back(m);
   }
@@ -120,8 +123,9 @@ MapKeyframe make_keyframe(const SeedInput& input, const GrayImage& image, Timest
 }
 
 tl::unexpected<Error> too_few(size_t points) {
-  return fail(ErrorCode::kDegenerate, "too few points: " + std::to_string(points) + " of the trails make a point, " +
-                                          std::to_string(kMinSeedPoints) + " needed");
+  return fail(ErrorCode::kDegenerate, "too few points: " + std::to_string(points) +
+                                          " of the trails make a point, " + std::to_string(kMinSeedPoints) +
+                                          " needed");
 }
 
 }  // namespace
@@ -151,12 +155,13 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   NewPointsOptions new_points;
   for (const int level : kLevelOrder) {
     new_points.max_points = options.max_points_per_keyframe / 2;
-    (void)make_new_points(&map, second, level, new_points);
+    (void)make_new_points(&map, second, level, new_points, [] { return false; });
   }
   if (!adjust_whole(&map, {}).usable) return fail(ErrorCode::kDegenerate, "the two views do not adjust");
   if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
   if (const double rms = whitened_rms(map); rms > kMaxRms) {
-    return fail(ErrorCode::kDegenerate, "the two views do not fit: " + std::to_string(rms) + " px after adjustment");
+    return fail(ErrorCode::kDegenerate,
+                "the two views do not fit: " + std::to_string(rms) + " px after adjustment");
   }
 
   scale_baseline(&map, first, second, options.baseline);

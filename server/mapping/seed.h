@@ -14,8 +14,8 @@ struct SeededMap {
   ScaleAnchor anchor;
 };
 
-/// Two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant plane; or, for a person, why not
-/// (kDegenerate for geometry, kDamaged for input that is no pair of views).
+/// Two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant plane; or, for
+/// a person, why not (kDegenerate for geometry, kDamaged for input that is no pair of views).
 [[nodiscard]] Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options);
 
 }  // namespace cairn

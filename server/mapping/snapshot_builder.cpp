@@ -8,11 +8,14 @@
 namespace cairn {
 namespace {
 
-constexpr double kVisibleMove = 0.2;          ///< [px] DESIGN 4
-constexpr float kVisibleTurn = 0.05F;         ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
-constexpr float kVisibleDistance = 0.15F;     ///< relative change of the range of viewing distances
+constexpr double kVisibleMove = 0.2;  ///< [px] DESIGN 4
+constexpr float kVisibleTurn =
+    0.05F;  ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
+constexpr float kVisibleDistance = 0.15F;  ///< relative change of the range of viewing distances
 
-size_t block_count(size_t items) { return (items + kBlockSlots - 1) / kBlockSlots; }
+size_t block_count(size_t items) {
+  return (items + kBlockSlots - 1) / kBlockSlots;
+}
 
 /// First and one-past-last item of a block.
 std::pair<size_t, size_t> block_range(size_t block, size_t items) {
@@ -26,7 +29,8 @@ KeyframePose published_pose(const MapKeyframe& k) {
 bool moved_visibly(const MapKeyframe& k, const KeyframePose& before) {
   const Vector6d change = (k.camera_from_map * before.camera_from_map.inverse()).log();
   const double depth = std::max(k.mean_depth, 1e-9);
-  return (change.head<3>().norm() / depth + change.tail<3>().norm()) * k.camera->focal_length() > kVisibleMove;
+  return (change.head<3>().norm() / depth + change.tail<3>().norm()) * k.camera->focal_length() >
+         kVisibleMove;
 }
 
 /// Camera centres, indexed by keyframe id - 1.
@@ -71,14 +75,17 @@ bool changed_notably(const PointVisibility& now, const PointVisibility& before) 
          std::abs(now.max_distance - before.max_distance) > kVisibleDistance * before.max_distance;
 }
 
-bool moved_visibly(const MapState& map, const Centers& centers, const MapPoint& point, const Eigen::Vector3f& before) {
+bool moved_visibly(const MapState& map, const Centers& centers, const MapPoint& point,
+                   const Eigen::Vector3f& before) {
   const KeyframeId source = point.source.keyframe;
   const double distance = (centers[source.value - 1] - point.position).norm();
   return (point.position - before.cast<double>()).norm() * map.keyframe(source).camera->focal_length() >
          kVisibleMove * distance;
 }
 
-uint64_t live_bit(bool live, size_t slot) { return live ? uint64_t{1} << slot : 0; }
+uint64_t live_bit(bool live, size_t slot) {
+  return live ? uint64_t{1} << slot : 0;
+}
 
 std::shared_ptr<const KeyframeBlock> cut_keyframes(const MapState& map, size_t index, uint64_t version) {
   auto block = std::make_shared<KeyframeBlock>();
@@ -144,7 +151,8 @@ bool is_current(const MapState& map, const Centers& centers, const PositionBlock
 
 /// Ids of keyframes whose published pose differs visibly from the one published before, indexed by id - 1.
 std::vector<bool> moved_sources(const std::vector<std::shared_ptr<const KeyframeBlock>>& now,
-                                const std::vector<std::shared_ptr<const KeyframeBlock>>& before, const MapState& map) {
+                                const std::vector<std::shared_ptr<const KeyframeBlock>>& before,
+                                const MapState& map) {
   std::vector<bool> moved(map.keyframes().size(), true);
   for (size_t b = 0; b < before.size(); ++b) {
     for (size_t s = 0; s < before[b]->keyframes.size(); ++s) {
@@ -167,16 +175,18 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
   bool changed = !previous_;
 
   for (size_t b = 0; b < block_count(map.keyframes().size()); ++b) {
-    const bool keep = previous_ && b < previous_->keyframe_blocks.size() && is_current(map, *previous_->keyframe_blocks[b]);
+    const bool keep =
+        previous_ && b < previous_->keyframe_blocks.size() && is_current(map, *previous_->keyframe_blocks[b]);
     next->keyframe_blocks.push_back(keep ? previous_->keyframe_blocks[b] : cut_keyframes(map, b, version));
     changed |= !keep;
   }
-  const std::vector<bool> moved =
-      moved_sources(next->keyframe_blocks,
-                    previous_ ? previous_->keyframe_blocks : std::vector<std::shared_ptr<const KeyframeBlock>>{}, map);
+  const std::vector<bool> moved = moved_sources(
+      next->keyframe_blocks,
+      previous_ ? previous_->keyframe_blocks : std::vector<std::shared_ptr<const KeyframeBlock>>{}, map);
   const Centers centers = camera_centers(map);
   for (size_t b = 0; b < block_count(map.points().size()); ++b) {
-    const PointBlock* before = previous_ && b < previous_->point_blocks.size() ? previous_->point_blocks[b].get() : nullptr;
+    const PointBlock* before =
+        previous_ && b < previous_->point_blocks.size() ? previous_->point_blocks[b].get() : nullptr;
     const auto [begin, end] = block_range(b, map.points().size());
     // What a patch shows never changes: a patch block is only ever completed.
     const bool keep_patches = before && before->patches->points.size() == end - begin;
@@ -188,9 +198,9 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
       continue;
     }
     changed = true;
-    next->point_blocks.push_back(make_point_block(keep_patches ? before->patches : cut_patches(map, b, version),
-                                                  keep_positions ? before->positions : cut_positions(map, centers, b, version),
-                                                  next->keyframe_blocks));
+    next->point_blocks.push_back(make_point_block(
+        keep_patches ? before->patches : cut_patches(map, b, version),
+        keep_positions ? before->positions : cut_positions(map, centers, b, version), next->keyframe_blocks));
   }
   if (changed) previous_ = std::move(next);
   return previous_;

@@ -11,11 +11,13 @@ namespace cairn {
 /// Not thread-safe; the snapshots it gives are.
 class SnapshotBuilder {
  public:
-  SnapshotBuilder(MapId map, std::string name, Epoch epoch) : map_(map), name_(std::move(name)), epoch_(epoch) {}
+  SnapshotBuilder(MapId map, std::string name, Epoch epoch)
+      : map_(map), name_(std::move(name)), epoch_(epoch) {}
 
-  /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was cut by more than
-  /// what spans 0.2 px at the source keyframe's distance (the mean depth, for a keyframe), or is now seen from notably elsewhere.
-  /// Versions of new blocks are the revision's number. Without a new block the previous snapshot is given again.
+  /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
+  /// cut by more than what spans 0.2 px at the source keyframe's distance (the mean depth, for a keyframe),
+  /// or is now seen from notably elsewhere. Versions of new blocks are the revision's number. Without a new
+  /// block the previous snapshot is given again.
   [[nodiscard]] MapSnapshotPtr build(const MapState& map);
 
  private:

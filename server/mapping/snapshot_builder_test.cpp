@@ -9,7 +9,8 @@ namespace {
 constexpr double kFocal = 500;
 constexpr double kDepth = 2;
 
-/// Two keyframes and 150 points at one depth: three point blocks. The first two blocks come from keyframe 1, the last from 2.
+/// Two keyframes and 150 points at one depth: three point blocks. The first two blocks come from keyframe 1,
+/// the last from 2.
 class SnapshotBuilderTest : public ::testing::Test {
  protected:
   SnapshotBuilderTest() {
@@ -60,7 +61,8 @@ TEST_F(SnapshotBuilderTest, HoldsTheMap) {
     ASSERT_TRUE(slot);
     EXPECT_EQ(static_cast<uint64_t>(slot->block), (p.source.id.value - 1) / kBlockSlots);
     EXPECT_EQ(static_cast<uint64_t>(slot->slot), (p.source.id.value - 1) % kBlockSlots);
-    EXPECT_LT((s->point_blocks[static_cast<size_t>(slot->block)]->position(slot->slot) - p.position).norm(), 1e-6);
+    EXPECT_LT((s->point_blocks[static_cast<size_t>(slot->block)]->position(slot->slot) - p.position).norm(),
+              1e-6);
   }
 }
 
@@ -74,7 +76,8 @@ TEST_F(SnapshotBuilderTest, OnlyWhatMovedVisiblyIsNew) {
   const double pixel = kDepth / kFocal;
   map_.point(PointId{70}).position.x() += 0.1 * pixel;
   EXPECT_EQ(builder_.build(map_), a);
-  // Moves add up against what was published, not against the last call; depth counts like the sideways directions.
+  // Moves add up against what was published, not against the last call; depth counts like the sideways
+  // directions.
   map_.point(PointId{70}).position.z() += 0.25 * pixel;
   const auto b = builder_.build(map_);
   EXPECT_EQ(b->revision, Revision{2});

@@ -14,12 +14,16 @@ constexpr double kBackDepth = 1.2;
 constexpr double kFrontDepth = 0.9;
 
 /// The front plane: a board.
-bool on_board(const Eigen::Vector3d& p) { return p.x() > 0.02 && p.x() < 0.35 && p.y() > -0.25 && p.y() < 0.15; }
+bool on_board(const Eigen::Vector3d& p) {
+  return p.x() > 0.02 && p.x() < 0.35 && p.y() > -0.25 && p.y() < 0.15;
+}
 
 /// Random rectangles of random grey, large ones first, blurred by one texel: corners at every scale.
 std::vector<float> make_texture(std::mt19937_64* engine) {
   std::vector<float> t(static_cast<size_t>(kTexels) * kTexels, 128.0F);
-  const auto random = [engine](int low, int high) { return std::uniform_int_distribution<int>(low, high)(*engine); };
+  const auto random = [engine](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(*engine);
+  };
   for (int i = 0; i < 3500; ++i) {
     const int size = i < 300 ? 100 : i < 1200 ? 40 : 14;
     const int x0 = random(0, kTexels - 1);
@@ -42,7 +46,8 @@ float bilinear(const std::vector<float>& t, double x, double y) {
   const size_t x1 = wrap(static_cast<int>(fx) + 1);
   const size_t y0 = wrap(static_cast<int>(fy)) * kTexels;
   const size_t y1 = wrap(static_cast<int>(fy) + 1) * kTexels;
-  return (t[y0 + x0] * (1 - ax) + t[y0 + x1] * ax) * (1 - ay) + (t[y1 + x0] * (1 - ax) + t[y1 + x1] * ax) * ay;
+  return (t[y0 + x0] * (1 - ax) + t[y0 + x1] * ax) * (1 - ay) +
+         (t[y1 + x0] * (1 - ax) + t[y1 + x1] * ax) * ay;
 }
 
 }  // namespace
@@ -98,7 +103,8 @@ GrayImagePtr Scene::render(const SE3& camera_from_world, uint64_t frame) const {
 
 Eigen::Vector3d Scene::hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const {
   const SE3 world_from_camera = camera_from_world.inverse();
-  return trace(world_from_camera.translation(), world_from_camera.rotation() * camera_->unproject(pixel)).point;
+  return trace(world_from_camera.translation(), world_from_camera.rotation() * camera_->unproject(pixel))
+      .point;
 }
 
 bool Scene::sees(const SE3& camera_from_world, const Eigen::Vector3d& point) const {

@@ -10,7 +10,8 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 
-/// A small world with exact truth for the tests of the map maker: two textured planes, one before part of the other.
+/// A small world with exact truth for the tests of the map maker: two textured planes, one before part of the
+/// other.
 namespace cairn::testing {
 
 class Scene {
@@ -18,7 +19,8 @@ class Scene {
   explicit Scene(uint64_t seed);
 
   [[nodiscard]] CameraPtr camera() const { return camera_; }
-  /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that depends on `frame`.
+  /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that
+  /// depends on `frame`.
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_world, uint64_t frame) const;
   /// Where the ray through a pixel meets the scene, world frame.
   [[nodiscard]] Eigen::Vector3d hit(const SE3& camera_from_world, const Eigen::Vector2d& pixel) const;

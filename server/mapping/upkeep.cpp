@@ -4,12 +4,12 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinAttempts = 6;           ///< before a point is judged
+constexpr int kMinAttempts = 6;  ///< before a point is judged
 constexpr double kMinFoundFraction = 0.2;
 constexpr int kRedundantObservers = 3;
 constexpr double kRedundantFraction = 0.9;
-constexpr size_t kFirstKept = 2;          ///< they carry frame and scale
-constexpr size_t kNewestKept = 5;         ///< still being integrated, or the reference of offers in flight
+constexpr size_t kFirstKept = 2;   ///< they carry frame and scale
+constexpr size_t kNewestKept = 5;  ///< still being integrated, or the reference of offers in flight
 
 /// Whether a map without this keyframe still holds the measured point as well as with it.
 bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m) {
@@ -20,6 +20,16 @@ bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement&
     if (observer != keyframe && map.find_measurement(observer, m.point)->level <= m.level) ++others;
   }
   return others >= kRedundantObservers;
+}
+
+bool is_redundant(const MapState& map, const MapKeyframe& keyframe) {
+  const auto measured = static_cast<double>(keyframe.measurements.size());
+  int needed = 0;
+  for (const Measurement& m : keyframe.measurements) {
+    needed += is_dispensable(map, keyframe.id, m) ? 0 : 1;
+    if (needed > (1 - kRedundantFraction) * measured) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -34,15 +44,11 @@ int cull_points(MapState* map) {
   return culled;
 }
 
-std::optional<KeyframeId> find_redundant_keyframe(const MapState& map) {
+std::optional<KeyframeId> find_redundant_keyframe(const MapState& map, KeyframeId newest) {
   const std::vector<MapKeyframe>& all = map.keyframes();
+  const std::vector<int> shared = map.shared_points(map.keyframe(newest).measurements);
   for (size_t i = kFirstKept; i + kNewestKept < all.size(); ++i) {
-    if (!all[i].live) continue;
-    size_t dispensable = 0;
-    for (const Measurement& m : all[i].measurements) dispensable += is_dispensable(map, all[i].id, m) ? 1 : 0;
-    if (static_cast<double>(dispensable) >= kRedundantFraction * static_cast<double>(all[i].measurements.size())) {
-      return all[i].id;
-    }
+    if (all[i].live && shared[i] > 0 && is_redundant(map, all[i])) return all[i].id;
   }
   return std::nullopt;
 }

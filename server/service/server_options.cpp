@@ -21,7 +21,7 @@ constexpr int kMaxDomain = 230;  // the server's ports, 7400 + 250 domain + ...,
 constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
     "The configuration file is YAML with the names of the long options as keys, e.g. `domain: 3`.\n"
-    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration\n\n"
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 5 refused (the domain has a server)\n\n"
     "Examples:\n"
     "  cairn-server                                  for trackers on this machine\n"
     "  cairn-server --profile wifi --listen wlan0    for trackers on a wireless network\n"
@@ -107,7 +107,7 @@ Result<ServerOptions> translate(const Words& words) {
     };
     const auto row = std::find_if(std::begin(kOptions), std::end(kOptions),
                                   [&name = name](const OptionRow& r) { return name == r.name; });
-    if (!row->available) return refuse("not available yet in this version");
+    if (!row->available) return refuse("not available yet");
     if (value.empty()) return refuse("needs a value");
     if (name == "domain") {
       const auto domain = to_number<int>(value);

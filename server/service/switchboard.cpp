@@ -188,14 +188,13 @@ void Switchboard::feed_clients() {
 
 void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
-  wire::ServerStatus status;
-  status.server = options_.server;
-  status.start_count = options_.start_count;
-  status.version = CAIRN_VERSION;
-  status.health = "ok";
-  status.clients = static_cast<uint32_t>(presence_.live_count(now));
-  status.maps = static_cast<uint32_t>(maps_.live_count());
-  status.load = lanes_.urgent.take_load();
+  const wire::ServerStatus status{options_.server,
+                                  options_.start_count,
+                                  CAIRN_VERSION,
+                                  "ok",
+                                  static_cast<uint32_t>(presence_.live_count(now)),
+                                  static_cast<uint32_t>(maps_.live_count()),
+                                  lanes_.urgent.take_load()};
   for (auto& [name, client] : clients_) {
     if (!client.writers) continue;
     report(client.writers->status.write(status), "ServerStatus");

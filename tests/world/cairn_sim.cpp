@@ -21,7 +21,9 @@ namespace {
 constexpr int kInterrupted = 130;
 
 std::atomic<bool> interrupted = false;  // the one thing that a signal handler may touch
-void on_interrupt(int /*signal*/) { interrupted = true; }
+void on_interrupt(int /*signal*/) {
+  interrupted = true;
+}
 
 struct RenderRequest {
   std::string scenario;
@@ -67,8 +69,8 @@ Status write_image(const std::filesystem::path& path, const GrayImage& image) {
 void write_pose(std::ostream& file, const SimFrame& frame) {
   const Eigen::Vector3d& t = frame.map_from_camera.translation();
   const Eigen::Quaterniond& q = frame.map_from_camera.rotation();
-  file << frame.time.seconds() << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y() << ' '
-       << q.z() << ' ' << q.w() << '\n';
+  file << frame.time.seconds() << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y()
+       << ' ' << q.z() << ' ' << q.w() << '\n';
 }
 
 Status render(const RenderRequest& request) {
@@ -93,7 +95,8 @@ Status render(const RenderRequest& request) {
     if (auto status = write_image(request.directory / name, frame.image); !status) return status;
     *list << frame.time.seconds() << ' ' << name << '\n';
     write_pose(*truth, frame);
-    if (written % 30 == 29 || written + 1 == count) std::cerr << "\rframe " << written + 1 << " of " << count << std::flush;
+    if (written % 30 == 29 || written + 1 == count)
+      std::cerr << "\rframe " << written + 1 << " of " << count << std::flush;
   }
   std::cerr << '\n';
   if (!list->flush() || !truth->flush()) {
@@ -123,14 +126,16 @@ int run(int argc, char** argv) {
       "  cairn-sim list\n"
       "  cairn-sim render desk --out /tmp/desk\n"
       "  cairn-sim render desk --out /tmp/hard --seed 7 --frames 600 --noise 6 --blur 0.8 --speed 2\n"
-      "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate /tmp/desk/groundtruth.txt /tmp/est.txt");
+      "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate "
+      "/tmp/desk/groundtruth.txt /tmp/est.txt");
   const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
   CLI::App* render_command =
       app.add_subcommand("render", "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout)");
   RenderRequest request;
   std::map<std::string, std::string> values;
   render_command->add_option("scenario", request.scenario, "a name from `cairn-sim list`")->required();
-  render_command->add_option("--out", request.directory, "directory to write to; made if missing")->required();
+  render_command->add_option("--out", request.directory, "directory to write to; made if missing")
+      ->required();
   add_simulator_options(render_command, &values);
   try {
     app.parse(argc, argv);
@@ -138,7 +143,8 @@ int run(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
   }
   if (list->parsed()) {
-    for (const ScenarioInfo& info : scenario_list()) std::cout << info.name << '\t' << info.description << '\n';
+    for (const ScenarioInfo& info : scenario_list())
+      std::cout << info.name << '\t' << info.description << '\n';
     return 0;
   }
   for (const auto& [key, value] : values) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/desk.h"
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -63,8 +64,8 @@ class DeskBuilder {
 
   void add_screens() {
     Random random(seed_, kScreens);
-    add_monitor(place(-0.23, 0.27, 8, random), world_.add_texture(code_screen(1024, 512, random)));
-    add_monitor(place(0.36, 0.27, -12, random), world_.add_texture(code_screen(1024, 512, random)));
+    add_monitor(place(-0.23, 0.27, 8, random), world_.add_texture(code_screen(1024, 512, false, random)));
+    add_monitor(place(0.36, 0.27, -12, random), world_.add_texture(code_screen(1024, 512, true, random)));
   }
 
   void add_monitor(const Placement& at, const TextureRegion& screen) {
@@ -74,8 +75,8 @@ class DeskBuilder {
     world_.add_box({at * Eigen::Vector3d(0, 0.02, 0.13), at.yaw}, size, all_sides(dark_));
     const Eigen::Vector3d corner(-0.237, 0.02 - size.y() / 2 - 0.001, 0.13 + 0.025);
     const Eigen::Vector3d origin = at * corner;
-    world_.add_panel(origin, at * Eigen::Vector3d(corner + Eigen::Vector3d(0.474, 0, 0)) - origin, {0, 0, 0.272},
-                     screen);
+    world_.add_panel(origin, at * Eigen::Vector3d(corner + Eigen::Vector3d(0.474, 0, 0)) - origin,
+                     {0, 0, 0.272}, screen);
   }
 
   void add_keyboard_and_mouse() {
@@ -120,16 +121,17 @@ class DeskBuilder {
     world_.add_box(place(-0.52, 0.22, -6, random), {0.10, 0.08, 0.12}, all_sides(other));
     const TextureRegion label = world_.add_texture(wrapped_label(512, 256, 0.3F, random));
     for (int i = 0; i < 4; ++i) {  // a row of tins
-      world_.add_cylinder(place(0.10 + 0.085 * i, 0.10 + 0.008 * i, random.uniform(-30.0, 30.0), random), 0.036,
-                          0.10, label, light_);
+      world_.add_cylinder(place(0.10 + 0.085 * i, 0.10 + 0.008 * i, random.uniform(-30.0, 30.0), random),
+                          0.036, 0.10, label, light_);
     }
-    const TextureRegion phone = world_.add_texture(code_screen(128, 256, random));
+    const TextureRegion phone = world_.add_texture(code_screen(128, 256, false, random));
     const Placement at = place(0.56, -0.24, 15, random);
     world_.add_box(at, {0.075, 0.15, 0.009}, {dark_, dark_, phone});
     const Placement pot = place(-0.40, 0.17, 0, random);
     world_.add_cylinder(pot, 0.04, 0.10, dark_, dark_);
     for (int i = 0; i < 5; ++i) {  // pens
-      const Eigen::Vector3d foot = pot * Eigen::Vector3d(random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.07);
+      const Eigen::Vector3d foot =
+          pot * Eigen::Vector3d(random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.07);
       const Eigen::Vector3d lean(random.uniform(-0.03, 0.03), random.uniform(-0.03, 0.03), 0.09);
       world_.add_cable({foot, foot + lean}, 0.008, i % 2 == 0 ? light_ : product);
     }
@@ -141,17 +143,17 @@ class DeskBuilder {
     for (const auto& [x, y] : {std::pair{-0.34, -0.06}, {0.27, -0.02}, {0.66, -0.08}}) {
       const Placement at = place(x, y, random.uniform(-180.0, 180.0), random);
       world_.add_cylinder(at, 0.041, 0.095, label, dark_);
-      world_.add_box({at * Eigen::Vector3d(0.055, 0, 0.022), at.yaw}, {0.028, 0.012, 0.052}, all_sides(light_));
+      world_.add_box({at * Eigen::Vector3d(0.055, 0, 0.022), at.yaw}, {0.028, 0.012, 0.052},
+                     all_sides(light_));
     }
   }
 
   void add_print() {
     Random random(seed_, kPrint);
-    std::vector<TextureRegion> pages;
-    for (int i = 0; i < 4; ++i) pages.push_back(world_.add_texture(printed_page(512, 512, random)));
-    const std::array<Eigen::Vector3d, 7> places = {{{-0.33, -0.24, 18},
+    std::array<TextureRegion, 4> pages;
+    for (TextureRegion& page : pages) page = world_.add_texture(printed_page(512, 512, random));
+    const std::array<Eigen::Vector3d, 6> places = {{{-0.33, -0.24, 18},
                                                     {-0.50, -0.25, -12},
-                                                    {-0.14, 0.04, 35},
                                                     {0.68, -0.27, -20},
                                                     {0.04, -0.29, -4},
                                                     {-0.68, -0.29, 8},
@@ -165,8 +167,8 @@ class DeskBuilder {
   }
 
   /// A cable that hangs in an arc from one point to another, wandering sideways.
-  static std::vector<Eigen::Vector3d> hanging(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double sag,
-                                              Random& random) {
+  static std::vector<Eigen::Vector3d> hanging(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                                              double sag, Random& random) {
     constexpr int kPieces = 14;
     const double phase = random.uniform(0.0, 6.0);
     std::vector<Eigen::Vector3d> points;
@@ -193,7 +195,7 @@ class DeskBuilder {
     Random random(seed_, kSurfaces + 100);
     Bitmap plaster = pink_noise(512, 512, 256, 5, 0.015F, random);
     for (int y = 0; y < plaster.height(); ++y) {
-      for (int x = 0; x < plaster.width(); ++x) plaster.at(x, y) += 0.74F;
+      for (int x = 0; x < plaster.width(); ++x) plaster.at(x, y) += 0.8F;
     }
     TextureRegion blank = world_.add_texture(plaster);
     blank.width *= 4;
@@ -228,7 +230,8 @@ class DeskBuilder {
       const auto y = static_cast<float>((kDeskDepth / 2 - footprint.centre.y()) * kPerMetre);
       const Eigen::Vector2f half = (footprint.half_size * kPerMetre).cast<float>();
       // A soft shadow, a little to the right and back, and a narrow dark seam under the edge.
-      top.shade_rectangle(x + 14, y - 12, half.x() + 8, half.y() + 8, static_cast<float>(-footprint.yaw), 26, 0.35F);
+      top.shade_rectangle(x + 14, y - 12, half.x() + 8, half.y() + 8, static_cast<float>(-footprint.yaw), 26,
+                          0.35F);
       top.shade_rectangle(x, y, half.x() + 2, half.y() + 2, static_cast<float>(-footprint.yaw), 6, 0.5F);
     }
     const TextureRegion desk = world_.add_texture(top);
@@ -244,21 +247,22 @@ class DeskBuilder {
     world_.add_panel({-2.5, -3, kFloorZ}, {5, 0, 0}, {0, 3 + kWallY, 0}, floor);
   }
 
-  /// From a start before the keyboard, aside as one starts a map, then over the whole desk, near and far, and back.
+  /// From a start before the keyboard, aside as one starts a map, then over the whole desk, near and far, and
+  /// back.
   std::vector<Waypoint> make_route() const {
     const Waypoint start{{-0.03, -0.62, 0.42}, {0.0, 0.02, 0.02}};
     const std::array<Waypoint, 12> stations = {{
-        {{-0.38, -0.58, 0.42}, {-0.42, 0.05, 0.04}},  // left, pages and books
-        {{-0.52, -0.44, 0.32}, {-0.58, 0.12, 0.08}},  // closer
-        {{-0.20, -0.40, 0.36}, {-0.22, 0.22, 0.20}},  // left monitor
-        {{0.08, -0.72, 0.62}, {0.04, 0.05, 0.06}},    // far, all
-        {{0.40, -0.52, 0.38}, {0.42, 0.08, 0.10}},    // right, mugs and tins
-        {{0.56, -0.42, 0.30}, {0.62, 0.20, 0.12}},    // books on the right
-        {{0.30, -0.40, 0.34}, {0.34, 0.24, 0.22}},    // right monitor
-        {{0.10, -0.36, 0.50}, {0.08, 0.02, 0.00}},    // keyboard from above
-        {{-0.10, -0.66, 0.40}, {-0.02, 0.08, 0.06}},  // back at the start
-        {{0.46, -0.66, 0.56}, {0.22, 0.06, 0.04}},    // from the right
-        {{-0.48, -0.66, 0.58}, {-0.24, 0.06, 0.06}},  // from the left
+        {{-0.38, -0.58, 0.42}, {-0.42, 0.05, 0.04}},   // left, pages and books
+        {{-0.52, -0.44, 0.32}, {-0.58, 0.12, 0.08}},   // closer
+        {{-0.20, -0.40, 0.36}, {-0.22, 0.22, 0.20}},   // left monitor
+        {{0.08, -0.72, 0.62}, {0.04, 0.05, 0.06}},     // far, all
+        {{0.40, -0.52, 0.38}, {0.42, 0.08, 0.10}},     // right, mugs and tins
+        {{0.56, -0.42, 0.30}, {0.62, 0.20, 0.12}},     // books on the right
+        {{0.30, -0.40, 0.34}, {0.34, 0.24, 0.22}},     // right monitor
+        {{0.10, -0.36, 0.50}, {0.08, 0.02, 0.00}},     // keyboard from above
+        {{-0.10, -0.66, 0.40}, {-0.02, 0.08, 0.06}},   // back at the start
+        {{0.46, -0.66, 0.56}, {0.22, 0.06, 0.04}},     // from the right
+        {{-0.48, -0.66, 0.58}, {-0.24, 0.06, 0.06}},   // from the left
         {{-0.30, -0.38, 0.48}, {-0.34, -0.06, 0.00}},  // pages from above
     }};
     Random random(seed_, kRoute);
@@ -275,13 +279,13 @@ class DeskBuilder {
       route.push_back({start.eye + part * aside, start.target + 0.5 * part * aside});
     }
     Waypoint last = start;
-    for (size_t leg = 0; leg < 22; ++leg) {
+    for (size_t leg = 0; leg < 28; ++leg) {
       const Waypoint& next = leg < stations.size()
                                  ? stations[leg]
                                  : stations[static_cast<size_t>(random.integer(0, stations.size() - 1))];
       for (const double part : {0.33, 0.67, 1.0}) {
-        route.push_back(shaken({last.eye + part * (next.eye - last.eye),
-                                last.target + part * (next.target - last.target)}));
+        route.push_back(shaken(
+            {last.eye + part * (next.eye - last.eye), last.target + part * (next.target - last.target)}));
       }
       last = next;
     }
@@ -297,6 +301,8 @@ class DeskBuilder {
 
 }  // namespace
 
-Scenario make_desk(uint64_t seed) { return DeskBuilder(seed).build(); }
+Scenario make_desk(uint64_t seed) {
+  return DeskBuilder(seed).build();
+}
 
 }  // namespace cairn

@@ -10,15 +10,17 @@
 namespace cairn {
 namespace {
 
-// Amplitudes that give the speeds and jerks of hand-held recordings (TUM fr1_xyz: 0.33 m/s, 19 deg/s, 0.9 m/s^2 RMS).
+// Amplitudes that give the speeds and jerks of hand-held recordings (TUM fr1_xyz: 0.33 m/s, 19 deg/s, 0.9
+// m/s^2 RMS).
 constexpr double kSwayTranslation = 0.004;  // m RMS per axis
-constexpr double kSwayRotation = 0.010;     // rad RMS per axis
+constexpr double kSwayRotation = 0.014;     // rad RMS per axis
 constexpr double kTremorTranslation = 1.2e-4;
 constexpr double kTremorRotation = 6e-4;
 
 double sum_at(const auto& waves, double seconds) {
   double sum = 0;
-  for (const auto& wave : waves) sum += wave.amplitude * std::sin(wave.angular_frequency * seconds + wave.phase);
+  for (const auto& wave : waves)
+    sum += wave.amplitude * std::sin(wave.angular_frequency * seconds + wave.phase);
   return sum;
 }
 
@@ -58,7 +60,9 @@ HandMotion::Waves HandMotion::make_waves(double low_hz, double high_hz, int coun
   return waves;
 }
 
-double HandMotion::period() const { return interval_ * static_cast<double>(route_.size()) / speed_; }
+double HandMotion::period() const {
+  return interval_ * static_cast<double>(route_.size()) / speed_;
+}
 
 Waypoint HandMotion::route_at(double route_seconds) const {
   const double position = route_seconds / interval_;

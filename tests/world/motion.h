@@ -16,13 +16,14 @@ struct Waypoint {
   Eigen::Vector3d target;
 };
 
-/// A camera in a hand: a closed route, swayed at up to 2.5 Hz and trembling around 8 Hz (physiological tremor). Every part is
-/// twice continuously differentiable, so velocities and accelerations are those of a real body.
-/// A pure function of time: thread-safe.
+/// A camera in a hand: a closed route, swayed at up to 2.5 Hz and trembling around 8 Hz (physiological
+/// tremor). Every part is twice continuously differentiable, so velocities and accelerations are those of a
+/// real body. A pure function of time: thread-safe.
 class HandMotion {
  public:
-  /// Waypoints are control points of a closed uniform cubic B-spline, passed every `interval` seconds at speed 1: the curve
-  /// passes near them, not through them. `speed` scales route and sway, not the tremor. Needs four waypoints or more; map Z is up.
+  /// Waypoints are control points of a closed uniform cubic B-spline, passed every `interval` seconds at
+  /// speed 1: the curve passes near them, not through them. `speed` scales route and sway, not the tremor.
+  /// Needs four waypoints or more; map Z is up.
   HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed);
 
   /// Pose at a time from the start [s], any real number.

@@ -12,7 +12,9 @@ namespace {
 
 constexpr float kTwoPi = 2 * std::numbers::pi_v<float>;
 
-float smooth_step(float t) { return t * t * (3.0F - 2.0F * t); }
+float smooth_step(float t) {
+  return t * t * (3.0F - 2.0F * t);
+}
 
 /// Adds one layer of smooth noise in [-amplitude, amplitude], cells of `cell_x` by `cell_y` px.
 void add_noise(Bitmap* picture, int cell_x, int cell_y, float amplitude, Random& random) {
@@ -56,10 +58,11 @@ void draw_glyph(Bitmap* picture, float x, float y, float size, float ink, Random
                                                                      {0, 0.5F, 0, 1},
                                                                      {1, 0.5F, 1, 1}}};
   const int count = random.integer(2, 3);
-  const float radius = std::max(0.07F * size, 0.5F);
+  const float radius = std::max(0.07F * size, 0.45F);
   for (int i = 0; i < count; ++i) {
     const auto& s = kStrokes[static_cast<size_t>(random.integer(0, static_cast<int>(kStrokes.size()) - 1))];
-    picture->stroke(x + 0.5F * size * s[0], y + size * s[1], x + 0.5F * size * s[2], y + size * s[3], radius, ink);
+    picture->stroke(x + 0.5F * size * s[0], y + size * s[1], x + 0.5F * size * s[2], y + size * s[3], radius,
+                    ink);
   }
 }
 
@@ -80,7 +83,7 @@ void draw_paragraph(Bitmap* picture, float x, float y, float x_end, int lines, f
                     Random& random) {
   for (int line = 0; line < lines; ++line) {
     const float end = line + 1 == lines ? x + (x_end - x) * random.uniform(0.2F, 0.9F) : x_end;
-    draw_text_line(picture, x, y + 1.7F * size * static_cast<float>(line), end, size, ink, random);
+    draw_text_line(picture, x, y + 2.0F * size * static_cast<float>(line), end, size, ink, random);
   }
 }
 
@@ -99,18 +102,17 @@ Bitmap pink_noise(int width, int height, int cell, int octaves, float amplitude,
 Bitmap dead_leaves(int width, int height, Random& random) {
   Bitmap picture(width, height, random.uniform(0.2F, 0.7F));
   const auto size = static_cast<float>(std::min(width, height));
-  const float smallest = 0.008F * size;
-  const float largest = 0.25F * size;
-  const int count = width * height / 150;
+  const float smallest = 0.04F * size;
+  const float largest = 0.3F * size;
+  const int count = 1500;
   for (int i = 0; i < count; ++i) {
     // Density of radii ~ r^-3 between the bounds, by inversion.
     const auto t = static_cast<float>(random.unit());
-    const float inverse_square =
-        std::lerp(1 / (largest * largest), 1 / (smallest * smallest), t);
+    const float inverse_square = std::lerp(1 / (largest * largest), 1 / (smallest * smallest), t);
     const float radius = 1 / std::sqrt(inverse_square);
     const float x = random.uniform(0.0F, static_cast<float>(width));
     const float y = random.uniform(0.0F, static_cast<float>(height));
-    const auto value = static_cast<float>(std::clamp(0.45 + 0.22 * random.normal(), 0.03, 0.97));
+    const auto value = static_cast<float>(std::clamp(0.45 + 0.18 * random.normal(), 0.03, 0.97));
     switch (random.integer(0, 2)) {
       case 0:
         picture.fill_disc(x, y, radius, value);
@@ -121,12 +123,12 @@ Bitmap dead_leaves(int width, int height, Random& random) {
         break;
       default: {
         const float angle = random.uniform(0.0F, kTwoPi);
-        picture.stroke(x, y, x + 2 * radius * std::cos(angle), y + 2 * radius * std::sin(angle), 0.35F * radius,
-                       value);
+        picture.stroke(x, y, x + 2 * radius * std::cos(angle), y + 2 * radius * std::sin(angle),
+                       0.35F * radius, value);
       }
     }
   }
-  add(&picture, pink_noise(width, height, 32, 5, 0.05F, random));
+  add(&picture, pink_noise(width, height, 32, 5, 0.03F, random));
   picture.clamp();
   return picture;
 }
@@ -135,7 +137,7 @@ Bitmap wood(int width, int height, Random& random) {
   Bitmap warp(width, height);
   add_noise(&warp, 512, 64, 5.0F, random);
   add_noise(&warp, 256, 32, 1.2F, random);
-  Bitmap picture(width, height, 0.56F);
+  Bitmap picture(width, height, 0.6F);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const float ring = static_cast<float>(y) / 42.0F + warp.at(x, y);
@@ -143,10 +145,10 @@ Bitmap wood(int width, int height, Random& random) {
       picture.at(x, y) -= 0.07F * position * position;
     }
   }
-  add_noise(&picture, 128, 4, 0.03F, random);
-  add_noise(&picture, 64, 2, 0.035F, random);
+  add_noise(&picture, 128, 4, 0.02F, random);
+  add_noise(&picture, 64, 2, 0.02F, random);
   add_noise(&picture, 256, 128, 0.04F, random);
-  const int pores = width * height / 900;
+  const int pores = width * height / 2500;
   for (int i = 0; i < pores; ++i) {
     const float x = random.uniform(0.0F, static_cast<float>(width));
     const float y = random.uniform(0.0F, static_cast<float>(height));
@@ -171,45 +173,48 @@ Bitmap printed_page(int width, int height, Random& random) {
   const auto w = static_cast<float>(width);
   const auto h = static_cast<float>(height);
   const float margin = 0.09F * w;
-  const float ink = random.uniform(0.08F, 0.25F);
-  const float size = random.uniform(0.014F, 0.02F) * h;
+  const float ink = random.uniform(0.15F, 0.35F);
+  const float body_ink = random.uniform(0.45F, 0.6F);  // thin strokes do not print black
+  const float size = random.uniform(0.013F, 0.022F) * h;
   float y = 0.07F * h;
-  draw_text_line(&page, margin, y, w * random.uniform(0.5F, 0.9F), 2.4F * size, ink, random);
-  y += 5 * size;
-  while (y < 0.86F * h) {
+  draw_text_line(&page, margin, y, w * random.uniform(0.4F, 0.8F), 0.04F * h, ink, random);
+  y += 0.09F * h;
+  while (y < 0.84F * h) {
     if (random.chance(0.25) && y < 0.65F * h) {
       const int figure_height = height / 5;
       Bitmap figure = dead_leaves(static_cast<int>(w - 2 * margin), figure_height, random);
       page.paste(figure, static_cast<int>(margin), static_cast<int>(y));
       y += static_cast<float>(figure_height) + 1.5F * size;
     } else {
-      const int lines = std::min(random.integer(2, 7), static_cast<int>((0.93F * h - y) / (1.7F * size)));
-      draw_paragraph(&page, margin, y, w - margin, lines, size, ink, random);
-      y += 1.7F * size * (static_cast<float>(lines) + 1);
+      const int lines = std::min(random.integer(2, 7), static_cast<int>((0.95F * h - y) / (2 * size)));
+      draw_paragraph(&page, margin, y, w - margin, lines, size, body_ink, random);
+      y += 2 * size * (static_cast<float>(lines) + 1.5F);
     }
   }
   page.clamp();
   return page;
 }
 
-Bitmap code_screen(int width, int height, Random& random) {
-  Bitmap screen(width, height, 0.13F);
+Bitmap code_screen(int width, int height, bool dark_on_light, Random& random) {
+  const auto tone = [dark_on_light](float value) { return dark_on_light ? 0.95F - value : value; };
+  Bitmap screen(width, height, tone(0.13F));
   const auto w = static_cast<float>(width);
   const auto h = static_cast<float>(height);
-  screen.fill_rectangle(0, 0, w, 0.035F * h, 0.45F);
-  draw_text_line(&screen, 6, 0.008F * h, 0.4F * w, 0.02F * h, 0.9F, random);
+  screen.fill_rectangle(0, 0, w, 0.05F * h, tone(0.45F));
+  draw_text_line(&screen, 6, 0.012F * h, 0.4F * w, 0.026F * h, tone(0.9F), random);
   const float side_bar = 0.16F * w;
-  screen.fill_rectangle(0, 0.035F * h, side_bar, h, 0.22F);
-  const float size = 0.017F * h;
+  screen.fill_rectangle(0, 0.05F * h, side_bar, h, tone(0.22F));
+  const float size = 0.024F * h;
   int indent = 0;
-  for (float y = 0.05F * h; y < 0.97F * h; y += 1.75F * size) {
-    if (random.chance(0.7)) {
-      draw_text_line(&screen, 8, y, side_bar * random.uniform(0.4F, 0.9F), size, 0.55F, random);
+  for (float y = 0.07F * h; y < 0.95F * h; y += 2.2F * size) {
+    if (random.chance(0.35)) {
+      draw_text_line(&screen, 8, y, side_bar * random.uniform(0.4F, 0.9F), size, tone(0.4F), random);
     }
-    if (random.chance(0.12)) continue;  // an empty line
+    if (random.chance(0.2)) continue;  // an empty line
     indent = std::clamp(indent + random.integer(-1, 1), 0, 5);
     const float x = side_bar + (0.02F + 0.03F * static_cast<float>(indent)) * w;
-    draw_text_line(&screen, x, y, x + random.uniform(0.08F, 0.5F) * w, size, random.uniform(0.45F, 0.9F), random);
+    draw_text_line(&screen, x, y, x + random.uniform(0.06F, 0.32F) * w, size,
+                   tone(random.uniform(0.3F, 0.6F)), random);
   }
   return screen;
 }
@@ -225,7 +230,7 @@ Bitmap cover(int width, int height, Random& random) {
   draw_text_line(&front, 0.08F * w, 0.2F * h, 0.8F * w, 0.04F * h, ink, random);
   const Bitmap picture = dead_leaves(width * 3 / 4, height * 2 / 5, random);
   front.paste(picture, width / 8, height * 3 / 10);
-  draw_paragraph(&front, 0.1F * w, 0.76F * h, 0.9F * w, 4, 0.022F * h, ink, random);
+  draw_paragraph(&front, 0.1F * w, 0.76F * h, 0.9F * w, 3, 0.026F * h, std::lerp(ground, ink, 0.4F), random);
   draw_text_line(&front, 0.5F * w, 0.92F * h, 0.95F * w, 0.035F * h, ink, random);
   front.clamp();
   return front;
@@ -262,7 +267,8 @@ Bitmap keyboard(int width, int height, Random& random) {
       const float y = 0.04F * static_cast<float>(height) + static_cast<float>(row) * key_height;
       board.fill_rectangle(x + 1.5F, y + 2, x + key_width - 1.5F, y + key_height - 2, 0.24F);
       board.fill_rectangle(x + 3.5F, y + 3, x + key_width - 3.5F, y + key_height - 6, 0.31F);
-      draw_glyph(&board, x + 0.28F * key_width, y + 0.25F * key_height, 0.36F * key_height, 0.88F, random);
+      if (random.chance(0.3)) continue;
+      draw_glyph(&board, x + 0.28F * key_width, y + 0.25F * key_height, 0.36F * key_height, 0.5F, random);
     }
   }
   return board;
@@ -278,7 +284,7 @@ Bitmap wrapped_label(int width, int height, float ground, Random& random) {
     const float band = random.uniform(0.3F, 0.45F) * h;
     draw_text_line(&label, x + 0.06F * w, band, x + 0.42F * w, 0.14F * h, ink, random);
     label.fill_disc(x + 0.12F * w, 0.75F * h, 0.09F * h, ink);
-    draw_paragraph(&label, x + 0.2F * w, 0.66F * h, x + 0.43F * w, 3, 0.045F * h, ink, random);
+    draw_paragraph(&label, x + 0.2F * w, 0.66F * h, x + 0.43F * w, 2, 0.06F * h, ink, random);
   }
   label.fill_rectangle(0, 0.06F * h, w, 0.1F * h, ink);
   label.clamp();
@@ -331,8 +337,9 @@ void draw_cable_tangle(Bitmap* picture, float x, float y, float radius, float th
     constexpr int kSteps = 160;
     const auto point = [&](int step) {
       const float t = kTwoPi * static_cast<float>(step) / kSteps;
-      return std::array<float, 2>{x + radius * (0.6F * std::cos(slow * t + phase) + 0.4F * std::cos(fast * t)),
-                                  y + radius * (0.6F * std::sin(slow * t) + 0.4F * std::sin(fast * t + phase))};
+      return std::array<float, 2>{
+          x + radius * (0.6F * std::cos(slow * t + phase) + 0.4F * std::cos(fast * t)),
+          y + radius * (0.6F * std::sin(slow * t) + 0.4F * std::sin(fast * t + phase))};
     };
     for (int step = 0; step < kSteps; ++step) {
       const auto from = point(step);

@@ -8,12 +8,13 @@ namespace cairn {
 
 // Pictures with the statistics of real surfaces, made from random numbers alone. Sizes in pixels.
 
-/// 1/f noise of mean 0: `octaves` layers of smooth noise, the coarsest with cells of `cell` px (a power of two), each finer
-/// one half as strong. Wraps around if the sizes are multiples of `cell`.
-[[nodiscard]] Bitmap pink_noise(int width, int height, int cell, int octaves, float amplitude, Random& random);
+/// 1/f noise of mean 0: `octaves` layers of smooth noise, the coarsest with cells of `cell` px (a power of
+/// two), each finer one half as strong. Wraps around if the sizes are multiples of `cell`.
+[[nodiscard]] Bitmap pink_noise(int width, int height, int cell, int octaves, float amplitude,
+                                Random& random);
 
-/// Dead leaves: opaque shapes over one another, number by size falling with the cube of the size; the occlusions, edges and
-/// scale-invariance of natural pictures (Lee, Mumford and Huang, IJCV 2001).
+/// Dead leaves: opaque shapes over one another, number by size falling with the cube of the size; the
+/// occlusions, edges and scale-invariance of natural pictures (Lee, Mumford and Huang, IJCV 2001).
 [[nodiscard]] Bitmap dead_leaves(int width, int height, Random& random);
 
 /// Wood with the grain along x.
@@ -22,8 +23,9 @@ namespace cairn {
 /// A printed page: heading, paragraphs, sometimes a figure or a table.
 [[nodiscard]] Bitmap printed_page(int width, int height, Random& random);
 
-/// A computer screen full of source text, with a side bar and title bars.
-[[nodiscard]] Bitmap code_screen(int width, int height, Random& random);
+/// A computer screen full of source text, with a side bar and a title bar; light letters on dark or the
+/// reverse.
+[[nodiscard]] Bitmap code_screen(int width, int height, bool dark_on_light, Random& random);
 
 /// Front of a book or a product box: picture, title, small print.
 [[nodiscard]] Bitmap cover(int width, int height, Random& random);

@@ -13,7 +13,8 @@ LinearFunction linear(const Eigen::Vector3d& coefficients) {
   return {f.x(), f.y(), f.z()};
 }
 
-IdealBox bounds_of(const std::array<Eigen::Vector3d, kMaxFaceCorners>& corners, int count, const IdealBox& view) {
+IdealBox bounds_of(const std::array<Eigen::Vector3d, kMaxFaceCorners>& corners, int count,
+                   const IdealBox& view) {
   Eigen::Array2d low = Eigen::Array2d::Constant(1e9);
   Eigen::Array2d high = -low;
   for (int i = 0; i < count; ++i) {
@@ -29,11 +30,12 @@ IdealBox bounds_of(const std::array<Eigen::Vector3d, kMaxFaceCorners>& corners, 
 
 }  // namespace
 
-std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture, const SE3& camera_from_map,
-                                          const IdealBox& view) {
+std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture,
+                                          const SE3& camera_from_map, const IdealBox& view) {
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   const Eigen::Vector3d normal = rotation * face.normal;
-  const double plane = normal.dot(camera_from_map * face.corners.front());  // normal.dot(p) == plane on the face
+  const double plane =
+      normal.dot(camera_from_map * face.corners.front());  // normal.dot(p) == plane on the face
   if (plane >= -1e-9) return std::nullopt;
 
   std::array<Eigen::Vector3d, kMaxFaceCorners> corners;

@@ -36,13 +36,18 @@ struct IdealBox {
   [[nodiscard]] IdealBox united(const IdealBox& other) const {
     return {std::min(x0, other.x0), std::min(y0, other.y0), std::max(x1, other.x1), std::max(y1, other.y1)};
   }
-  [[nodiscard]] float minimum(const LinearFunction& f) const { return f(f.dx > 0 ? x0 : x1, f.dy > 0 ? y0 : y1); }
-  [[nodiscard]] float maximum(const LinearFunction& f) const { return f(f.dx > 0 ? x1 : x0, f.dy > 0 ? y1 : y0); }
+  [[nodiscard]] float minimum(const LinearFunction& f) const {
+    return f(f.dx > 0 ? x0 : x1, f.dy > 0 ? y0 : y1);
+  }
+  [[nodiscard]] float maximum(const LinearFunction& f) const {
+    return f(f.dx > 0 ? x1 : x0, f.dy > 0 ? y1 : y0);
+  }
 };
 
-/// A face as one camera position sees it. Over the ideal image plane the inverse depth and the texture coordinates divided by
-/// depth are linear, and a point is inside the face exactly where every edge function is >= 0: no clipping is needed, also
-/// with corners behind the camera (2-D homogeneous rasterisation, Olano and Greer, 1997).
+/// A face as one camera position sees it. Over the ideal image plane the inverse depth and the texture
+/// coordinates divided by depth are linear, and a point is inside the face exactly where every edge function
+/// is >= 0: no clipping is needed, also with corners behind the camera (2-D homogeneous rasterisation, Olano
+/// and Greer, 1997).
 struct ProjectedFace {
   LinearFunction inverse_depth;  ///< [1/m], > 0 inside the face
   LinearFunction u_over_depth;   ///< [texel/m]

@@ -15,10 +15,12 @@ namespace cairn {
   return x ^ (x >> 31);
 }
 
-/// A reproducible random stream. The standard library's distributions differ between implementations; these do not.
+/// A reproducible random stream. The standard library's distributions differ between implementations; these
+/// do not.
 class Random {
  public:
-  /// Streams of one seed are independent: one per thing generated, so that adding a thing leaves the others alone.
+  /// Streams of one seed are independent: one per thing generated, so that adding a thing leaves the others
+  /// alone.
   explicit Random(uint64_t seed, uint64_t stream = 0) : state_(mix_bits(seed ^ mix_bits(stream))) {}
 
   [[nodiscard]] uint64_t bits() { return mix_bits(state_++); }
@@ -26,7 +28,9 @@ class Random {
   [[nodiscard]] double unit() { return static_cast<double>(bits() >> 11) * 0x1.0p-53; }
   /// [low, high).
   [[nodiscard]] double uniform(double low, double high) { return low + (high - low) * unit(); }
-  [[nodiscard]] float uniform(float low, float high) { return low + (high - low) * static_cast<float>(unit()); }
+  [[nodiscard]] float uniform(float low, float high) {
+    return low + (high - low) * static_cast<float>(unit());
+  }
   /// low..high, both included.
   [[nodiscard]] int integer(int low, int high) {
     return low + static_cast<int>(bits() % static_cast<uint64_t>(high - low + 1));

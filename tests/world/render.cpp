@@ -10,11 +10,15 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinEdgeSamples = 4;   // what edges need to look smooth
-constexpr int kMinPlainSamples = 2;  // where there is only filtered texture
-constexpr int kMaxSamples = 24;            // beyond 24 px of blur nothing is left to alias
-constexpr double kBlurPerSample = 1.5;     // px
-constexpr float kTextureLevelBias = -0.5F;  // two samples or more per pixel
+constexpr int kMinShadingSamples = 2;   // texture is filtered already
+constexpr int kMinCoverageSamples = 4;  // what edges need to look smooth
+constexpr int kMaxSamples = 24;         // beyond 24 px of blur nothing is left to alias
+constexpr double kBlurPerSample = 1.5;  // px
+constexpr double kPixelAperture = 1.0;  // px
+// Texels no smaller than pixels: interpolation then weights every point of the texture alike, whatever its
+// place between pixel centres, and the image of a pattern keeps its centroid. Costs the sharpness that a real
+// lens lacks too.
+constexpr float kTextureLevelBias = 0;
 
 /// Fractional part of a low-discrepancy sequence's element, by the multiples of an irrational number.
 double fraction_of_multiple(size_t i, double irrational) {
@@ -74,7 +78,8 @@ void Renderer::make_tiles() {
   }
 }
 
-/// How far [px] the scene moves in the image between two poses: nine tenths of the landmarks in view move less.
+/// How far [px] the scene moves in the image between two poses: nine tenths of the landmarks in view move
+/// less.
 double Renderer::image_motion(const SE3& begin_from_map, const SE3& end_from_map) const {
   const Camera& camera = *scenario_.camera;
   std::vector<double> motions;
@@ -90,44 +95,68 @@ double Renderer::image_motion(const SE3& begin_from_map, const SE3& end_from_map
   return *rank;
 }
 
-void Renderer::spread_samples(int count, double shutter, Plan* plan) {
-  plan->samples.resize(static_cast<size_t>(count));
-  plan->views.resize(plan->samples.size());
-  double mean_x = 0;
-  double mean_y = 0;
-  for (size_t i = 0; i < plan->samples.size(); ++i) {
-    // The R2 sequence (Roberts): even over the pixel for every count, and not in step with time.
-    plan->samples[i] = {((static_cast<double>(i) + 0.5) / count - 0.5) * shutter,
-                        fraction_of_multiple(i, 0.7548776662466927), fraction_of_multiple(i, 0.5698402909980532)};
-    mean_x += plan->samples[i].pixel_x / count;
-    mean_y += plan->samples[i].pixel_y / count;
+/// Places samples over the pixel and the shutter time so that mean place and mean time are the pixel's centre
+/// and the middle of the exposure exactly, the variance in time is that of an even exposure, and place and
+/// time are uncorrelated.
+void Renderer::spread_samples(int count, double shutter, SampleSet* set) {
+  set->samples.resize(static_cast<size_t>(count));
+  set->views.resize(set->samples.size());
+  const double time_scale = shutter / std::sqrt(1.0 - 1.0 / (static_cast<double>(count) * count));
+  Eigen::Array2d mean = Eigen::Array2d::Zero();
+  for (size_t i = 0; i < set->samples.size(); ++i) {
+    // The R2 sequence (Roberts, 2018): even over the pixel for every count.
+    Sample& sample = set->samples[i];
+    sample.seconds = time_scale * ((static_cast<double>(i) + 0.5) / count - 0.5);
+    sample.pixel = {fraction_of_multiple(i, 0.7548776662466927), fraction_of_multiple(i, 0.5698402909980532)};
+    mean += sample.pixel / count;
   }
-  for (Sample& sample : plan->samples) {  // the mean place is the pixel's centre exactly: no bias of the image
-    sample.pixel_x -= mean_x;
-    sample.pixel_y -= mean_y;
+  Eigen::Array2d covariance = Eigen::Array2d::Zero();
+  double variance = 0;
+  for (Sample& sample : set->samples) {
+    sample.pixel = kPixelAperture * (sample.pixel - mean);
+    covariance += sample.seconds * sample.pixel;
+    variance += sample.seconds * sample.seconds;
   }
+  if (variance <= 0) return;  // nothing moves
+  for (Sample& sample : set->samples) sample.pixel -= sample.seconds * covariance / variance;
+}
+
+/// More samples for more blur. Shading samples are few; each goes with one or two coverage samples of about
+/// its time.
+void Renderer::plan_samples(const CameraPath& camera_from_map, double shutter) {
+  const double blur =
+      shutter <= 0 ? 0 : image_motion(camera_from_map(-0.5 * shutter), camera_from_map(0.5 * shutter));
+  const int for_blur = std::min(static_cast<int>(std::ceil(blur / kBlurPerSample)), kMaxSamples);
+  const int shading = std::max(for_blur, kMinShadingSamples);
+  spread_samples(shading, shutter, &shading_);
+  spread_samples(shading < kMinCoverageSamples ? 2 * shading : shading, shutter, &coverage_);
 }
 
 void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
   view->faces.clear();
   view->near_to_far.clear();
-  for (const Face& face : scenario_.faces) {
+  view->place_of.assign(scenario_.faces.size(), -1);
+  for (size_t i = 0; i < scenario_.faces.size(); ++i) {
+    const Face& face = scenario_.faces[i];
     auto projected =
         project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], camera_from_map, view_);
-    if (projected) view->faces.push_back(*projected);
+    if (!projected) continue;
+    view->place_of[i] = static_cast<int>(view->faces.size());
+    view->near_to_far.emplace_back(i, projected->nearest);
+    view->faces.push_back(*projected);
   }
-  for (const ProjectedFace& face : view->faces) view->near_to_far.push_back(&face);
-  std::ranges::stable_sort(view->near_to_far, std::greater{}, &ProjectedFace::nearest);
+  std::ranges::stable_sort(view->near_to_far, std::greater{}, &std::pair<size_t, float>::second);
 }
 
-void Renderer::project_faces(const CameraPath& camera_from_map, double row_seconds, Plan* plan) const {
-  for (size_t i = 0; i < plan->samples.size(); ++i) {
-    project_faces(camera_from_map(row_seconds + plan->samples[i].seconds), &plan->views[i]);
+void Renderer::project_faces(const CameraPath& camera_from_map, double row_seconds, SampleSet* set) const {
+  for (size_t i = 0; i < set->samples.size(); ++i) {
+    project_faces(camera_from_map(row_seconds + set->samples[i].seconds), &set->views[i]);
   }
 }
 
 /// Adds a face to what may show in a tile, unless it is outside or hidden; takes out what it hides.
-void Renderer::bin_face(const ProjectedFace& face, const IdealBox& box, TileBin* bin) {
+void Renderer::bin_face(const ProjectedFace& face, const ProjectedFace& shading, const IdealBox& box,
+                        TileBin* bin) {
   const auto hides = [&box](const ProjectedFace& front, const ProjectedFace& back) {
     return box.maximum(back.inverse_depth - front.inverse_depth) < 0;
   };
@@ -142,52 +171,60 @@ void Renderer::bin_face(const ProjectedFace& face, const IdealBox& box, TileBin*
     std::erase_if(bin->faces, [&](const TileFace& other) { return hides(face, *other.face); });
     bin->occluder = &face;
   }
-  bin->faces.push_back({&face, crossing});
+  bin->faces.push_back({&face, &shading, crossing});
 }
 
-/// Sorts the faces of a plan's views into the tiles of one row.
-void Renderer::fill_bins(int tile_row, Plan* plan) const {
+/// Sorts the faces that the coverage samples see into the tiles of one row.
+void Renderer::fill_bins(int tile_row) {
   const auto columns = static_cast<size_t>(columns_);
   const std::span tiles(&tiles_[static_cast<size_t>(tile_row) * columns], columns);
   const IdealBox& row_box = row_boxes_[static_cast<size_t>(tile_row)];
-  plan->bins.resize(plan->samples.size() * columns);
-  for (TileBin& bin : plan->bins) {
-    bin.faces.clear();
-    bin.occluder = nullptr;
-  }
-  for (size_t i = 0; i < plan->views.size(); ++i) {
-    for (const ProjectedFace* face : plan->views[i].near_to_far) {
-      if (!face->bounds.overlaps(row_box)) continue;
-      for (size_t column = 0; column < columns; ++column) {
-        if (tiles[column].box.x1 < face->bounds.x0) continue;
-        if (tiles[column].box.x0 > face->bounds.x1) break;
-        bin_face(*face, tiles[column].box, &plan->bins[i * columns + column]);
+  bins_.resize(coverage_.samples.size() * columns);
+  const size_t coverage_per_shading = coverage_.samples.size() / shading_.samples.size();
+  for (size_t i = 0; i < coverage_.views.size(); ++i) {
+    const std::span bins(&bins_[i * columns], columns);
+    for (TileBin& bin : bins) {
+      bin.faces.clear();
+      bin.occluder = nullptr;
+    }
+    const View& view = coverage_.views[i];
+    const View& shading_view = shading_.views[i / coverage_per_shading];
+    for (const auto& [index, nearest] : view.near_to_far) {
+      const ProjectedFace& face = view.faces[static_cast<size_t>(view.place_of[index])];
+      if (!face.bounds.overlaps(row_box)) continue;
+      const int shading_place = shading_view.place_of[index];
+      const ProjectedFace& shading =
+          shading_place < 0 ? face : shading_view.faces[static_cast<size_t>(shading_place)];
+      const auto first = std::ranges::partition_point(
+          tiles, [&face](const Tile& tile) { return tile.box.x1 < face.bounds.x0; });
+      for (auto column = static_cast<size_t>(first - tiles.begin());
+           column < columns && tiles[column].box.x0 <= face.bounds.x1; ++column) {
+        bin_face(face, shading, tiles[column].box, &bins[column]);
       }
     }
   }
 }
 
-/// The mean of a plan's samples for one tile.
-void Renderer::sample_tile(const Plan& plan, size_t column, const Tile& tile, TileSum* sum) const {
+void Renderer::sample_tile(const Tile& tile, size_t column, TileSum* sum) const {
   sum->fill(0);
-  const auto columns = static_cast<size_t>(columns_);
-  const float weight = 1.0F / static_cast<float>(plan.samples.size());
-  for (size_t i = 0; i < plan.samples.size(); ++i) {
-    const auto x = static_cast<float>(plan.samples[i].pixel_x);
-    const auto y = static_cast<float>(plan.samples[i].pixel_y);
-    const RayShift shift = {x * tile.per_pixel_x.x + y * tile.per_pixel_y.x,
-                            x * tile.per_pixel_x.y + y * tile.per_pixel_y.y};
-    kernels_.sample(tile.rays, shift, plan.bins[i * columns + column].faces, sampling_, weight, sum);
-  }
-}
-
-void Renderer::sample_row(int tile_row, const Plan& fine, const Plan& coarse) {
-  const auto columns = static_cast<size_t>(columns_);
-  for (size_t column = 0; column < columns; ++column) {
+  const auto shift_of = [&tile](const Sample& sample) {
+    const Eigen::Array2f pixel = sample.pixel.cast<float>();
+    return RayShift{pixel.x() * tile.per_pixel_x.x + pixel.y() * tile.per_pixel_y.x,
+                    pixel.x() * tile.per_pixel_x.y + pixel.y() * tile.per_pixel_y.y};
+  };
+  const float weight = 1.0F / static_cast<float>(shading_.samples.size());
+  const size_t per_shading = coverage_.samples.size() / shading_.samples.size();
+  std::array<CoverageSample, 2> coverage;
+  for (size_t i = 0; i < shading_.samples.size(); ++i) {
     bool plain = true;
-    for (size_t i = 0; i < coarse.samples.size(); ++i) plain &= coarse.bins[i * columns + column].plain();
-    sample_tile(plain ? coarse : fine, column, tiles_[static_cast<size_t>(tile_row) * columns + column],
-                &sums_[column]);
+    for (size_t j = 0; j < per_shading; ++j) {
+      const TileBin& bin = bins_[(i * per_shading + j) * static_cast<size_t>(columns_) + column];
+      coverage[j] = {shift_of(coverage_.samples[i * per_shading + j]), bin.faces};
+      plain = plain && bin.plain() && bin.faces[0].shading == coverage[0].faces[0].shading;
+    }
+    // Where one face fills the tile, one look is as good as two.
+    kernels_.sample(tile.rays, shift_of(shading_.samples[i]), {coverage.data(), plain ? 1 : per_shading},
+                    sampling_, weight, sum);
   }
 }
 
@@ -200,37 +237,36 @@ void Renderer::develop_row(int tile_row, const Exposure& exposure, GrayImage* im
   develop.pixels_per_row = static_cast<uint32_t>(columns_ * kTileWidth);
   std::array<uint8_t, kTilePixels> pixels;
   const int y0 = tile_row * kTileHeight;
-  for (int column = 0; column < columns_; ++column) {
-    const int x0 = column * kTileWidth;
+  const auto columns = static_cast<size_t>(columns_);
+  for (size_t column = 0; column < columns; ++column) {
+    const int x0 = static_cast<int>(column) * kTileWidth;
     develop.first_pixel = static_cast<uint32_t>(y0) * develop.pixels_per_row + static_cast<uint32_t>(x0);
-    const Tile& tile = tiles_[static_cast<size_t>(tile_row * columns_ + column)];
-    kernels_.develop(tile.rays, sums_[static_cast<size_t>(column)], develop, &pixels);
+    const Tile& tile = tiles_[static_cast<size_t>(tile_row) * columns + column];
+    kernels_.develop(tile.rays, sums_[column], develop, &pixels);
     const int width = std::min(kTileWidth, image->width() - x0);
     for (int row = 0; row < std::min(kTileHeight, image->height() - y0); ++row) {
-      std::copy_n(&pixels[static_cast<size_t>(row * kTileWidth)], width, image->row(y0 + row) + x0);
+      std::copy_n(pixels.data() + static_cast<std::ptrdiff_t>(row) * kTileWidth, width,
+                  image->row(y0 + row) + x0);
     }
   }
 }
 
 void Renderer::render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image) {
   image->resize(scenario_.camera->width(), scenario_.camera->height());
-  const double blur = exposure.shutter <= 0 ? 0
-                                            : image_motion(camera_from_map(-0.5 * exposure.shutter),
-                                                           camera_from_map(0.5 * exposure.shutter));
-  const int blur_samples = std::min(static_cast<int>(std::ceil(blur / kBlurPerSample)), kMaxSamples);
-  const std::array<Plan*, 2> plans = {&fine_, &coarse_};
-  spread_samples(std::max(blur_samples, kMinEdgeSamples), exposure.shutter, &fine_);
-  spread_samples(std::max(blur_samples, kMinPlainSamples), exposure.shutter, &coarse_);
+  plan_samples(camera_from_map, exposure.shutter);
   const bool rolling = exposure.readout > 0;
   for (int tile_row = 0; tile_row < rows_; ++tile_row) {
     // With a rolling shutter each row of tiles has its own time; without, all see the same views.
     const double row_seconds =
         rolling ? exposure.readout * ((tile_row + 0.5) * kTileHeight / image->height() - 0.5) : 0;
-    for (Plan* plan : plans) {
-      if (rolling || tile_row == 0) project_faces(camera_from_map, row_seconds, plan);
-      fill_bins(tile_row, plan);
+    if (rolling || tile_row == 0) {
+      project_faces(camera_from_map, row_seconds, &shading_);
+      project_faces(camera_from_map, row_seconds, &coverage_);
     }
-    sample_row(tile_row, fine_, coarse_);
+    fill_bins(tile_row);
+    for (size_t column = 0; column < sums_.size(); ++column) {
+      sample_tile(tiles_[static_cast<size_t>(tile_row) * sums_.size() + column], column, &sums_[column]);
+    }
     develop_row(tile_row, exposure, image);
   }
 }

@@ -24,9 +24,9 @@ struct Exposure {
   uint64_t noise_key = 0;  ///< decides the noise
 };
 
-/// Renders a scenario as its camera sees it. Pixels are exactly where Camera::project says; each is the mean of several
-/// samples, spread over its area and the time that the shutter is open.
-/// The same bytes for the same input on every x86-64 machine. One per thread; the scenario must outlive it.
+/// Renders a scenario as its camera sees it. Pixels are exactly where Camera::project says; each is the mean
+/// of several samples, spread over its area and the time that the shutter is open. The same bytes for the
+/// same input on every x86-64 machine. One per thread; the scenario must outlive it.
 class Renderer {
  public:
   explicit Renderer(const Scenario& scenario);
@@ -43,12 +43,13 @@ class Renderer {
   };
   struct Sample {
     double seconds = 0;
-    double pixel_x = 0;  ///< place within the pixel, -0.5..0.5
-    double pixel_y = 0;
+    Eigen::Array2d pixel = Eigen::Array2d::Zero();  ///< place, from the pixel's centre
   };
+  /// The faces in view, as one sample sees them.
   struct View {
     std::vector<ProjectedFace> faces;
-    std::vector<const ProjectedFace*> near_to_far;
+    std::vector<int> place_of;                          ///< scenario face -> place in `faces`, -1 unseen
+    std::vector<std::pair<size_t, float>> near_to_far;  ///< scenario face, its nearest inverse depth
   };
   struct TileBin {
     std::vector<TileFace> faces;
@@ -57,22 +58,21 @@ class Renderer {
     /// One face and none of its edges: nothing to smooth.
     [[nodiscard]] bool plain() const { return faces.size() == 1 && occluder != nullptr; }
   };
-  /// The samples of which each pixel is the mean, and what each sees.
-  struct Plan {
+  struct SampleSet {
     std::vector<Sample> samples;
     std::vector<View> views;
-    std::vector<TileBin> bins;  ///< of one row of tiles, sample by sample
   };
 
   void make_tiles();
   [[nodiscard]] double image_motion(const SE3& begin_from_map, const SE3& end_from_map) const;
-  static void spread_samples(int count, double shutter, Plan* plan);
+  static void spread_samples(int count, double shutter, SampleSet* set);
+  void plan_samples(const CameraPath& camera_from_map, double shutter);
   void project_faces(const SE3& camera_from_map, View* view) const;
-  void project_faces(const CameraPath& camera_from_map, double row_seconds, Plan* plan) const;
-  static void bin_face(const ProjectedFace& face, const IdealBox& box, TileBin* bin);
-  void fill_bins(int tile_row, Plan* plan) const;
-  void sample_row(int tile_row, const Plan& fine, const Plan& coarse);
-  void sample_tile(const Plan& plan, size_t column, const Tile& tile, TileSum* sum) const;
+  void project_faces(const CameraPath& camera_from_map, double row_seconds, SampleSet* set) const;
+  static void bin_face(const ProjectedFace& face, const ProjectedFace& shading, const IdealBox& box,
+                       TileBin* bin);
+  void fill_bins(int tile_row);
+  void sample_tile(const Tile& tile, size_t column, TileSum* sum) const;
   void develop_row(int tile_row, const Exposure& exposure, GrayImage* image) const;
 
   const Scenario& scenario_;
@@ -86,8 +86,9 @@ class Renderer {
   std::vector<Eigen::Vector3d> landmarks_;  ///< centres of faces, to measure image motion
 
   // Kept between frames for their memory only.
-  Plan fine_;    ///< for tiles with edges
-  Plan coarse_;  ///< for tiles that lie within one face
+  SampleSet shading_;          ///< where texture is looked up
+  SampleSet coverage_;         ///< where faces are told apart: as many for each shading sample
+  std::vector<TileBin> bins_;  ///< of one row of tiles, coverage sample by coverage sample
   std::vector<TileSum> sums_;
 };
 

@@ -16,7 +16,8 @@ namespace {
 constexpr double kWallDepth = 1.0;  // m
 
 CameraPtr test_camera() {
-  return make_camera({CameraModel::kPinholeRadtan, 640, 480, {480, 482, 322.3, 237.1, -0.2, 0.05, 1e-3, -5e-4, 0}})
+  return make_camera(
+             {CameraModel::kPinholeRadtan, 640, 480, {480, 482, 322.3, 237.1, -0.2, 0.05, 1e-3, -5e-4, 0}})
       .value();
 }
 
@@ -28,7 +29,8 @@ Scenario wall_scenario(const Bitmap& picture, double per_metre) {
   scenario.textures.emplace_back(picture);
   const double w = picture.width() / per_metre;
   const double h = picture.height() / per_metre;
-  const TextureRegion region{0, 0, 0, static_cast<double>(picture.width()), static_cast<double>(picture.height())};
+  const TextureRegion region{0, 0, 0, static_cast<double>(picture.width()),
+                             static_cast<double>(picture.height())};
   // Seen along +z with y down: right is +x, up is -y.
   scenario.faces.push_back(make_face({-w / 2, h / 2, kWallDepth}, {w, 0, 0}, {0, -h, 0}, region, 1.0F));
   return scenario;
@@ -41,7 +43,8 @@ GrayImage render(const Scenario& scenario, const CameraPath& path, const Exposur
   return image;
 }
 GrayImage render_still(const Scenario& scenario, const SE3& camera_from_map, const Exposure& exposure = {}) {
-  return render(scenario, [&](double) { return camera_from_map; }, exposure);
+  return render(
+      scenario, [&](double) { return camera_from_map; }, exposure);
 }
 
 /// Centroid of what is brighter than the black ground, within `half` px of a place.
@@ -80,8 +83,8 @@ SE3 tilted(double scale) {
 }
 
 TEST(Renderer, DotsLieWhereTheCameraProjectsThem) {
-  // White discs of 12 mm on black: small enough for the perspective of their outline not to matter, large enough for a
-  // centroid over several pixels.
+  // White discs of 12 mm on black: small enough for the perspective of their outline not to matter, large
+  // enough for a centroid over several pixels.
   constexpr double kPerMetre = 1000;
   Bitmap picture(2048, 2048, 0.0F);
   std::vector<Eigen::Vector3d> centres;
@@ -124,11 +127,12 @@ TEST(Renderer, EdgeOfAFaceLiesWhereTheCameraProjectsIt) {
     const int row = static_cast<int>(std::lround(left.y()));
     // The edge of the same face at the height of the pixel row's centre.
     const Eigen::Vector3d ray = scenario.camera->unproject({left.x(), static_cast<double>(row)});
-    const double expected = scenario.camera->project({-0.25, ray.y() / ray.z() * kWallDepth, kWallDepth})->x();
+    const double expected =
+        scenario.camera->project({-0.25, ray.y() / ray.z() * kWallDepth, kWallDepth})->x();
     double covered = 0;
     const int x0 = static_cast<int>(expected) - 10;
     for (int x = x0; x <= x0 + 20; ++x) covered += image.row(row)[x] / 204.0;
-    const double edge = x0 + 20.5 - covered;  // pixels reach half a pixel around their centres
+    const double edge = x0 + 20.5 - covered;            // pixels reach half a pixel around their centres
     EXPECT_NEAR(edge, expected, 0.3) << "row " << row;  // four samples: a quarter of a pixel in one row
     error_sum += edge - expected;
     ++rows;
@@ -169,9 +173,9 @@ TEST(Renderer, FaceThatReachesBehindTheCameraIsSeenWhole) {
 
 TEST(Renderer, FineTextureFadesToItsMeanWithDistance) {
   // One-texel checkerboard: seen from afar it must be grey, not moire.
-  Bitmap checkers(256, 256);
-  for (int y = 0; y < 256; ++y) {
-    for (int x = 0; x < 256; ++x) checkers.at(x, y) = (x + y) % 2 == 0 ? 1.0F : 0.0F;
+  Bitmap checkers(1024, 1024);
+  for (int y = 0; y < 1024; ++y) {
+    for (int x = 0; x < 1024; ++x) checkers.at(x, y) = (x + y) % 2 == 0 ? 1.0F : 0.0F;
   }
   const GrayImage image = render_still(wall_scenario(checkers, 2000), tilted(1.0));
   double deviation = 0;
@@ -278,13 +282,15 @@ TEST(Renderer, RollingShutterSkewsAboutTheMiddleRow) {
   Bitmap picture(1024, 1024, 0.0F);
   picture.fill_rectangle(501.5F, -1, 521.5F, 1024, 1.0F);
   Scenario scenario = wall_scenario(picture, 1000);
-  scenario.camera = make_camera({CameraModel::kPinholeRadtan, 640, 480, {480, 480, 320, 240, 0, 0, 0, 0, 0}}).value();
+  scenario.camera =
+      make_camera({CameraModel::kPinholeRadtan, 640, 480, {480, 480, 320, 240, 0, 0, 0, 0, 0}}).value();
   Exposure exposure;
   exposure.readout = 0.03;
   const double speed = 0.6;
   const GrayImage image = render(
       scenario,
-      [speed](double t) { return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(speed * t, 0, 0)); }, exposure);
+      [speed](double t) { return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(speed * t, 0, 0)); },
+      exposure);
   for (int y = 20; y < 460; y += 40) {
     double sum = 0;
     double first = 0;
@@ -294,7 +300,8 @@ TEST(Renderer, RollingShutterSkewsAboutTheMiddleRow) {
     }
     const double seconds = exposure.readout * ((y + 0.5) / 480 - 0.5);
     // A row of tiles shares one time: half a tile's rows of error.
-    EXPECT_NEAR(first / sum, 320 + 480 * speed * seconds, 480 * speed * exposure.readout * 4 / 480 + 0.05) << y;
+    EXPECT_NEAR(first / sum, 320 + 480 * speed * seconds, 480 * speed * exposure.readout * 4 / 480 + 0.05)
+        << y;
   }
 }
 
@@ -309,7 +316,8 @@ TEST(TileKernels, AllProcessorsGiveTheSameBytes) {
   const IdealBox view{-1, -1, 1, 1};
   std::vector<ProjectedFace> projected;
   for (int i = 0; i < 40; ++i) {
-    const Eigen::Vector3d origin(random.uniform(-0.8, 0.5), random.uniform(-0.5, 0.8), random.uniform(0.6, 2.0));
+    const Eigen::Vector3d origin(random.uniform(-0.8, 0.5), random.uniform(-0.5, 0.8),
+                                 random.uniform(0.6, 2.0));
     const Face face =
         make_face(origin, {random.uniform(0.1, 0.9), 0, random.uniform(-0.3, 0.3)},
                   {0, -random.uniform(0.1, 0.9), random.uniform(-0.3, 0.3)}, {0, 0, 0, 64, 64}, 0.9F);
@@ -317,7 +325,7 @@ TEST(TileKernels, AllProcessorsGiveTheSameBytes) {
   }
   ASSERT_GT(projected.size(), 20U);
   std::vector<TileFace> faces;
-  for (const ProjectedFace& face : projected) faces.push_back({&face, (1U << face.edge_count) - 1});
+  for (const ProjectedFace& face : projected) faces.push_back({&face, &face, (1U << face.edge_count) - 1});
   TileRays rays;
   for (size_t i = 0; i < kTilePixels; ++i) {
     rays.x[i] = -0.4F + 0.025F * static_cast<float>(i % kTileWidth);
@@ -326,7 +334,8 @@ TEST(TileKernels, AllProcessorsGiveTheSameBytes) {
   std::vector<std::array<uint8_t, kTilePixels>> results;
   for (const TileKernels* kernels : {&baseline_kernels(), &best_kernels()}) {
     TileSum sum{};
-    kernels->sample(rays, {1e-4F, 2e-4F}, faces, {0.002F, -0.5F}, 0.5F, &sum);
+    const std::array<CoverageSample, 2> coverage = {{{{1e-4F, 2e-4F}, faces}, {{-3e-3F, 1e-3F}, faces}}};
+    kernels->sample(rays, {1e-4F, 0}, coverage, {0.002F, -0.5F}, 0.5F, &sum);
     std::array<uint8_t, kTilePixels> pixels;
     kernels->develop(rays, sum, {1.5F, 0.4F, 3.0F, 99, 0, kTileWidth}, &pixels);
     results.push_back(pixels);

@@ -23,8 +23,9 @@ Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right, cons
 }
 
 const std::vector<ScenarioInfo>& scenario_list() {
-  static const std::vector<ScenarioInfo> scenarios = {
-      {"desk", "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; 60 s round trip"}};
+  static const std::vector<ScenarioInfo> scenarios = {{"desk",
+                                                       "a 1.6 m desk with monitors, books, print, mugs and "
+                                                       "cables before a blank wall; a round trip of 55 s"}};
   return scenarios;
 }
 
@@ -33,7 +34,7 @@ Result<Scenario> make_scenario(std::string_view name, uint64_t seed) {
   std::string message = "scenario '";
   message.append(name).append("': unknown; there are:");
   for (const ScenarioInfo& info : scenario_list()) message.append(" ").append(info.name);
-  return fail(ErrorCode::kNotFound, message);
+  return fail(ErrorCode::kUsage, message);
 }
 
 }  // namespace cairn

@@ -21,7 +21,8 @@ struct Face {
   std::vector<Eigen::Vector3d> corners;  ///< 3 to kMaxFaceCorners, counter-clockwise seen from the front
   Eigen::Vector3d normal;                ///< unit, towards the front
   int texture = 0;                       ///< index into Scenario::textures
-  /// Texel coordinates of a point of the face at level 0: u_axis.dot(p) + u_offset, likewise v; centre of texel 0 at 0.5.
+  /// Texel coordinates of a point of the face at level 0: u_axis.dot(p) + u_offset, likewise v; centre of
+  /// texel 0 at 0.5.
   Eigen::Vector3d u_axis = Eigen::Vector3d::Zero();
   Eigen::Vector3d v_axis = Eigen::Vector3d::Zero();
   double u_offset = 0;
@@ -38,8 +39,8 @@ struct TextureRegion {
   double height = 0;
 };
 
-/// The parallelogram origin, origin + right, origin + right + up, origin + up (counter-clockwise seen from the front), the
-/// region laid over it with its top left corner at origin + up.
+/// The parallelogram origin, origin + right, origin + right + up, origin + up (counter-clockwise seen from
+/// the front), the region laid over it with its top left corner at origin + up.
 [[nodiscard]] Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right,
                              const Eigen::Vector3d& up, const TextureRegion& region, float brightness);
 
@@ -59,7 +60,8 @@ struct ScenarioInfo {
 };
 [[nodiscard]] const std::vector<ScenarioInfo>& scenario_list();
 
-/// The named scenario; the seed decides textures, clutter and route. kNotFound names the scenarios there are.
+/// The named scenario; the seed decides textures, clutter and route. An unknown name is kUsage and the
+/// message lists the scenarios there are.
 [[nodiscard]] Result<Scenario> make_scenario(std::string_view name, uint64_t seed);
 
 }  // namespace cairn

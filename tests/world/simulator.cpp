@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kWaypointInterval = 0.8;  // s
+constexpr double kWaypointInterval = 0.6;  // s
 
 Status bad_value(std::string_view key, std::string_view text) {
   std::string message = "simulator option ";
@@ -79,7 +79,9 @@ Result<Simulator> Simulator::make(std::string_view scenario, const SimulatorOpti
   return Simulator(std::move(*made), options);
 }
 
-Timestamp Simulator::time(int index) const { return Timestamp::from_seconds(index / kSimulatorFrameRate); }
+Timestamp Simulator::time(int index) const {
+  return Timestamp::from_seconds(index / kSimulatorFrameRate);
+}
 
 /// Slow automatic exposure that hunts: two periods without a common measure.
 double Simulator::gain_at(double seconds) const {

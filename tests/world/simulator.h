@@ -30,7 +30,8 @@ struct SimulatorOptions {
   double speed = 1;        ///< factor on the speed of the hand
   double exposure = 0.08;  ///< amplitude of the changes of gain, as a fraction
 
-  /// Sets an option from its name and text, as in `sim:desk?seed=2&noise=3`. kUsage names the option and what it takes.
+  /// Sets an option from its name and text, as in `sim:desk?seed=2&noise=3`. kUsage names the option and what
+  /// it takes.
   Status set_option(std::string_view key, std::string_view value);
   struct Help {
     std::string_view key;
@@ -40,13 +41,13 @@ struct SimulatorOptions {
 };
 
 struct SimFrame {
-  Timestamp time;       ///< middle of the exposure of the middle row; the first frame is at 0
+  Timestamp time;  ///< middle of the exposure of the middle row; the first frame is at 0
   GrayImage image;
   SE3 map_from_camera;  ///< exact, at `time`
 };
 
-/// A camera in a simulated world. Frames may be asked for in any order: frame i is the same whenever it is rendered.
-/// One per thread.
+/// A camera in a simulated world. Frames may be asked for in any order: frame i is the same whenever it is
+/// rendered. One per thread.
 class Simulator {
  public:
   Simulator(Scenario scenario, const SimulatorOptions& options);

@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <vector>
 
 namespace cairn {
 namespace {
@@ -46,7 +49,7 @@ double sharpness(const GrayImage& image) {
 }
 
 /// FAST-10's criterion, spelt out: ten neighbours on the circle all brighter or all darker.
-int count_corners(const GrayImage& image, int threshold) {
+bool is_corner(const GrayImage& image, int x, int y, int threshold) {
   static constexpr std::array<std::array<int, 2>, 16> kCircle = {{{0, -3},
                                                                   {1, -3},
                                                                   {2, -2},
@@ -63,49 +66,44 @@ int count_corners(const GrayImage& image, int threshold) {
                                                                   {-3, -1},
                                                                   {-2, -2},
                                                                   {-1, -3}}};
-  int corners = 0;
-  for (int y = 3; y + 3 < image.height(); ++y) {
-    for (int x = 3; x + 3 < image.width(); ++x) {
-      int brighter = 0;
-      int darker = 0;
-      bool corner = false;
-      for (size_t i = 0; i < 16 + 9 && !corner; ++i) {
-        const auto& [dx, dy] = kCircle[i % 16];
-        const int difference = image.row(y + dy)[x + dx] - image.row(y)[x];
-        brighter = difference > threshold ? brighter + 1 : 0;
-        darker = difference < -threshold ? darker + 1 : 0;
-        corner = brighter == 10 || darker == 10;
-      }
-      corners += corner ? 1 : 0;
-    }
+  int brighter = 0;
+  int darker = 0;
+  for (size_t i = 0; i < 16 + 9; ++i) {
+    const auto& [dx, dy] = kCircle[i % 16];
+    const int difference = image.row(y + dy)[x + dx] - image.row(y)[x];
+    brighter = difference > threshold ? brighter + 1 : 0;
+    darker = difference < -threshold ? darker + 1 : 0;
+    if (brighter == 10 || darker == 10) return true;
   }
-  return corners;
+  return false;
 }
 
-/// Share of 40x40 px blocks in which nothing differs from its neighbour by more than `threshold`.
-double blank_share(const GrayImage& image, int threshold) {
-  int blank = 0;
-  int blocks = 0;
-  for (int y0 = 0; y0 + 40 <= image.height(); y0 += 40) {
-    for (int x0 = 0; x0 + 40 <= image.width(); x0 += 40) {
-      bool edge = false;
-      for (int y = y0; y < y0 + 39; ++y) {
-        for (int x = x0; x < x0 + 39; ++x) {
-          edge |= std::abs(image.row(y)[x + 1] - image.row(y)[x]) > threshold ||
-                  std::abs(image.row(y + 1)[x] - image.row(y)[x]) > threshold;
-        }
-      }
-      blank += edge ? 0 : 1;
-      ++blocks;
+struct CornerStatistics {
+  int count = 0;           ///< pixels that are corners, not suppressed
+  double empty_share = 0;  ///< share of 32x32 px blocks without any
+};
+CornerStatistics find_corners(const GrayImage& image) {
+  constexpr int kBlock = 32;
+  const int columns = image.width() / kBlock;
+  const int rows = image.height() / kBlock;
+  std::vector<int> block_counts(static_cast<size_t>(columns * rows), 0);
+  CornerStatistics statistics;
+  for (int y = 3; y < rows * kBlock - 3; ++y) {
+    for (int x = 3; x < columns * kBlock - 3; ++x) {
+      if (!is_corner(image, x, y, 10)) continue;
+      ++statistics.count;
+      ++block_counts[static_cast<size_t>(y / kBlock * columns + x / kBlock)];
     }
   }
-  return static_cast<double>(blank) / blocks;
+  const auto empty = std::count(block_counts.begin(), block_counts.end(), 0);
+  statistics.empty_share = static_cast<double>(empty) / static_cast<double>(block_counts.size());
+  return statistics;
 }
 
 TEST(SimulatorOptions, SetsEveryOptionThatItNames) {
   for (const auto& help : SimulatorOptions::help()) {
     SimulatorOptions options;
-    const std::string value = help.key == "camera" ? "hand" : "1";
+    const std::string value = help.key == "camera" ? "hand" : help.key == "exposure" ? "0.5" : "1";
     EXPECT_TRUE(options.set_option(help.key, value)) << help.key;
     const auto refused = options.set_option(help.key, "-3x");
     ASSERT_FALSE(refused) << help.key;
@@ -130,7 +128,7 @@ TEST(SimulatorOptions, RefusesUnknownAndOutOfRange) {
 TEST(Scenario, UnknownNameListsTheKnown) {
   const auto made = make_scenario("moon", 1);
   ASSERT_FALSE(made);
-  EXPECT_EQ(made.error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(made.error().code, ErrorCode::kUsage);
   for (const ScenarioInfo& info : scenario_list()) {
     EXPECT_NE(made.error().message.find(info.name), std::string::npos);
     EXPECT_TRUE(make_scenario(info.name, 3)) << info.name;
@@ -158,7 +156,9 @@ TEST(Simulator, AnotherSeedIsAnotherWorld) {
   options.seed = 2;
   auto two = Simulator::make("desk", options).value();
   EXPECT_FALSE(same(one.frame(0).image, two.frame(0).image));
-  EXPECT_GT((one.frame(300).map_from_camera.translation() - two.frame(300).map_from_camera.translation()).norm(), 1e-3);
+  EXPECT_GT(
+      (one.frame(300).map_from_camera.translation() - two.frame(300).map_from_camera.translation()).norm(),
+      1e-3);
 }
 
 TEST(Simulator, HandMovesLikeAHand) {
@@ -178,9 +178,10 @@ TEST(Simulator, HandMovesLikeAHand) {
       const auto pose = [&](int k) { return simulator.map_from_camera((i + k) * dt); };
       const Eigen::Vector3d velocity = (pose(1).translation() - pose(0).translation()) / dt;
       const double rate = so3_log(pose(0).rotation().conjugate() * pose(1).rotation()).norm() / dt;
-      const double jerk =
-          (pose(3).translation() - 3 * pose(2).translation() + 3 * pose(1).translation() - pose(0).translation()).norm() /
-          (dt * dt * dt);
+      const double jerk = (pose(3).translation() - 3 * pose(2).translation() + 3 * pose(1).translation() -
+                           pose(0).translation())
+                              .norm() /
+                          (dt * dt * dt);
       speed2 += velocity.squaredNorm() / count;
       rate2 += rate * rate / count;
       jerk2 += jerk * jerk / count;
@@ -215,7 +216,7 @@ TEST(Simulator, StartsWithASidewaysMove) {
   const auto simulator = Simulator::make("desk", {}).value();
   const SE3 start = simulator.map_from_camera(0.3);
   double widest = 0;
-  for (double t = 0.3; t < 5; t += 0.1) {
+  for (double t = 0.3; t < 3; t += 0.1) {
     const Eigen::Vector3d moved = start.inverse() * simulator.map_from_camera(t).translation();
     widest = std::max(widest, std::abs(moved.x()));
   }
@@ -240,21 +241,21 @@ TEST(Simulator, SpeedScalesTheHand) {
 }
 
 TEST(Simulator, ViewsHaveCornersAndBlanksLikeRealOnes) {
+  // 7-Scenes' redkitchen by the same count: 2000 to 10000 corners, 0.3 to 0.6 of the blocks empty.
   for (const uint64_t seed : {1, 2}) {
     SimulatorOptions options;
     options.seed = seed;
     auto simulator = Simulator::make("desk", options).value();
-    double blank = 0;
+    double empty_share = 0;
     int views = 0;
     for (int i = 0; i < simulator.frame_count(); i += 150, ++views) {
-      const GrayImage image = simulator.frame(i).image;
-      const int corners = count_corners(image, 10);
-      EXPECT_GT(corners, 1000) << "seed " << seed << " frame " << i;
-      EXPECT_LT(corners, 7000) << "seed " << seed << " frame " << i;
-      blank += blank_share(image, 12);
+      const CornerStatistics corners = find_corners(simulator.frame(i).image);
+      EXPECT_GT(corners.count, 1500) << "seed " << seed << " frame " << i;
+      EXPECT_LT(corners.count, 14000) << "seed " << seed << " frame " << i;
+      empty_share += corners.empty_share;
     }
-    EXPECT_GT(blank / views, 0.12) << "seed " << seed;
-    EXPECT_LT(blank / views, 0.45) << "seed " << seed;
+    EXPECT_GT(empty_share / views, 0.2) << "seed " << seed;
+    EXPECT_LT(empty_share / views, 0.5) << "seed " << seed;
   }
 }
 
@@ -268,12 +269,16 @@ TEST(Simulator, BlurAndExposureShow) {
   auto hunting = Simulator::make("desk", options).value();
   double darkest = 10;
   double brightest = 0;
-  for (int i = 300; i < 600; i += 60) {
-    EXPECT_LT(sharpness(blurred.frame(i).image), 0.8 * sharpness(still.frame(i).image)) << i;
+  double sharp = 0;
+  double soft = 0;
+  for (int i = 300; i < 900; i += 60) {
+    sharp += sharpness(still.frame(i).image);
+    soft += sharpness(blurred.frame(i).image);
     const double ratio = mean_of(hunting.frame(i).image) / mean_of(still.frame(i).image);
     darkest = std::min(darkest, ratio);
     brightest = std::max(brightest, ratio);
   }
+  EXPECT_LT(soft, 0.8 * sharp);
   EXPECT_LT(darkest, 0.85);
   EXPECT_GT(brightest, 1.1);
 }

@@ -21,7 +21,7 @@ Range covered(float low, float high, int size) {
 }
 
 uint32_t to_byte(float reflectance) {
-  return static_cast<uint32_t>(std::clamp(reflectance, 0.0F, 1.0F) * 255.0F + 0.5F);
+  return static_cast<uint32_t>(std::lround(std::clamp(reflectance, 0.0F, 1.0F) * 255.0F));
 }
 
 Texture::Level pack(const Bitmap& picture) {
@@ -87,7 +87,9 @@ void Bitmap::fill_rectangle(float x0, float y0, float x1, float y1, float value)
   }
 }
 
-void Bitmap::fill_disc(float x, float y, float radius, float value) { stroke(x, y, x, y, radius, value); }
+void Bitmap::fill_disc(float x, float y, float radius, float value) {
+  stroke(x, y, x, y, radius, value);
+}
 
 void Bitmap::stroke(float x0, float y0, float x1, float y1, float radius, float value) {
   const float reach = radius + 1.0F;

@@ -8,8 +8,8 @@
 
 namespace cairn {
 
-/// A grey picture being painted: reflectance 0 (black) to 1 (white), row-major, (0, 0) top left. Coordinates are in
-/// pixels with centres at integers; shapes are anti-aliased over one pixel and clipped to the picture.
+/// A grey picture being painted: reflectance 0 (black) to 1 (white), row-major, (0, 0) top left. Coordinates
+/// are in pixels with centres at integers; shapes are anti-aliased over one pixel and clipped to the picture.
 class Bitmap {
  public:
   Bitmap(int width, int height, float value = 0);
@@ -23,8 +23,8 @@ class Bitmap {
   void fill_disc(float x, float y, float radius, float value);
   /// Line with round ends.
   void stroke(float x0, float y0, float x1, float y1, float radius, float value);
-  /// Multiplies every pixel within the rectangle, rotated by `angle` [rad] about its centre, by 1 - darkness; the edge falls
-  /// off over `softness` px on either side.
+  /// Multiplies every pixel within the rectangle, rotated by `angle` [rad] about its centre, by 1 - darkness;
+  /// the edge falls off over `softness` px on either side.
   void shade_rectangle(float x, float y, float half_width, float half_height, float angle, float softness,
                        float darkness);
   /// Copies `picture` with its top left corner at (x, y).
@@ -42,9 +42,9 @@ class Bitmap {
   std::vector<float> pixels_;
 };
 
-/// A picture made ready for the renderer: a chain of half-sized levels down to 1x1, wrapping at the borders. A texel holds
-/// the one below it too, so the four of a bilinear look-up are one load of 32 bits.
-/// Immutable, shared between threads.
+/// A picture made ready for the renderer: a chain of half-sized levels down to 1x1, wrapping at the borders.
+/// A texel holds the one below it too, so the four of a bilinear look-up are one load of 32 bits. Immutable,
+/// shared between threads.
 class Texture {
  public:
   struct Level {

@@ -7,7 +7,8 @@
 #include <cstring>
 #include <numbers>
 
-// Vectors are passed between always-inlined functions only, so the calling convention that gcc warns of is never used.
+// Vectors are passed between always-inlined functions only, so the calling convention that gcc warns of is
+// never used.
 #pragma GCC diagnostic ignored "-Wpsabi"
 
 #define CAIRN_INLINE [[gnu::always_inline]] inline
@@ -16,7 +17,7 @@ namespace cairn {
 namespace {
 
 constexpr int kLanes = 8;
-constexpr int kGroups = kTilePixels / kLanes;
+constexpr float kLeastInverseDepth = 1e-3F;  // 1/m
 using Float8 [[gnu::vector_size(32)]] = float;
 using Int8 [[gnu::vector_size(32)]] = int32_t;
 using UInt8 [[gnu::vector_size(32)]] = uint32_t;
@@ -31,17 +32,31 @@ CAIRN_INLINE Int8 load(const int32_t* from) {
   std::memcpy(&v, from, sizeof v);
   return v;
 }
-CAIRN_INLINE void store(float* to, Float8 v) { std::memcpy(to, &v, sizeof v); }
-CAIRN_INLINE void store(int32_t* to, Int8 v) { std::memcpy(to, &v, sizeof v); }
-CAIRN_INLINE Float8 to_float(Int8 v) { return __builtin_convertvector(v, Float8); }
-CAIRN_INLINE Float8 to_float(UInt8 v) { return to_float((Int8)v); }
+CAIRN_INLINE void store(float* to, Float8 v) {
+  std::memcpy(to, &v, sizeof v);
+}
+CAIRN_INLINE void store(int32_t* to, Int8 v) {
+  std::memcpy(to, &v, sizeof v);
+}
+CAIRN_INLINE Float8 to_float(Int8 v) {
+  return __builtin_convertvector(v, Float8);
+}
+CAIRN_INLINE Float8 to_float(UInt8 v) {
+  return to_float((Int8)v);
+}
 CAIRN_INLINE Int8 floor_to_int(Float8 v) {
   const Int8 truncated = __builtin_convertvector(v, Int8);
   return truncated + (to_float(truncated) > v);  // a true comparison is -1
 }
-CAIRN_INLINE Float8 max(Float8 a, Float8 b) { return a > b ? a : b; }
-CAIRN_INLINE Float8 min(Float8 a, Float8 b) { return a < b ? a : b; }
-CAIRN_INLINE Float8 evaluate(const LinearFunction& f, Float8 x, Float8 y) { return x * f.dx + y * f.dy + f.constant; }
+CAIRN_INLINE Float8 max(Float8 a, Float8 b) {
+  return a > b ? a : b;
+}
+CAIRN_INLINE Float8 min(Float8 a, Float8 b) {
+  return a < b ? a : b;
+}
+CAIRN_INLINE Float8 evaluate(const LinearFunction& f, Float8 x, Float8 y) {
+  return x * f.dx + y * f.dy + f.constant;
+}
 
 /// What is nearest at each pixel of a tile.
 struct Visibility {
@@ -49,20 +64,23 @@ struct Visibility {
   alignas(32) std::array<int32_t, kTilePixels> face;  ///< index into the tile's faces, -1 none
 };
 
-CAIRN_INLINE void rasterize(const TileRays& rays, RayShift shift, std::span<const TileFace> faces, Visibility* nearest) {
+CAIRN_INLINE void rasterize(const TileRays& rays, const CoverageSample& sample, Visibility* nearest) {
   nearest->inverse_depth.fill(0);
   nearest->face.fill(-1);
-  for (size_t index = 0; index < faces.size(); ++index) {
-    const ProjectedFace& face = *faces[index].face;
+  for (size_t index = 0; index < sample.faces.size(); ++index) {
+    const ProjectedFace& face = *sample.faces[index].face;
+    std::array<LinearFunction, kMaxFaceCorners> edges;
+    size_t edge_count = 0;
+    for (uint32_t left = sample.faces[index].crossing_edges; left != 0; left &= left - 1) {
+      edges[edge_count++] = face.edges[static_cast<size_t>(std::countr_zero(left))];
+    }
     for (size_t at = 0; at < kTilePixels; at += kLanes) {
-      const Float8 x = load(&rays.x[at]) + shift.x;
-      const Float8 y = load(&rays.y[at]) + shift.y;
+      const Float8 x = load(&rays.x[at]) + sample.shift.x;
+      const Float8 y = load(&rays.y[at]) + sample.shift.y;
       const Float8 inverse_depth = evaluate(face.inverse_depth, x, y);
       const Float8 best = load(&nearest->inverse_depth[at]);
       Int8 inside = inverse_depth > best;
-      for (uint32_t edges = faces[index].crossing_edges; edges != 0; edges &= edges - 1) {
-        inside &= evaluate(face.edges[static_cast<size_t>(std::countr_zero(edges))], x, y) >= 0.0F;
-      }
+      for (size_t edge = 0; edge < edge_count; ++edge) inside &= evaluate(edges[edge], x, y) >= 0.0F;
       store(&nearest->inverse_depth[at], inside ? inverse_depth : best);
       store(&nearest->face[at], inside ? Int8{} + static_cast<int32_t>(index) : load(&nearest->face[at]));
     }
@@ -90,41 +108,48 @@ CAIRN_INLINE Float8 bilinear(const Texture::Level& level, Float8 u, Float8 v) {
 }
 
 CAIRN_INLINE float smallest(Float8 v) {
-  v = min(v, __builtin_shuffle(v, Int8{4, 5, 6, 7, 0, 1, 2, 3}));
-  v = min(v, __builtin_shuffle(v, Int8{2, 3, 0, 1, 6, 7, 4, 5}));
+  v = min(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
+  v = min(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
   return std::min(v[0], v[1]);
 }
 
-/// log2 of positive numbers, piecewise linear between powers of two (error < 0.09: a texture level is no finer than that).
-CAIRN_INLINE Float8 approximate_log2(Float8 v) { return to_float((Int8)v) * 0x1.0p-23F - 127.0F; }
+/// log2 of positive numbers, piecewise linear between powers of two (error < 0.09: a texture level is no
+/// finer than that).
+CAIRN_INLINE Float8 approximate_log2(Float8 v) {
+  return to_float((Int8)v) * 0x1.0p-23F - 127.0F;
+}
 
-/// Eight neighbouring pixels, of which those in `mask` show one face; where they lie on its texture.
+/// What eight neighbouring pixels show of one face, and where that lies on its texture.
 struct Fragment {
-  Int8 mask;
+  Float8 coverage;  ///< weight in each pixel
   Float8 u;
   Float8 v;
-  Float8 lod;  ///< texture level, 0 the finest; in lanes outside the mask the coarsest
+  Float8 lod;  ///< texture level, 0 the finest; in lanes without coverage the coarsest
   const ProjectedFace* face;
   size_t at;  ///< first pixel
 };
 
-// Fragments are made for a whole tile, then located, then shaded: three short loops of independent steps keep the processor
-// busy where one long chain per fragment (depth, division, level, address, load) would leave it waiting.
+// Fragments are made for a whole tile, then located, then shaded: three short loops of independent steps keep
+// the processor busy where one long chain per fragment (depth, division, level, address, load) would leave it
+// waiting.
+constexpr size_t kMaxCoverageSamples = 2;
 struct FragmentList {
-  std::array<Fragment, kTilePixels> items;
+  std::array<Fragment, kMaxCoverageSamples * kTilePixels> items;
   size_t size = 0;
 };
 
-CAIRN_INLINE void locate(const TileRays& rays, RayShift shift, const Visibility& nearest,
-                         const SamplingParameters& parameters, Fragment* fragment) {
+CAIRN_INLINE void locate(const TileRays& rays, RayShift shift, const SamplingParameters& parameters,
+                         Fragment* fragment) {
   const ProjectedFace& face = *fragment->face;
   const Float8 x = load(&rays.x[fragment->at]) + shift.x;
   const Float8 y = load(&rays.y[fragment->at]) + shift.y;
-  const Float8 depth = 1.0F / (fragment->mask ? load(&nearest.inverse_depth[fragment->at]) : Float8{} + 1.0F);
+  // Bounded: the shading sample may lie a little outside what the coverage samples saw of the face.
+  const Float8 depth = 1.0F / max(evaluate(face.inverse_depth, x, y), Float8{} + kLeastInverseDepth);
   const Float8 u = evaluate(face.u_over_depth, x, y) * depth;
   const Float8 v = evaluate(face.v_over_depth, x, y) * depth;
-  // Level of detail from the mean square of the four texel-per-pixel derivatives: between the long and the short axis
-  // of the pixel's footprint; the samples of a pixel lie closer together than pixels and cover the long axis.
+  // Level of detail from the mean square of the four texel-per-pixel derivatives: between the long and the
+  // short axis of the pixel's footprint; the samples of a pixel lie closer together than pixels and cover the
+  // long axis.
   const Float8 step = depth * parameters.ideal_per_pixel;
   const Float8 u_x = (face.u_over_depth.dx - u * face.inverse_depth.dx) * step;
   const Float8 u_y = (face.u_over_depth.dy - u * face.inverse_depth.dy) * step;
@@ -135,10 +160,10 @@ CAIRN_INLINE void locate(const TileRays& rays, RayShift shift, const Visibility&
   const Float8 lod = 0.5F * approximate_log2(spread) + parameters.lod_bias;
   fragment->u = u;
   fragment->v = v;
-  fragment->lod = min(max(fragment->mask ? lod : coarsest, Float8{}), coarsest);
+  fragment->lod = min(max(fragment->coverage > 0.0F ? lod : coarsest, Float8{}), coarsest);
 }
 
-/// Trilinear look-up. Lanes outside the mask give anything finite.
+/// Trilinear look-up. Lanes without coverage give anything finite.
 CAIRN_INLINE Float8 shade(const Fragment& fragment) {
   // One pair of levels serves all eight pixels: the level hardly changes from one to the last.
   const auto& levels = fragment.face->texture->levels();
@@ -159,50 +184,63 @@ CAIRN_INLINE bool all_equal(Int8 v) {
   return (words[0] | words[1] | words[2] | words[3]) == 0;
 }
 
-/// One fragment for each face that eight pixels show.
-CAIRN_INLINE void split_mixed(std::span<const TileFace> faces, Int8 face, size_t at, FragmentList* fragments) {
+/// Adds coverage to the fragment of a face, among those of the same eight pixels (from `first` on) or a new
+/// one.
+CAIRN_INLINE void add_coverage(const ProjectedFace* face, Float8 coverage, size_t at, size_t first,
+                               FragmentList* fragments) {
+  for (size_t i = first; i < fragments->size; ++i) {
+    if (fragments->items[i].face != face) continue;
+    fragments->items[i].coverage += coverage;
+    return;
+  }
+  Fragment& fragment = fragments->items[fragments->size++];
+  fragment.coverage = coverage;
+  fragment.face = face;
+  fragment.at = at;
+}
+
+/// Fragments of eight pixels as one coverage sample sees them.
+CAIRN_INLINE void add_fragments(std::span<const TileFace> faces, Int8 face, float share, size_t at,
+                                size_t first, FragmentList* fragments) {
+  if (face[0] >= 0 && all_equal(face)) {
+    add_coverage(faces[static_cast<size_t>(face[0])].shading, Float8{} + share, at, first, fragments);
+    return;
+  }
   Int8 done = face < 0;
   for (int lane = 0; lane < kLanes; ++lane) {
     if (done[lane] != 0) continue;
-    Fragment& fragment = fragments->items[fragments->size++];
-    fragment.mask = face == face[lane];
-    fragment.face = faces[static_cast<size_t>(face[lane])].face;
-    fragment.at = at;
-    done |= fragment.mask;
+    const Int8 mask = face == face[lane];
+    add_coverage(faces[static_cast<size_t>(face[lane])].shading, mask ? Float8{} + share : Float8{}, at,
+                 first, fragments);
+    done |= mask;
   }
 }
 
-CAIRN_INLINE void find_fragments(std::span<const TileFace> faces, const Visibility& nearest, FragmentList* fragments) {
-  for (size_t at = 0; at < kTilePixels; at += kLanes) {
-    const Int8 face = load(&nearest.face[at]);
-    if (face[0] < 0 || !all_equal(face)) {
-      split_mixed(faces, face, at, fragments);
-      continue;
-    }
-    Fragment& fragment = fragments->items[fragments->size++];
-    fragment.mask = ~Int8{};
-    fragment.face = faces[static_cast<size_t>(face[0])].face;
-    fragment.at = at;
-  }
-}
-
-CAIRN_INLINE void sample_body(const TileRays& rays, RayShift shift, std::span<const TileFace> faces,
-                              const SamplingParameters& parameters, float weight, TileSum* sum) {
-  Visibility nearest;
-  rasterize(rays, shift, faces, &nearest);
+CAIRN_INLINE void sample_body(const TileRays& rays, RayShift shading_shift,
+                              std::span<const CoverageSample> coverage, const SamplingParameters& parameters,
+                              float weight, TileSum* sum) {
+  std::array<Visibility, kMaxCoverageSamples> nearest;
+  const size_t count = std::min(coverage.size(), kMaxCoverageSamples);
+  for (size_t i = 0; i < count; ++i) rasterize(rays, coverage[i], &nearest[i]);
   FragmentList fragments;
-  find_fragments(faces, nearest, &fragments);
-  for (size_t i = 0; i < fragments.size; ++i) locate(rays, shift, nearest, parameters, &fragments.items[i]);
+  const float share = weight / static_cast<float>(count);
+  for (size_t at = 0; at < kTilePixels; at += kLanes) {
+    const size_t first = fragments.size;
+    for (size_t i = 0; i < count; ++i) {
+      add_fragments(coverage[i].faces, load(&nearest[i].face[at]), share, at, first, &fragments);
+    }
+  }
+  for (size_t i = 0; i < fragments.size; ++i) locate(rays, shading_shift, parameters, &fragments.items[i]);
   for (size_t i = 0; i < fragments.size; ++i) {
     const Fragment& fragment = fragments.items[i];
-    const Float8 grey = fragment.mask ? weight * shade(fragment) : Float8{};
-    store(&(*sum)[fragment.at], load(&(*sum)[fragment.at]) + grey);
+    store(&(*sum)[fragment.at], load(&(*sum)[fragment.at]) + fragment.coverage * shade(fragment));
   }
 }
 
 constexpr int kNormalBits = 12;
 
-/// Quantiles of the standard normal distribution in the middle of 2^kNormalBits equal steps, scaled to variance 1.
+/// Quantiles of the standard normal distribution in the middle of 2^kNormalBits equal steps, scaled to
+/// variance 1.
 std::array<float, 1 << kNormalBits> make_normal_quantiles() {
   std::array<float, 1 << kNormalBits> quantiles;
   double power = 0;
@@ -261,17 +299,18 @@ CAIRN_INLINE void develop_body(const TileRays& rays, const TileSum& sum, const D
   }
 }
 
-void sample_baseline(const TileRays& rays, RayShift shift, std::span<const TileFace> faces,
+void sample_baseline(const TileRays& rays, RayShift shading_shift, std::span<const CoverageSample> coverage,
                      const SamplingParameters& parameters, float weight, TileSum* sum) {
-  sample_body(rays, shift, faces, parameters, weight, sum);
+  sample_body(rays, shading_shift, coverage, parameters, weight, sum);
 }
 void develop_baseline(const TileRays& rays, const TileSum& sum, const DevelopParameters& parameters,
                       std::array<uint8_t, kTilePixels>* pixels) {
   develop_body(rays, sum, parameters, pixels);
 }
-[[gnu::target("avx2")]] void sample_avx2(const TileRays& rays, RayShift shift, std::span<const TileFace> faces,
+[[gnu::target("avx2")]] void sample_avx2(const TileRays& rays, RayShift shading_shift,
+                                         std::span<const CoverageSample> coverage,
                                          const SamplingParameters& parameters, float weight, TileSum* sum) {
-  sample_body(rays, shift, faces, parameters, weight, sum);
+  sample_body(rays, shading_shift, coverage, parameters, weight, sum);
 }
 [[gnu::target("avx2")]] void develop_avx2(const TileRays& rays, const TileSum& sum,
                                           const DevelopParameters& parameters,
@@ -284,8 +323,12 @@ constexpr TileKernels kAvx2 = {sample_avx2, develop_avx2};
 
 }  // namespace
 
-const TileKernels& baseline_kernels() { return kBaseline; }
+const TileKernels& baseline_kernels() {
+  return kBaseline;
+}
 
-const TileKernels& best_kernels() { return __builtin_cpu_supports("avx2") != 0 ? kAvx2 : kBaseline; }
+const TileKernels& best_kernels() {
+  return __builtin_cpu_supports("avx2") != 0 ? kAvx2 : kBaseline;
+}
 
 }  // namespace cairn

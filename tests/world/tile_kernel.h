@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-// A tile is what fits the first-level cache; rows short enough for a rolling shutter to move little within one.
+// A tile is what fits the first-level cache; rows short enough for a rolling shutter to move little within
+// one.
 constexpr int kTileWidth = 32;
 constexpr int kTileHeight = 8;
 constexpr int kTilePixels = kTileWidth * kTileHeight;
@@ -20,10 +21,11 @@ struct TileRays {
   alignas(32) std::array<float, kTilePixels> y;
 };
 
-/// A face that may show in a tile, and which of its edges cross the tile (bit i: edge i).
+/// A face that may show in a tile.
 struct TileFace {
-  const ProjectedFace* face = nullptr;
-  uint32_t crossing_edges = 0;
+  const ProjectedFace* face = nullptr;     ///< as the coverage sample sees it
+  const ProjectedFace* shading = nullptr;  ///< as the shading sample sees it
+  uint32_t crossing_edges = 0;             ///< bit i: edge i crosses the tile
 };
 
 using TileSum = std::array<float, kTilePixels>;  ///< grey values, weighted sum of samples
@@ -32,6 +34,12 @@ using TileSum = std::array<float, kTilePixels>;  ///< grey values, weighted sum 
 struct RayShift {
   float x = 0;
   float y = 0;
+};
+
+/// One look at a tile to find which face is nearest at each pixel.
+struct CoverageSample {
+  RayShift shift;
+  std::span<const TileFace> faces;
 };
 
 struct SamplingParameters {
@@ -51,9 +59,10 @@ struct DevelopParameters {
 
 /// The inner loops, built for SSE2 and AVX2. Both do the same arithmetic in the same order: the same bytes.
 struct TileKernels {
-  /// Adds `weight` times what one sample of every pixel sees to `sum`: nearest face, trilinear texture;
-  /// nothing where there is no face.
-  void (*sample)(const TileRays& rays, RayShift shift, std::span<const TileFace> faces,
+  /// Adds `weight` times the light of every pixel to `sum`: texture (trilinear) at the shading sample, mixed
+  /// as the coverage samples see the faces; black where there is no face. What costs, texture, is looked up
+  /// once for several coverage samples (multisample anti-aliasing).
+  void (*sample)(const TileRays& rays, RayShift shading_shift, std::span<const CoverageSample> coverage,
                  const SamplingParameters& parameters, float weight, TileSum* sum);
   /// Gain, vignetting, noise, rounding; row-major pixels of the tile.
   void (*develop)(const TileRays& rays, const TileSum& sum, const DevelopParameters& parameters,

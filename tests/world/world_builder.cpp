@@ -16,7 +16,7 @@ static_assert(kCylinderSides <= kMaxFaceCorners);
 
 float brightness_of(const Eigen::Vector3d& normal) {
   const Eigen::Vector3d to_light = Eigen::Vector3d(-0.35, -0.45, 0.82).normalized();
-  return static_cast<float>(0.42 + 0.58 * std::max(0.0, normal.dot(to_light)));
+  return static_cast<float>(0.5 + 0.62 * std::max(0.0, normal.dot(to_light)));
 }
 
 }  // namespace
@@ -43,7 +43,8 @@ TextureRegion WorldBuilder::add_plain(float value) {
 
 void WorldBuilder::add_panel(const Eigen::Vector3d& origin, const Eigen::Vector3d& right,
                              const Eigen::Vector3d& up, const TextureRegion& region) {
-  scenario_.faces.push_back(make_face(origin, right, up, region, brightness_of(right.cross(up).normalized())));
+  scenario_.faces.push_back(
+      make_face(origin, right, up, region, brightness_of(right.cross(up).normalized())));
 }
 
 void WorldBuilder::add_footprint(const Placement& at, double half_width, double half_depth) {
@@ -55,8 +56,9 @@ void WorldBuilder::add_footprint(const Placement& at, double half_width, double 
 void WorldBuilder::add_box(const Placement& at, const Eigen::Vector3d& size, const BoxSides& sides) {
   const double x = size.x() / 2;
   const double y = size.y() / 2;
-  const std::array<Eigen::Vector3d, 4> base = {at * Eigen::Vector3d(-x, -y, 0), at * Eigen::Vector3d(x, -y, 0),
-                                               at * Eigen::Vector3d(x, y, 0), at * Eigen::Vector3d(-x, y, 0)};
+  const std::array<Eigen::Vector3d, 4> base = {at * Eigen::Vector3d(-x, -y, 0),
+                                               at * Eigen::Vector3d(x, -y, 0), at * Eigen::Vector3d(x, y, 0),
+                                               at * Eigen::Vector3d(-x, y, 0)};
   const Eigen::Vector3d up(0, 0, size.z());
   for (size_t i = 0; i < 4; ++i) {
     add_panel(base[i], base[(i + 1) % 4] - base[i], up, i == 0 ? sides.front : sides.side);
@@ -81,8 +83,8 @@ void WorldBuilder::add_cylinder(const Placement& at, double radius, double heigh
   // The lid is cut from the square about it.
   Face lid = make_face(at * Eigen::Vector3d(-radius, -radius, height),
                        at * Eigen::Vector3d(radius, -radius, 0) - at * Eigen::Vector3d(-radius, -radius, 0),
-                       at * Eigen::Vector3d(-radius, radius, 0) - at * Eigen::Vector3d(-radius, -radius, 0), top,
-                       brightness_of(Eigen::Vector3d::UnitZ()));
+                       at * Eigen::Vector3d(-radius, radius, 0) - at * Eigen::Vector3d(-radius, -radius, 0),
+                       top, brightness_of(Eigen::Vector3d::UnitZ()));
   lid.corners.clear();
   for (int i = 0; i < kCylinderSides; ++i) lid.corners.push_back(rim(i) + up);
   scenario_.faces.push_back(std::move(lid));
@@ -91,7 +93,8 @@ void WorldBuilder::add_cylinder(const Placement& at, double radius, double heigh
 
 void WorldBuilder::add_cable(const std::vector<Eigen::Vector3d>& points, double thickness,
                              const TextureRegion& material) {
-  // The same cross-section all along, square to the chord: every side of every piece is a parallelogram, hence flat.
+  // The same cross-section all along, square to the chord: every side of every piece is a parallelogram,
+  // hence flat.
   const Eigen::Vector3d chord = points.back() - points.front();
   const Eigen::Vector3d aside = chord.cross(Eigen::Vector3d(0.1, 0.2, 1.0)).normalized();
   const Eigen::Vector3d above = aside.cross(chord).normalized();

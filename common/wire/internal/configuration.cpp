@@ -2,11 +2,13 @@
 #include "common/wire/internal/configuration.h"
 
 #include <arpa/inet.h>
+#include <ifaddrs.h>
 #include <net/if.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -82,6 +84,28 @@ Result<std::string> interface_element(const std::string& listen) {
          xml_escaped(listen) + "\" multicast=\"false\" /></Interfaces>";
 }
 
+/// A server on a network also serves the trackers of its own host, whose profile knows the loopback interface
+/// only; the middleware reaches a loopback address only from a loopback interface (measured).
+constexpr std::string_view kLoopback =
+    "<Interfaces><NetworkInterface address=\"127.0.0.1\" multicast=\"false\" /></Interfaces>";
+
+/// Whether there is any interface beside loopback; without one the middleware chooses loopback itself and
+/// refuses it twice.
+bool has_network() {
+  ifaddrs* list = nullptr;
+  if (getifaddrs(&list) != 0) return false;
+  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, &freeifaddrs);
+  for (const ifaddrs* it = list; it != nullptr; it = it->ifa_next) {
+    const bool usable = (it->ifa_flags & IFF_UP) != 0 && (it->ifa_flags & IFF_LOOPBACK) == 0;
+    if (usable && it->ifa_addr != nullptr && it->ifa_addr->sa_family == AF_INET) return true;
+  }
+  return false;
+}
+
+bool names_loopback(std::string_view xml) {
+  return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
+}
+
 /// Takes the profile's own choice of interfaces out: a second <Interfaces> would add to it.
 void remove_interfaces(std::string* profile) {
   constexpr std::string_view kEnd = "</Interfaces>";
@@ -107,6 +131,10 @@ Result<std::string> make_configuration(const ParticipantOptions& options) {
     interfaces = *std::move(element);
     remove_interfaces(&*profile);
   }
+  if (options.role == Role::kServer && !names_loopback(*profile) && !names_loopback(interfaces) &&
+      has_network()) {
+    interfaces += kLoopback;
+  }
 
   std::ostringstream xml;
   xml << *profile << ",<CycloneDDS><Domain Id=\"any\"><General><AllowMulticast>false</AllowMulticast>"
@@ -117,7 +145,7 @@ Result<std::string> make_configuration(const ParticipantOptions& options) {
   if (options.role == Role::kServer) {
     xml << "<ParticipantIndex>0</ParticipantIndex>";
   } else {
-    const Result<std::string> address = resolve(options.server_host);
+    Result<std::string> address = resolve(options.server_host);
     if (!address) return address;
     xml << "<ParticipantIndex>none</ParticipantIndex><Peers><Peer address=\"" << *address << ':'
         << server_port(options.domain) << "\" /></Peers>";
