@@ -75,7 +75,8 @@ class Notes final : public FrameObserver {
 };
 
 struct Rig {
-  explicit Rig(std::vector<ScriptedTracker::Step> script) : Rig(script, regular_frames(script.size(), 33)) {}
+  explicit Rig(const std::vector<ScriptedTracker::Step>& script)
+      : Rig(script, regular_frames(script.size(), 33)) {}
   Rig(std::vector<ScriptedTracker::Step> script, std::deque<ListSource::Item> items)
       : source(std::move(items)), tracker(std::move(script)) {
     options.pace = Pace::kMax;

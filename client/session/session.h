@@ -61,8 +61,8 @@ struct OfferReply {
 class Session {
  public:
   /// Joins the domain and announces the camera; does not wait for the server.
-  [[nodiscard]] static Result<std::unique_ptr<Session>> open(const SessionOptions& options, CameraPtr camera,
-                                                             Logger log);
+  [[nodiscard]] static Result<std::unique_ptr<Session>> open(const SessionOptions& options,
+                                                             const CameraPtr& camera, Logger log);
   ~Session();
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;

@@ -21,7 +21,8 @@ struct CameraParameters {
   CameraModel model = CameraModel::kPinholeRadtan;
   int width = 0;
   int height = 0;
-  std::vector<double> values;  ///< in the order of the model's comment; missing trailing distortion terms are 0
+  std::vector<double>
+      values;  ///< in the order of the model's comment; missing trailing distortion terms are 0
   bool operator==(const CameraParameters&) const = default;
 };
 
@@ -32,13 +33,15 @@ class Camera {
  public:
   virtual ~Camera() = default;
 
-  /// Pixel of a point in camera coordinates (x right, y down, z forward; any unit). Nothing for points behind the camera
-  /// or beyond the angle to which the distortion is monotonic. The pixel may lie outside the image.
+  /// Pixel of a point in camera coordinates (x right, y down, z forward; any unit). Nothing for points behind
+  /// the camera or beyond the angle to which the distortion is monotonic. The pixel may lie outside the
+  /// image.
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const = 0;
   /// As project(), with the derivative of the pixel by the point (2x3, pixels per unit of the point).
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point,
                                                                Matrix23d* d_pixel_d_point) const = 0;
-  /// Unit ray in camera coordinates through a pixel; project(unproject(p)) == p within 1e-6 px inside the image.
+  /// Unit ray in camera coordinates through a pixel; project(unproject(p)) == p within 1e-6 px inside the
+  /// image.
   [[nodiscard]] virtual Eigen::Vector3d unproject(const Eigen::Vector2d& pixel) const = 0;
   /// d pixel / d parameters (2 x parameters().values.size()) at a point that projects; for calibration.
   [[nodiscard]] virtual Eigen::Matrix2Xd d_pixel_d_parameters(const Eigen::Vector3d& point) const = 0;
@@ -63,7 +66,8 @@ class Camera {
 
 using CameraPtr = std::shared_ptr<const Camera>;
 
-/// The camera of the given parameters, or what is wrong with them (count, finiteness, focal length <= 0, size).
+/// The camera of the given parameters, or what is wrong with them (count, finiteness, focal length <= 0,
+/// size).
 [[nodiscard]] Result<CameraPtr> make_camera(const CameraParameters& parameters);
 
 }  // namespace cairn

@@ -18,9 +18,9 @@ struct PointObservation {
 
 struct PoseOptions {
   int iterations = 10;
-  double min_squared_cutoff = 0.25;    ///< floor of Tukey's squared cut-off, in units of sigma
-  double prior = 0.0;                  ///< added to the diagonal of the normal equations (100 in ptam.md 5)
-  int fixed_cutoff_after = 1000;       ///< from this iteration on use `late_squared_cutoff`
+  double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, in units of sigma
+  double prior = 0.0;                ///< added to the diagonal of the normal equations (100 in ptam.md 5)
+  int fixed_cutoff_after = 1000;     ///< from this iteration on use `late_squared_cutoff`
   double late_squared_cutoff = 16.0;
 };
 
@@ -32,13 +32,15 @@ struct PoseEstimate {
   Matrix6d covariance = Matrix6d::Identity();
 };
 
-/// Robust pose from 2-D/3-D matches by Gauss-Newton on SE3 (PTAM 2007, eq. 5-7) with analytic Jacobians and Tukey weights
-/// re-scaled by the median each iteration. An error when fewer than 4 observations or the normal equations are singular.
+/// Robust pose from 2-D/3-D matches by Gauss-Newton on SE3 (PTAM 2007, eq. 5-7) with analytic Jacobians and
+/// Tukey weights re-scaled by the median each iteration. An error when fewer than 4 observations or the
+/// normal equations are singular.
 [[nodiscard]] Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                                  std::span<const PointObservation> observations,
                                                  const PoseOptions& options = {});
 
-/// Unit rays in the camera and points in the map; up to four camera_from_map (P3P, Lambda Twist or equivalent).
+/// Unit rays in the camera and points in the map; up to four camera_from_map (P3P, Lambda Twist or
+/// equivalent).
 [[nodiscard]] std::vector<SE3> solve_p3p(std::span<const Eigen::Vector3d, 3> rays,
                                          std::span<const Eigen::Vector3d, 3> points_in_map);
 
@@ -49,7 +51,8 @@ struct PoseRansacOptions {
   uint64_t seed = 1;
 };
 /// P3P inside RANSAC (MSAC score), refined by optimize_pose. An error when no pose has min_inliers.
-[[nodiscard]] Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObservation> observations,
+[[nodiscard]] Result<PoseEstimate> ransac_pose(const Camera& camera,
+                                               std::span<const PointObservation> observations,
                                                const PoseRansacOptions& options = {});
 
 }  // namespace cairn

@@ -12,11 +12,12 @@ namespace cairn {
   const double w = 1.0 - squared_residual / squared_cutoff;
   return w * w;
 }
-/// rho(s): Tukey's cost (s = squared residual), c^2/6 * (1 - (1 - s/c^2)^3) inside, c^2/6 outside. d rho/d s = weight/2.
+/// rho(s): Tukey's cost (s = squared residual), c^2/6 * (1 - (1 - s/c^2)^3) inside, c^2/6 outside. d rho/d s
+/// = weight/2.
 [[nodiscard]] double tukey_cost(double squared_residual, double squared_cutoff);
 
-/// Squared cut-off by the median of the squared residuals (ptam.md 7): (4.6851 * 1.4826 * (1 + 5/(2n - 6)))^2 * median,
-/// the small-sample factor capped for n < 6. Reorders `squared_residuals`; 0 for none.
+/// Squared cut-off by the median of the squared residuals (ptam.md 7): (4.6851 * 1.4826 * (1 + 5/(2n - 6)))^2
+/// * median, the small-sample factor capped for n < 6. Reorders `squared_residuals`; 0 for none.
 [[nodiscard]] double tukey_squared_cutoff(std::span<double> squared_residuals);
 
 }  // namespace cairn

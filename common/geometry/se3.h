@@ -61,7 +61,8 @@ class SE3 {
 /// d (T * p) / d xi at xi = 0 for exp(xi) * T: [I | -skew(T * p)], given the transformed point T * p.
 [[nodiscard]] Eigen::Matrix<double, 3, 6> d_transformed_d_xi(const Eigen::Vector3d& transformed_point);
 
-/// Similarity: point_in_b = scale * (rotation * point_in_a) + translation. Tangent (translation, rotation, log scale), left.
+/// Similarity: point_in_b = scale * (rotation * point_in_a) + translation. Tangent (translation, rotation,
+/// log scale), left.
 class Similarity3 {
  public:
   Similarity3() = default;
@@ -80,8 +81,8 @@ class Similarity3 {
   [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& point) const {
     return scale_ * (rotation_ * point) + translation_;
   }
-  /// The pose of a camera in the new frame: given b_from_a and camera_from_a, camera_from_b up to the unit of length
-  /// of b (rotations composed, camera centre mapped).
+  /// The pose of a camera in the new frame: given b_from_a and camera_from_a, camera_from_b up to the unit of
+  /// length of b (rotations composed, camera centre mapped).
   [[nodiscard]] SE3 transform_camera(const SE3& camera_from_a) const;
 
  private:

@@ -200,10 +200,9 @@ double frontal_error(const SE3& pose, const Eigen::Matrix3d& rotation, const Nor
 /// A pose judged on all matches.
 struct Candidate {
   SE3 pose;
-  Residuals
-      epipolar;  ///< Sampson errors; for matches of the plane, if there is one, what they miss the plane by
-  Residuals frontal;  ///< frontal_error(), at most the cut-off
-  double cost = 0;    ///< sum of `frontal`
+  Residuals epipolar;  ///< Sampson errors; for matches of the plane, if there is one, their distance from it
+  Residuals frontal;   ///< frontal_error(), at most the cut-off
+  double cost = 0;     ///< sum of `frontal`
 };
 
 /// `plane`: transfer residuals under the homography that all candidates share, or none. On it they differ
@@ -276,8 +275,8 @@ double cost_of_side(const Candidate& candidate, size_t i) {
 }
 
 /// Whether the noise cannot have made `best` cheaper than `rival`. Two kinds of evidence: the side of the
-/// camera on which the points of matches lie that fit both poses (both motions of a plane) is free of chance;
-/// the epipolar constraint, which about one in ten outliers keeps by luck, is not.
+/// camera on which the points of matches lie that fit both poses (both motions of a plane) is nearly free of
+/// chance; the epipolar constraint, which about one in ten outliers keeps by luck, is not.
 bool decided(const Candidate& best, const Candidate& rival) {
   const double n = static_cast<double>(best.epipolar.size());
   double side = 0;
@@ -290,7 +289,7 @@ bool decided(const Candidate& best, const Candidate& rival) {
   }
   const double luck = 3 * kEpipolarCutoff * std::sqrt(2 * 0.1 * outliers);
   // The shares of n, in units of sigma^2 per match, leave room for imperfect calibration.
-  return side > std::max(10.0, 0.03 * n) || rival.cost - best.cost > std::max({30.0, 0.1 * n, luck});
+  return side > std::max(20.0, 0.05 * n) || rival.cost - best.cost > std::max({30.0, 0.1 * n, luck});
 }
 
 /// Support (matches explained, 0..n) of the strongest rival of candidates[0] over its own; 0 if all are

@@ -17,13 +17,14 @@ struct PixelMatch {
 };
 
 struct TwoViewOptions {
-  double sigma = 1.0;               ///< standard deviation of a match [px]
-  int iterations = 300;             ///< RANSAC trials of each model
+  double sigma = 1.0;    ///< standard deviation of a match [px]
+  int iterations = 300;  ///< RANSAC trials of each model
   int min_matches = 40;
   double min_median_parallax = 1.2 * 3.14159265358979 / 180;  ///< [rad], over the inliers that triangulate
   double min_inlier_fraction = 0.6;
-  double min_good_fraction = 0.7;   ///< of the inliers: in front of both cameras and reprojected within 4 sigma
-  double max_ambiguity = 0.8;       ///< second best decomposition's score over the best's
+  double min_good_fraction =
+      0.7;                     ///< of the inliers: in front of both cameras and reprojected within 4 sigma
+  double max_ambiguity = 0.8;  ///< second best decomposition's score over the best's
   uint64_t seed = 1;
 };
 
@@ -31,11 +32,11 @@ enum class TwoViewModel : uint8_t { kHomography, kEssential };
 
 struct TwoViewGeometry {
   TwoViewModel model = TwoViewModel::kEssential;
-  SE3 b_from_a;                        ///< |translation| = 1
-  std::vector<Eigen::Vector3d> points; ///< in frame a, one per match; NaN where not an inlier
-  std::vector<bool> inlier;            ///< per match: fits the model, triangulates in front, reprojects
+  SE3 b_from_a;                         ///< |translation| = 1
+  std::vector<Eigen::Vector3d> points;  ///< in frame a, one per match; NaN where not an inlier
+  std::vector<bool> inlier;             ///< per match: fits the model, triangulates in front, reprojects
   int inliers = 0;
-  double median_parallax = 0;          ///< [rad]
+  double median_parallax = 0;  ///< [rad]
 };
 
 /// Why a pair of views does not make a map; the message says it to a person ("no parallax: 0.2 degrees").
@@ -45,13 +46,14 @@ struct TwoViewFailure {
   std::string message;
 };
 
-/// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC on pixels,
-/// scores compared as in Mur-Artal et al. (T-RO 2015, IV), homography decomposed after Faugeras and Lustman (1988),
-/// essential by SVD; all candidates of both judged by triangulation, robustly refined over all inliers (pose and points
-/// alternating or Gauss-Newton on the pose by Sampson error). Refuses pure rotation and a standing camera by the parallax
-/// that the noise does not explain. Deterministic for a seed. Safe to call from any thread.
-[[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& camera_a, const Camera& camera_b,
-                                                                              std::span<const PixelMatch> matches,
-                                                                              const TwoViewOptions& options = {});
+/// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC
+/// on pixels, scores compared as in Mur-Artal et al. (T-RO 2015, IV), homography decomposed after Faugeras
+/// and Lustman (1988), essential by SVD; all candidates of both judged by triangulation, robustly refined
+/// over all inliers (pose and points alternating or Gauss-Newton on the pose by Sampson error). Refuses pure
+/// rotation and a standing camera by the parallax that the noise does not explain. Deterministic for a seed.
+/// Safe to call from any thread.
+[[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(
+    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
+    const TwoViewOptions& options = {});
 
 }  // namespace cairn

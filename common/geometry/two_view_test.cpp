@@ -196,16 +196,16 @@ TEST_P(Starts, AtLeast95Of100SeedsAreGood) {
   EXPECT_GE(good_starts(setup, max_rotation_error, max_direction_error, &log), 95) << log;
 }
 
-/// How 100 seeds end: none may end in a wrong pose, whatever the motion.
+/// How `seeds` pairs end; wrong: more than 15 degrees off in direction.
 struct Endings {
   int good = 0;
   int wrong = 0;
   std::map<TwoViewRefusal, int> refused;
 };
 
-Endings endings(const Conditions& setup) {
+Endings endings(const Conditions& setup, unsigned seeds = 100) {
   Endings result;
-  for (unsigned seed = 1; seed <= 100; ++seed) {
+  for (unsigned seed = 1; seed <= seeds; ++seed) {
     const Pair pair = make_pair(setup, seed);
     const auto found = estimate_two_view(*pair.camera, *pair.camera, pair.matches, options_for(setup));
     if (!found) {
@@ -229,9 +229,9 @@ TEST(TwoView, PureRotationWithNoiseIsRefusedAsSuch) {
         setup.rotation = rotation * kDegree;
         setup.noise = noise;
         setup.outliers = outliers;
-        Endings result = endings(setup);
+        Endings result = endings(setup, 40);
         EXPECT_EQ(result.good + result.wrong, 0) << "noise " << noise << " rotation " << rotation;
-        EXPECT_GE(result.refused[TwoViewRefusal::kRotationOnly], 90)
+        EXPECT_GE(result.refused[TwoViewRefusal::kRotationOnly], 36)
             << "noise " << noise << " rotation " << rotation;
       }
     }

@@ -134,7 +134,6 @@ void Renderer::plan_samples(const CameraPath& camera_from_map, double shutter) {
 
 void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
   view->faces.clear();
-  view->near_to_far.clear();
   view->place_of.assign(scenario_.faces.size(), -1);
   for (size_t i = 0; i < scenario_.faces.size(); ++i) {
     const Face& face = scenario_.faces[i];
@@ -142,25 +141,43 @@ void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
         project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], camera_from_map, view_);
     if (!projected) continue;
     view->place_of[i] = static_cast<int>(view->faces.size());
-    view->near_to_far.emplace_back(i, projected->nearest);
     view->faces.push_back(*projected);
   }
-  std::ranges::stable_sort(view->near_to_far, std::greater{}, &std::pair<size_t, float>::second);
 }
 
-void Renderer::project_faces(const CameraPath& camera_from_map, double row_seconds, SampleSet* set) const {
-  for (size_t i = 0; i < set->samples.size(); ++i) {
-    project_faces(camera_from_map(row_seconds + set->samples[i].seconds), &set->views[i]);
+/// Near faces first, so that they hide the far ones before those are looked at; each with its shading
+/// counterpart.
+void Renderer::sort_faces(const View& shading, View* coverage) {
+  coverage->near_to_far.clear();
+  for (size_t i = 0; i < coverage->place_of.size(); ++i) {
+    if (coverage->place_of[i] < 0) continue;
+    const ProjectedFace& face = coverage->faces[static_cast<size_t>(coverage->place_of[i])];
+    const int place = shading.place_of[i];
+    coverage->near_to_far.push_back(
+        {face.bounds, face.nearest, &face, place < 0 ? &face : &shading.faces[static_cast<size_t>(place)]});
+  }
+  std::ranges::stable_sort(coverage->near_to_far, std::greater{}, &VisibleFace::nearest);
+}
+
+void Renderer::project_views(const CameraPath& camera_from_map, double row_seconds) {
+  for (SampleSet* set : {&shading_, &coverage_}) {
+    for (size_t i = 0; i < set->samples.size(); ++i) {
+      project_faces(camera_from_map(row_seconds + set->samples[i].seconds), &set->views[i]);
+    }
+  }
+  const size_t per_shading = coverage_.samples.size() / shading_.samples.size();
+  for (size_t i = 0; i < coverage_.views.size(); ++i) {
+    sort_faces(shading_.views[i / per_shading], &coverage_.views[i]);
   }
 }
 
 /// Adds a face to what may show in a tile, unless it is outside or hidden; takes out what it hides.
-void Renderer::bin_face(const ProjectedFace& face, const ProjectedFace& shading, const IdealBox& box,
-                        TileBin* bin) {
+void Renderer::bin_face(const VisibleFace& visible, const IdealBox& box, TileBin* bin) {
+  const ProjectedFace& face = *visible.face;
   const auto hides = [&box](const ProjectedFace& front, const ProjectedFace& back) {
     return box.maximum(back.inverse_depth - front.inverse_depth) < 0;
   };
-  if (!face.bounds.overlaps(box) || (bin->occluder != nullptr && hides(*bin->occluder, face))) return;
+  if (!visible.bounds.overlaps(box) || (bin->occluder != nullptr && hides(*bin->occluder, face))) return;
   uint32_t crossing = 0;
   for (int edge = 0; edge < face.edge_count; ++edge) {
     const LinearFunction& f = face.edges[static_cast<size_t>(edge)];
@@ -171,7 +188,7 @@ void Renderer::bin_face(const ProjectedFace& face, const ProjectedFace& shading,
     std::erase_if(bin->faces, [&](const TileFace& other) { return hides(face, *other.face); });
     bin->occluder = &face;
   }
-  bin->faces.push_back({&face, &shading, crossing});
+  bin->faces.push_back({&face, visible.shading, crossing});
 }
 
 /// Sorts the faces that the coverage samples see into the tiles of one row.
@@ -180,26 +197,19 @@ void Renderer::fill_bins(int tile_row) {
   const std::span tiles(&tiles_[static_cast<size_t>(tile_row) * columns], columns);
   const IdealBox& row_box = row_boxes_[static_cast<size_t>(tile_row)];
   bins_.resize(coverage_.samples.size() * columns);
-  const size_t coverage_per_shading = coverage_.samples.size() / shading_.samples.size();
   for (size_t i = 0; i < coverage_.views.size(); ++i) {
     const std::span bins(&bins_[i * columns], columns);
     for (TileBin& bin : bins) {
       bin.faces.clear();
       bin.occluder = nullptr;
     }
-    const View& view = coverage_.views[i];
-    const View& shading_view = shading_.views[i / coverage_per_shading];
-    for (const auto& [index, nearest] : view.near_to_far) {
-      const ProjectedFace& face = view.faces[static_cast<size_t>(view.place_of[index])];
-      if (!face.bounds.overlaps(row_box)) continue;
-      const int shading_place = shading_view.place_of[index];
-      const ProjectedFace& shading =
-          shading_place < 0 ? face : shading_view.faces[static_cast<size_t>(shading_place)];
+    for (const VisibleFace& visible : coverage_.views[i].near_to_far) {
+      if (!visible.bounds.overlaps(row_box)) continue;
       const auto first = std::ranges::partition_point(
-          tiles, [&face](const Tile& tile) { return tile.box.x1 < face.bounds.x0; });
+          tiles, [&visible](const Tile& tile) { return tile.box.x1 < visible.bounds.x0; });
       for (auto column = static_cast<size_t>(first - tiles.begin());
-           column < columns && tiles[column].box.x0 <= face.bounds.x1; ++column) {
-        bin_face(face, shading, tiles[column].box, &bins[column]);
+           column < columns && tiles[column].box.x0 <= visible.bounds.x1; ++column) {
+        bin_face(visible, tiles[column].box, &bins[column]);
       }
     }
   }
@@ -259,10 +269,7 @@ void Renderer::render(const CameraPath& camera_from_map, const Exposure& exposur
     // With a rolling shutter each row of tiles has its own time; without, all see the same views.
     const double row_seconds =
         rolling ? exposure.readout * ((tile_row + 0.5) * kTileHeight / image->height() - 0.5) : 0;
-    if (rolling || tile_row == 0) {
-      project_faces(camera_from_map, row_seconds, &shading_);
-      project_faces(camera_from_map, row_seconds, &coverage_);
-    }
+    if (rolling || tile_row == 0) project_views(camera_from_map, row_seconds);
     fill_bins(tile_row);
     for (size_t column = 0; column < sums_.size(); ++column) {
       sample_tile(tiles_[static_cast<size_t>(tile_row) * sums_.size() + column], column, &sums_[column]);

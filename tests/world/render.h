@@ -45,11 +45,17 @@ class Renderer {
     double seconds = 0;
     Eigen::Array2d pixel = Eigen::Array2d::Zero();  ///< place, from the pixel's centre
   };
+  struct VisibleFace {
+    IdealBox bounds;
+    float nearest = 0;  ///< inverse depth
+    const ProjectedFace* face = nullptr;
+    const ProjectedFace* shading = nullptr;  ///< the same face as the shading sample sees it
+  };
   /// The faces in view, as one sample sees them.
   struct View {
     std::vector<ProjectedFace> faces;
-    std::vector<int> place_of;                          ///< scenario face -> place in `faces`, -1 unseen
-    std::vector<std::pair<size_t, float>> near_to_far;  ///< scenario face, its nearest inverse depth
+    std::vector<int> place_of;             ///< scenario face -> place in `faces`, -1 unseen
+    std::vector<VisibleFace> near_to_far;  ///< of coverage samples
   };
   struct TileBin {
     std::vector<TileFace> faces;
@@ -68,9 +74,9 @@ class Renderer {
   static void spread_samples(int count, double shutter, SampleSet* set);
   void plan_samples(const CameraPath& camera_from_map, double shutter);
   void project_faces(const SE3& camera_from_map, View* view) const;
-  void project_faces(const CameraPath& camera_from_map, double row_seconds, SampleSet* set) const;
-  static void bin_face(const ProjectedFace& face, const ProjectedFace& shading, const IdealBox& box,
-                       TileBin* bin);
+  void project_views(const CameraPath& camera_from_map, double row_seconds);
+  static void sort_faces(const View& shading, View* coverage);
+  static void bin_face(const VisibleFace& visible, const IdealBox& box, TileBin* bin);
   void fill_bins(int tile_row);
   void sample_tile(const Tile& tile, size_t column, TileSum* sum) const;
   void develop_row(int tile_row, const Exposure& exposure, GrayImage* image) const;

@@ -20,6 +20,7 @@ constexpr int kLanes = 8;
 constexpr float kLeastInverseDepth = 1e-3F;  // 1/m
 using Float8 [[gnu::vector_size(32)]] = float;
 using Int8 [[gnu::vector_size(32)]] = int32_t;
+using Byte8 [[gnu::vector_size(8)]] = uint8_t;
 using UInt8 [[gnu::vector_size(32)]] = uint32_t;
 
 CAIRN_INLINE Float8 load(const float* from) {
@@ -216,20 +217,32 @@ CAIRN_INLINE void add_fragments(std::span<const TileFace> faces, Int8 face, floa
   }
 }
 
-CAIRN_INLINE void sample_body(const TileRays& rays, RayShift shading_shift,
-                              std::span<const CoverageSample> coverage, const SamplingParameters& parameters,
-                              float weight, TileSum* sum) {
+/// What the coverage samples see of a tile, as fragments.
+CAIRN_INLINE void find_fragments(const TileRays& rays, std::span<const CoverageSample> coverage, float weight,
+                                 FragmentList* fragments) {
+  if (coverage.size() == 1 && coverage[0].faces.size() == 1 && coverage[0].faces[0].crossing_edges == 0) {
+    for (size_t at = 0; at < kTilePixels; at += kLanes) {
+      add_coverage(coverage[0].faces[0].shading, Float8{} + weight, at, fragments->size, fragments);
+    }
+    return;
+  }
   std::array<Visibility, kMaxCoverageSamples> nearest;
   const size_t count = std::min(coverage.size(), kMaxCoverageSamples);
   for (size_t i = 0; i < count; ++i) rasterize(rays, coverage[i], &nearest[i]);
-  FragmentList fragments;
   const float share = weight / static_cast<float>(count);
   for (size_t at = 0; at < kTilePixels; at += kLanes) {
-    const size_t first = fragments.size;
+    const size_t first = fragments->size;
     for (size_t i = 0; i < count; ++i) {
-      add_fragments(coverage[i].faces, load(&nearest[i].face[at]), share, at, first, &fragments);
+      add_fragments(coverage[i].faces, load(&nearest[i].face[at]), share, at, first, fragments);
     }
   }
+}
+
+CAIRN_INLINE void sample_body(const TileRays& rays, RayShift shading_shift,
+                              std::span<const CoverageSample> coverage, const SamplingParameters& parameters,
+                              float weight, TileSum* sum) {
+  FragmentList fragments;
+  find_fragments(rays, coverage, weight, &fragments);
   for (size_t i = 0; i < fragments.size; ++i) locate(rays, shading_shift, parameters, &fragments.items[i]);
   for (size_t i = 0; i < fragments.size; ++i) {
     const Fragment& fragment = fragments.items[i];
@@ -292,10 +305,8 @@ CAIRN_INLINE void develop_body(const TileRays& rays, const TileSum& sum, const D
       grey += parameters.noise_sigma * normal(lanes + first, parameters.noise_key, quantiles);
     }
     grey = min(max(grey + 0.5F, Float8{}), Float8{} + 255.0F);
-    const Int8 rounded = __builtin_convertvector(grey, Int8);
-    for (int lane = 0; lane < kLanes; ++lane) {
-      (*pixels)[at + static_cast<size_t>(lane)] = static_cast<uint8_t>(rounded[lane]);
-    }
+    const Byte8 rounded = __builtin_convertvector(__builtin_convertvector(grey, Int8), Byte8);
+    std::memcpy(&(*pixels)[at], &rounded, sizeof rounded);
   }
 }
 
