@@ -153,10 +153,11 @@ Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, cons
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {
   if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
   const float movement = median_movement();
-  if (movement < kFewestMovement * static_cast<float>(image->width()) ||
-      movement < kMoreMovement * tried_at_movement_) {
+  if (movement < kFewestMovement * static_cast<float>(image->width())) {
+    note_ = fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement);
     return std::nullopt;
   }
+  if (movement < kMoreMovement * tried_at_movement_) return std::nullopt;
   tried_at_movement_ = movement;
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}};
