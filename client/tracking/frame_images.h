@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-/// What the tracker computes from a frame before it looks at a map. Reused without allocation for frames of one size.
+/// What the tracker computes from a frame before it looks at a map. Reused without allocation for frames of
+/// one size.
 struct FrameImages {
   /// FAST thresholds by level (ptam.md 1).
   static constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};

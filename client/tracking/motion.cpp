@@ -9,8 +9,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kDecay = 0.9;           // ptam.md 4, per frame
-constexpr double kLongestStep = 0.2;     // [s] a velocity is not believed for longer
+constexpr double kDecay = 0.9;        // ptam.md 4, per frame
+constexpr double kLongestStep = 0.2;  // [s] a velocity is not believed for longer
 
 Vector6d scaled_step(const Vector6d& velocity, double seconds) {
   return velocity * std::clamp(seconds, 0.0, kLongestStep);
@@ -22,7 +22,9 @@ SE3 MotionModel::predicted_step(Timestamp time) const {
   return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
 }
 
-SE3 MotionModel::predict(Timestamp time) const { return predicted_step(time) * last_; }
+SE3 MotionModel::predict(Timestamp time) const {
+  return predicted_step(time) * last_;
+}
 
 void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
   const double seconds = seconds_between(time, time_);
@@ -36,7 +38,9 @@ void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
   time_ = time;
 }
 
-void MotionModel::missed() { velocity_ *= kDecay; }
+void MotionModel::missed() {
+  velocity_ *= kDecay;
+}
 
 void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
   last_ = camera_from_map;

@@ -10,7 +10,8 @@
 
 namespace cairn {
 
-/// Decaying constant velocity in real time stamps (PTAM's counts frames and so breaks when frames are dropped; ptam.md 4).
+/// Decaying constant velocity in real time stamps (PTAM's counts frames and so breaks when frames are
+/// dropped; ptam.md 4).
 class MotionModel {
  public:
   /// Predicted camera_from_map at `time`: the last pose moved on by the velocity.
@@ -23,7 +24,8 @@ class MotionModel {
   void missed();
   /// Starts from a pose at rest.
   void reset(const SE3& camera_from_map, Timestamp time);
-  /// Moves the remembered pose with its map after an adjustment; the velocity, in camera coordinates, is unaffected.
+  /// Moves the remembered pose with its map after an adjustment; the velocity, in camera coordinates, is
+  /// unaffected.
   void rebase(const SE3& camera_from_map) { last_ = camera_from_map; }
 
   [[nodiscard]] const SE3& last() const { return last_; }
@@ -37,9 +39,11 @@ class MotionModel {
   Vector6d velocity_ = Vector6d::Zero();
 };
 
-/// Corrects a predicted camera step by what the tiny images saw: keeps its translation and adds the rotation that makes two points
-/// at `mean_depth`, +-5 tiny px from the image centre, move as `seen` says. Image motion that the translation explains
-/// already is not counted twice (PTAM drops the translation instead; ptam.md 4).
-[[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth);
+/// Corrects a predicted camera step by what the tiny images saw: keeps its translation and adds the rotation
+/// that makes two points at `mean_depth`, +-5 tiny px from the image centre, move as `seen` says. Image
+/// motion that the translation explains already is not counted twice (PTAM drops the translation instead;
+/// ptam.md 4).
+[[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera,
+                               double mean_depth);
 
 }  // namespace cairn

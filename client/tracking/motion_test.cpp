@@ -50,7 +50,8 @@ TEST(MotionModel, LongGapsAreNotExtrapolated) {
   EXPECT_LE(step, 0.2 * model.velocity().norm() + 1e-12);
 }
 
-/// The motion of the tiny image that a camera step causes at a depth, from the two points that correct_step looks at.
+/// The motion of the tiny image that a camera step causes at a depth, from the two points that correct_step
+/// looks at.
 TinyMotion tiny_motion_of(const SE3& step, const Camera& camera, double depth) {
   const Eigen::Vector2d center(319.5, 239.5);
   const auto moved = [&](double dx) {

@@ -17,7 +17,8 @@ Eigen::Vector3d on_plane(const SE3& map_from_camera, const Eigen::Vector3d& ray_
   return center - ray * (center.z() / ray.z());
 }
 
-PointSource make_source(const Camera& camera, const SE3& camera_from_map, int level, Corner corner, uint64_t id) {
+PointSource make_source(const Camera& camera, const SE3& camera_from_map, int level, Corner corner,
+                        uint64_t id) {
   PointSource source;
   source.id = PointId{id};
   source.keyframe = KeyframeId{1};
@@ -25,7 +26,8 @@ PointSource make_source(const Camera& camera, const SE3& camera_from_map, int le
   source.corner = corner;
   const auto ray = [&](int dx, int dy) -> Eigen::Vector3f {
     return camera
-        .unproject({from_level(static_cast<float>(corner.x + dx), level), from_level(static_cast<float>(corner.y + dy), level)})
+        .unproject({from_level(static_cast<float>(corner.x + dx), level),
+                    from_level(static_cast<float>(corner.y + dy), level)})
         .cast<float>();
   };
   source.ray_center = ray(0, 0);
@@ -50,7 +52,8 @@ PlaneScene::PlaneScene(uint64_t seed, CameraPtr camera)
     const auto h = static_cast<int>(size * (0.5 + uniform(random)));
     const auto grey = static_cast<float>(20 + 215 * uniform(random));
     for (int y = y0; y < std::min(kTexels, y0 + h); ++y) {
-      for (int x = x0; x < std::min(kTexels, x0 + w); ++x) texture_[static_cast<size_t>(y * kTexels + x)] = grey;
+      for (int x = x0; x < std::min(kTexels, x0 + w); ++x)
+        texture_[static_cast<size_t>(y * kTexels + x)] = grey;
     }
   }
   for (int y = 0; y < camera_->height(); ++y) {
@@ -120,7 +123,8 @@ MapSnapshotPtr PlaneScene::make_map(const SE3& camera_from_map) const {
     positions = std::make_shared<PositionBlock>();
   };
   for (int level = kPyramidLevels - 1; level >= 0; --level) {
-    for (const Candidate& c : find_candidates(frame.pyramid.level(level), frame.corners[static_cast<size_t>(level)])) {
+    for (const Candidate& c :
+         find_candidates(frame.pyramid.level(level), frame.corners[static_cast<size_t>(level)])) {
       PointSource source = make_source(*camera_, camera_from_map, level, c.corner, next_id);
       if (!cut_source_patch(frame.pyramid.level(level), c.corner, &source.pixels)) continue;
       ++next_id;

@@ -11,13 +11,15 @@
 
 namespace cairn::test {
 
-/// A textured plane Z = 0 seen by an exact camera, and its map made without a map maker: for laws about the tracker alone.
+/// A textured plane Z = 0 seen by an exact camera, and its map made without a map maker: for laws about the
+/// tracker alone.
 class PlaneScene {
  public:
   PlaneScene(uint64_t seed, CameraPtr camera);
 
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_map) const;
-  /// Keyframe 1 at `camera_from_map` with a point, at its exact place, for every candidate corner of every level.
+  /// Keyframe 1 at `camera_from_map` with a point, at its exact place, for every candidate corner of every
+  /// level.
   [[nodiscard]] MapSnapshotPtr make_map(const SE3& camera_from_map) const;
 
  private:

@@ -10,15 +10,18 @@ namespace {
 
 constexpr double kNearest = 1e-3;         // ptam.md 5: in front of the camera [map unit]
 constexpr float kTemplateChange = 0.07F;  // ptam.md 6: a warp column [search-level px per source px]
-constexpr float kAlignmentReach = 5.0F;   // [search-level px] radius up to which alignment is tried from where it is expected
-/// A point may be seen from this much farther round, nearer and farther than any keyframe has seen it; beyond, its patch
-/// is not expected to match. 35 degrees, factors of 2.
+constexpr float kAlignmentReach =
+    5.0F;  // [search-level px] radius up to which alignment is tried from where it is expected
+/// A point may be seen from this much farther round, nearer and farther than any keyframe has seen it;
+/// beyond, its patch is not expected to match. 35 degrees, factors of 2.
 constexpr float kExtraAngle = 35.0F * 3.14159265F / 180.0F;
 constexpr float kNearer = 0.5F;
 constexpr float kFarther = 2.0F;
 
 /// Spreads ids so that "the n smallest" is a stable, unbiased choice (Fibonacci hashing).
-uint64_t priority(PointId id) { return id.value * 0x9E3779B97F4A7C15ULL; }
+uint64_t priority(PointId id) {
+  return id.value * 0x9E3779B97F4A7C15ULL;
+}
 
 bool can_be_seen(const PointVisibility& seen, const Eigen::Vector3f& to_camera) {
   const float distance = to_camera.norm();
@@ -95,7 +98,8 @@ void PointSearch::find_visible(const SE3& camera_from_map, int max_points, std::
     if (block.live() == 0 || !block_in_view(block, camera_from_map)) continue;
     project_block(block, static_cast<int>(b), camera_from_map, out);
   }
-  // Coarse points first, all that fit: they are few, and they steady the pose; then a stable choice of the finer ones.
+  // Coarse points first, all that fit: they are few, and they steady the pose; then a stable choice of the
+  // finer ones.
   const auto before = [](const VisiblePoint& a, const VisiblePoint& b) {
     const bool a_coarse = a.level >= 2;
     const bool b_coarse = b.level >= 2;
@@ -147,14 +151,17 @@ void PointSearch::search(const FrameImages& frame, float radius, int refine_iter
   const GrayImage& image = frame.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
   const float level_radius = std::max(1.5F, radius / static_cast<float>(1 << level));
-  // Within the reach of the alignment it needs no corner: in a noisy picture corners come and go, texture stays.
+  // Within the reach of the alignment it needs no corner: in a noisy picture corners come and go, texture
+  // stays.
   auto refined = level_radius <= kAlignmentReach
                      ? refine_patch(*patch, image, center, refine_iterations, level_radius)
                      : std::nullopt;
   if (!refined) {
-    const auto match = find_patch(*patch, image, frame.corners[static_cast<size_t>(level)], center, level_radius);
+    const auto match =
+        find_patch(*patch, image, frame.corners[static_cast<size_t>(level)], center, level_radius);
     if (!match) return;
-    refined = refine_patch(*patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), refine_iterations);
+    refined =
+        refine_patch(*patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), refine_iterations);
     if (!refined) return;
   }
   point->pixel = {from_level(refined->x(), level), from_level(refined->y(), level)};

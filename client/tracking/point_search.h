@@ -17,18 +17,18 @@ namespace cairn {
 struct VisiblePoint {
   PointId id;
   PointSlot slot;
-  uint8_t level = 0;                                     ///< search level
+  uint8_t level = 0;  ///< search level
   bool searched = false;
   bool found = false;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();    ///< map frame
-  Eigen::Vector2f expected = Eigen::Vector2f::Zero();    ///< level-0 px
-  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();       ///< level-0 px, when found
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
+  Eigen::Vector2f expected = Eigen::Vector2f::Zero();  ///< level-0 px
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();     ///< level-0 px, when found
   Warp level0_from_source = Warp::Identity();
-  float depth = 0;                                       ///< along the optical axis [map unit]
+  float depth = 0;  ///< along the optical axis [map unit]
 };
 
-/// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the warped templates of
-/// points from frame to frame. One thread.
+/// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the
+/// warped templates of points from frame to frame. One thread.
 class PointSearch {
  public:
   explicit PointSearch(CameraPtr camera);
@@ -36,13 +36,15 @@ class PointSearch {
   /// From now on this revision. Templates survive revisions of one epoch (patches never change in it).
   void use_map(const MapSnapshotPtr& map);
 
-  /// Live points that project into the image at a scale their patch allows and from a side and distance they can have been seen
-  /// from: the rest can not count against quality. At most `max_points`, a stable pseudo-random choice; `out` is
-  /// ordered by level, coarsest first.
+  /// Live points that project into the image at a scale their patch allows and from a side and distance they
+  /// can have been seen from: the rest can not count against quality. At most `max_points`, a stable
+  /// pseudo-random choice; `out` is ordered by level, coarsest first.
   void find_visible(const SE3& camera_from_map, int max_points, std::vector<VisiblePoint>* out);
-  /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves the view.
+  /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves
+  /// the view.
   [[nodiscard]] bool reproject(const SE3& camera_from_map, VisiblePoint* point) const;
-  /// Looks for the point at corners within `radius` level-0 px of where it is expected, with sub-pixel refinement.
+  /// Looks for the point at corners within `radius` level-0 px of where it is expected, with sub-pixel
+  /// refinement.
   void search(const FrameImages& frame, float radius, int refine_iterations, VisiblePoint* point);
 
  private:

@@ -7,10 +7,10 @@
 namespace cairn {
 namespace {
 
-constexpr float kPlaceBlur = 2.5F;       // ptam.md 11
-constexpr size_t kMostViews = 400;       // 5 kB each
-constexpr double kViewDistance = 0.05;   // of the mean depth
-constexpr double kViewAngle = 0.07;      // [rad]
+constexpr float kPlaceBlur = 2.5F;      // ptam.md 11
+constexpr size_t kMostViews = 400;      // 5 kB each
+constexpr double kViewDistance = 0.05;  // of the mean depth
+constexpr double kViewAngle = 0.07;     // [rad]
 
 TinyImage place_image(const FrameImages& frame) {
   return {frame.pyramid.level(kPyramidLevels - 1), kPlaceBlur};

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tracking/tracker.h"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fmt/format.h>
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
@@ -16,17 +16,18 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseLevel = 2;         // the coarse stage uses the two top levels (ptam.md 5)
-constexpr int kCoarseAvailable = 20;    // ptam.md 5: fewer and the coarse stage is left out
-constexpr int kCoarseFound = 12;        // fewer and its pose is not believed (PTAM: 20 of 60)
-constexpr int kRefineIterations = 8;    // ptam.md 5
-constexpr int kLargeAttempted = 10;     // ptam.md 8
-constexpr int kFewestFound = 15;        // inliers below which no pose is believed
-constexpr int kFewestRecovered = 25;    // and after a loss
+constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (ptam.md 5)
+constexpr int kCoarseAvailable = 20;  // ptam.md 5: fewer and the coarse stage is left out
+constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTAM: 20 of 60)
+constexpr int kRefineIterations = 8;  // ptam.md 5
+constexpr int kLargeAttempted = 10;   // ptam.md 8
+constexpr int kFewestFound = 15;      // inliers below which no pose is believed
+constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
 constexpr int kFewestFromTrails = 20;
-constexpr double kMinSquaredCutoff = 1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
-constexpr float kWiden = 2.0F;          // second attempt, recovery: ptam.md 5 doubles points and radius
+constexpr double kMinSquaredCutoff =
+    1.0;                        // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
+constexpr float kWiden = 2.0F;  // second attempt, recovery: ptam.md 5 doubles points and radius
 
 class ScopedStage {
  public:
@@ -206,11 +207,13 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
 }
 
 Tracker::State::Effort Tracker::State::normal_effort() const {
-  return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse};
+  return {options.coarse_points, options.coarse_radius, options.fine_radius,
+          options.fine_radius_after_coarse};
 }
 
 Tracker::State::Effort Tracker::State::wide_effort() const {
-  return {2 * options.coarse_points, kWiden * options.coarse_radius, kWiden * options.fine_radius, options.fine_radius};
+  return {2 * options.coarse_points, kWiden * options.coarse_radius, kWiden * options.fine_radius,
+          options.fine_radius};
 }
 
 std::optional<SE3> Tracker::State::solve(const SE3& start, int iterations) {
@@ -297,8 +300,8 @@ Verdict Tracker::State::judge() const {
     ++large;
     large_found += p.found ? 1 : 0;
   }
-  const float share = large > kLargeAttempted ? static_cast<float>(large_found) / static_cast<float>(large)
-                                              : result.quality;
+  const float share =
+      large > kLargeAttempted ? static_cast<float>(large_found) / static_cast<float>(large) : result.quality;
   return share < options.lost_quality ? Verdict::kBad : Verdict::kPoor;
 }
 
@@ -426,9 +429,13 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
   return s.result;
 }
 
-void Tracker::seed_accepted(const SeedAnswer& answer) { state_->awaited = answer; }
+void Tracker::seed_accepted(const SeedAnswer& answer) {
+  state_->awaited = answer;
+}
 
-void Tracker::seed_refused(const std::string& reason) { state_->trails.refused(reason); }
+void Tracker::seed_refused(const std::string& reason) {
+  state_->trails.refused(reason);
+}
 
 void Tracker::start_over() {
   State& s = *state_;

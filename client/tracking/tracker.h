@@ -17,12 +17,23 @@
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
 
-/// The tracker (PTAM 2007, section 5): (frame, map snapshot) -> pose + quality. Pure: no DDS, no threads, no clock; equal inputs
-/// give equal bytes. Used from one thread.
+/// The tracker (PTAM 2007, section 5): (frame, map snapshot) -> pose + quality. Pure: no DDS, no threads, no
+/// clock; equal inputs give equal bytes. Used from one thread.
 namespace cairn {
 
 /// Stages of a frame, for the profile handed in by the shell.
-enum class Stage : uint8_t { kPyramid, kCorners, kPrior, kProject, kCoarse, kFine, kPose, kTrails, kRecover, kCount };
+enum class Stage : uint8_t {
+  kPyramid,
+  kCorners,
+  kPrior,
+  kProject,
+  kCoarse,
+  kFine,
+  kPose,
+  kTrails,
+  kRecover,
+  kCount
+};
 [[nodiscard]] const char* to_string(Stage stage);
 
 /// The shell's stopwatch: the engine itself never asks a clock.
@@ -34,19 +45,20 @@ class StageProbe {
 };
 
 struct TrackerOptions {
-  int max_points = 1000;             ///< patches searched per frame (ptam.md 5)
+  int max_points = 1000;  ///< patches searched per frame (ptam.md 5)
   int coarse_points = 60;
-  float coarse_radius = 30;          ///< [px of level 0]
-  float fine_radius = 10;            ///< [px of level 0] without a coarse stage before
+  float coarse_radius = 30;  ///< [px of level 0]
+  float fine_radius = 10;    ///< [px of level 0] without a coarse stage before
   float fine_radius_after_coarse = 5;
-  float good_quality = 0.3F;         ///< found / attempted above which keyframes may be made
-  float lost_quality = 0.13F;        ///< of points on the top two levels; below: a bad frame
+  float good_quality = 0.3F;   ///< found / attempted above which keyframes may be made
+  float lost_quality = 0.13F;  ///< of points on the top two levels; below: a bad frame
   int lost_after_bad_frames = 3;
   int frames_between_keyframes = 20;
-  double keyframe_distance = 0.1;    ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  int trail_count = 1000;            ///< trails begun in the first frame
-  bool make_maps = true;             ///< seeds are proposed while there is no map
-  bool make_keyframes = true;        ///< keyframes are proposed
+  double keyframe_distance =
+      0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
+  int trail_count = 1000;      ///< trails begun in the first frame
+  bool make_maps = true;       ///< seeds are proposed while there is no map
+  bool make_keyframes = true;  ///< keyframes are proposed
   uint64_t seed = 1;
 };
 
@@ -92,21 +104,21 @@ struct TrailLine {
 
 struct FrameResult {
   TrackingState state = TrackingState::kStarting;
-  bool pose_measured = false;   ///< the pose comes from points measured in this frame
+  bool pose_measured = false;  ///< the pose comes from points measured in this frame
   SE3 camera_from_map;
   MapId map;
   Epoch epoch;
   Revision revision;
   int attempted = 0;
-  int found = 0;                ///< inliers of the final pose
-  float quality = 0;            ///< found / attempted of the points that should be visible
-  double mean_depth = 0;        ///< [map unit] of the found points
-  double reprojection_rms = 0;  ///< [px of level 0, scaled by 2^-level] of the inliers
-  std::vector<TrackedPoint> points;   ///< memory is reused from frame to frame
+  int found = 0;                     ///< inliers of the final pose
+  float quality = 0;                 ///< found / attempted of the points that should be visible
+  double mean_depth = 0;             ///< [map unit] of the found points
+  double reprojection_rms = 0;       ///< [px of level 0, scaled by 2^-level] of the inliers
+  std::vector<TrackedPoint> points;  ///< memory is reused from frame to frame
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
   std::optional<KeyframeProposal> keyframe;
-  std::string note;             ///< for the status line: why there is no map yet, why it is lost
+  std::string note;  ///< for the status line: why there is no map yet, why it is lost
 };
 
 class Tracker {
@@ -116,12 +128,13 @@ class Tracker {
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
 
-  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). `image` is kept as
-  /// long as a seed may need it. The result is valid until the next call.
-  const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map, StageProbe* probe = nullptr);
+  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). `image` is
+  /// kept as long as a seed may need it. The result is valid until the next call.
+  const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
+                           StageProbe* probe = nullptr);
 
-  /// The seed proposed last was accepted: when a snapshot of that map comes, the pose starts from the trails, which are
-  /// followed meanwhile.
+  /// The seed proposed last was accepted: when a snapshot of that map comes, the pose starts from the trails,
+  /// which are followed meanwhile.
   void seed_accepted(const SeedAnswer& answer);
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);

@@ -13,7 +13,8 @@ namespace {
 constexpr int64_t kFrame = 33'333'333;  // [ns]
 
 CameraPtr test_camera() {
-  return *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
+  return *make_camera(
+      {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
 }
 
 /// A camera one metre above the plane, looking down at (x, y), turned a little.
@@ -24,8 +25,12 @@ SE3 looking_down(double x, double y, double height = 1.0, double tilt = 0.1) {
   return {camera_from_map, -(camera_from_map * Eigen::Vector3d(x, y, height))};
 }
 
-double center_distance(const SE3& a, const SE3& b) { return (a.center() - b.center()).norm(); }
-double angle_between(const SE3& a, const SE3& b) { return (a * b.inverse()).log().tail<3>().norm(); }
+double center_distance(const SE3& a, const SE3& b) {
+  return (a.center() - b.center()).norm();
+}
+double angle_between(const SE3& a, const SE3& b) {
+  return (a * b.inverse()).log().tail<3>().norm();
+}
 
 struct SeedWorld {
   CameraPtr camera = test_camera();
@@ -44,7 +49,8 @@ TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
     const SE3 first = looking_down(0, 0);
     int right = 0;
     for (const Trail& t : seed->trails) {
-      const Eigen::Vector3d ray = first.rotation().conjugate() * world.camera->unproject(t.first.cast<double>());
+      const Eigen::Vector3d ray =
+          first.rotation().conjugate() * world.camera->unproject(t.first.cast<double>());
       const Eigen::Vector3d place = first.center() - ray * (first.center().z() / ray.z());
       const auto expected = world.camera->project(pose * place);
       if (expected && (*expected - t.second.cast<double>()).norm() < 0.5) ++right;
@@ -61,7 +67,8 @@ TEST(Tracker, StandingAndTurningCamerasProposeNothing) {
   const auto still = world.scene.render(looking_down(0, 0));
   for (int i = 0; i < 15; ++i) {
     EXPECT_FALSE(standing.track(still, {i * kFrame}, nullptr).seed);
-    const SE3 turned = SE3(so3_exp({0.004 * i, 0.012 * i, 0.01 * i}), Eigen::Vector3d::Zero()) * looking_down(0, 0);
+    const SE3 turned =
+        SE3(so3_exp({0.004 * i, 0.012 * i, 0.01 * i}), Eigen::Vector3d::Zero()) * looking_down(0, 0);
     const FrameResult& result = turning.track(world.scene.render(turned), {i * kFrame}, nullptr);
     EXPECT_FALSE(result.seed) << "frame " << i;
     EXPECT_EQ(result.state, TrackingState::kStarting);
@@ -100,8 +107,8 @@ class OnMap : public ::testing::Test {
 
 TEST_F(OnMap, TracksAMovingCameraToAMillimetre) {
   for (int i = 0; i < 30; ++i) {
-    const SE3 truth = looking_down(0.1 * std::sin(0.2 * i), 0.05 * std::sin(0.1 * i), 1.0 + 0.1 * std::sin(0.15 * i),
-                                   0.1 + 0.05 * std::sin(0.3 * i));
+    const SE3 truth = looking_down(0.1 * std::sin(0.2 * i), 0.05 * std::sin(0.1 * i),
+                                   1.0 + 0.1 * std::sin(0.15 * i), 0.1 + 0.05 * std::sin(0.3 * i));
     const FrameResult& result = step(truth);
     ASSERT_TRUE(result.pose_measured) << "frame " << i << " " << result.note;
     EXPECT_EQ(result.state, TrackingState::kTracking);
@@ -148,7 +155,8 @@ TEST_F(OnMap, PoseRidesOnAnAdjustmentOfItsKeyframe) {
   const SE3 moved_from_map(so3_exp({0.02, -0.01, 0.03}), {0.05, 0.02, -0.01});
   auto moved = std::make_shared<MapSnapshot>(*map);
   auto keyframes = std::make_shared<KeyframeBlock>(*map->keyframe_blocks[0]);
-  keyframes->keyframes[0].camera_from_map = keyframes->keyframes[0].camera_from_map * moved_from_map.inverse();
+  keyframes->keyframes[0].camera_from_map =
+      keyframes->keyframes[0].camera_from_map * moved_from_map.inverse();
   moved->keyframe_blocks = {keyframes};
   moved->revision = Revision{2};
   for (auto& block : moved->point_blocks) {
@@ -192,7 +200,8 @@ TEST(PointSearch, PointsSeenFromElsewhereAreNotExpected) {
   auto one_sided = std::make_shared<MapSnapshot>(*whole);
   for (auto& block : one_sided->point_blocks) {
     auto positions = std::make_shared<PositionBlock>(*block->positions);
-    for (auto& v : positions->visibility) v = {-Eigen::Vector3f::UnitZ(), 0.9F, 0.9F, 1.1F};  // from below the plane
+    for (auto& v : positions->visibility)
+      v = {-Eigen::Vector3f::UnitZ(), 0.9F, 0.9F, 1.1F};  // from below the plane
     block = make_point_block(block->patches, positions, whole->keyframe_blocks);
   }
   search.use_map(one_sided);

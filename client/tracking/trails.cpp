@@ -1,25 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tracking/trails.h"
 
+#include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
-#include <fmt/format.h>
 
 #include "common/geometry/two_view.h"
 
 namespace cairn {
 namespace {
 
-constexpr float kSearchRadius = 10;         // ptam.md 2 [px]
-constexpr float kMarriedDistance = 1.0F;    // [px] backward match to the start (PTAM: sqrt 2, without sub-pixel)
-constexpr size_t kFewestTrails = 60;        // fewer are not worth following
-constexpr float kFewestShare = 0.2F;        // of those begun: below, what is left covers too little of the view
-constexpr float kFewestMovement = 0.012F;   // of the image width: median movement before the first two-view test
-constexpr float kMoreMovement = 1.15F;      // factor of movement between two-view tests
-constexpr float kMatchSigma = 0.7F;         // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;          // [px] what matching with the first patch may correct
+constexpr float kSearchRadius = 10;  // ptam.md 2 [px]
+constexpr float kMarriedDistance =
+    1.0F;                             // [px] backward match to the start (PTAM: sqrt 2, without sub-pixel)
+constexpr size_t kFewestTrails = 60;  // fewer are not worth following
+constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left covers too little of the view
+constexpr float kFewestMovement =
+    0.012F;                             // of the image width: median movement before the first two-view test
+constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
+constexpr float kMatchSigma = 0.7F;     // [px] of a sub-pixel trail
+constexpr float kMostDrift = 2.0F;      // [px] what matching with the first patch may correct
 
-/// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the picture.
+/// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
+/// picture.
 std::vector<Candidate> spread(std::vector<Candidate> candidates, const GrayView& image, size_t count) {
   constexpr int kCell = 32;  // [px]
   const int columns = (image.width + kCell - 1) / kCell;
@@ -46,7 +49,9 @@ Corner rounded(const Eigen::Vector2f& p) {
   return {static_cast<int16_t>(std::lround(p.x())), static_cast<int16_t>(std::lround(p.y()))};
 }
 
-Eigen::Vector2f as_vector(const Corner& c) { return {static_cast<float>(c.x), static_cast<float>(c.y)}; }
+Eigen::Vector2f as_vector(const Corner& c) {
+  return {static_cast<float>(c.x), static_cast<float>(c.y)};
+}
 
 }  // namespace
 
@@ -64,14 +69,17 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   first_time_ = time;
   tried_at_movement_ = 0;
   const GrayView level0 = now.pyramid.level(0);
-  // A picture poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the best.
+  // A picture poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
+  // best.
   auto candidates = find_candidates(level0, now.corners[0]);
   if (candidates.size() < static_cast<size_t>(options_.trail_count) / 2) {
     constexpr int kLowBarrier = 6;
     constexpr float kLowShiTomasi = 20.0F;
-    candidates = find_candidates(level0, now.corners[0], kLowBarrier, kSourcePatchSize / 2 + 1, kLowShiTomasi);
+    candidates =
+        find_candidates(level0, now.corners[0], kLowBarrier, kSourcePatchSize / 2 + 1, kLowShiTomasi);
   }
-  for (const Candidate& c : spread(std::move(candidates), level0, static_cast<size_t>(options_.trail_count))) {
+  for (const Candidate& c :
+       spread(std::move(candidates), level0, static_cast<size_t>(options_.trail_count))) {
     FollowedTrail trail;
     if (!cut_source_patch(level0, c.corner, &trail.first_patch)) continue;
     trail.id = TrailId{next_id_++};
@@ -81,8 +89,8 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   begun_with_ = trails_.size();
 }
 
-bool TrailFollower::follow_one(const FrameImages& now, const FrameImages& previous, const Eigen::Vector2f& expected,
-                               FollowedTrail* trail) const {
+bool TrailFollower::follow_one(const FrameImages& now, const FrameImages& previous,
+                               const Eigen::Vector2f& expected, FollowedTrail* trail) const {
   constexpr int kRefinements = 8;
   const GrayView before = previous.pyramid.level(0);
   const GrayView image = now.pyramid.level(0);
@@ -90,7 +98,8 @@ bool TrailFollower::follow_one(const FrameImages& now, const FrameImages& previo
   SourcePatch cut;
   PatchTemplate patch;
   if (!cut_source_patch(before, from, &cut) || !make_template(cut, Warp::Identity(), 0, &patch)) return false;
-  // Straight from where the tiny images say it went; a corner in a noisy picture comes and goes, the texture stays.
+  // Straight from where the tiny images say it went; a corner in a noisy picture comes and goes, the texture
+  // stays.
   auto there = refine_patch(patch, image, expected + (as_vector(from) - trail->now), kRefinements);
   if (!there) {
     const auto match = find_patch(patch, image, now.corners[0], expected, kSearchRadius);
@@ -114,7 +123,8 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
                            const FrameImages& previous, const TinyMotion& motion) {
   if (trails_.empty()) {
     begin(image, time, now);
-    note_ = trails_.size() < kFewestTrails ? "too few corners in view to start a map" : "move the camera sideways";
+    note_ = trails_.size() < kFewestTrails ? "too few corners in view to start a map"
+                                           : "move the camera sideways";
     return;
   }
   const float scale = static_cast<float>(1 << kPyramidLevels);
@@ -125,7 +135,8 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
     const Eigen::Vector2f expected = center + turn * (trail.now - center) + scale * motion.shift;
     return !follow_one(now, previous, expected, &trail);
   });
-  const auto fewest = std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
+  const auto fewest =
+      std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
   if (trails_.size() < fewest && !undecided_) {
     begin(image, time, now);
     note_ = "trails were lost; began again: move the camera sideways, slowly";
@@ -150,11 +161,13 @@ Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, cons
   return refined.value_or(trail.now);
 }
 
-std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {
+std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
+                                                   const FrameImages& now) {
   if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
   const float movement = median_movement();
   if (movement < kFewestMovement * static_cast<float>(image->width())) {
-    note_ = fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement);
+    note_ =
+        fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement);
     return std::nullopt;
   }
   if (movement < kMoreMovement * tried_at_movement_) return std::nullopt;

@@ -12,19 +12,21 @@
 
 namespace cairn {
 
-/// Follows corners of a first frame until two frames are far enough apart to make a map (PTAM 2007, section 6.1, without the key
-/// presses): frame to frame with a backward check, and the two-view tests of common/geometry when the picture has
-/// moved enough. Pure; one thread.
+/// Follows corners of a first frame until two frames are far enough apart to make a map (PTAM 2007,
+/// section 6.1, without the key presses): frame to frame with a backward check, and the two-view tests of
+/// common/geometry when the picture has moved enough. Pure; one thread.
 class TrailFollower {
  public:
   TrailFollower(CameraPtr camera, const TrackerOptions& options);
 
-  /// Follows the trails into a frame; begins anew there when too few are left. `previous` is the frame before, `motion` how its
-  /// tiny image moved to this one's. Both are ignored by the first frame.
+  /// Follows the trails into a frame; begins anew there when too few are left. `previous` is the frame
+  /// before, `motion` how its tiny image moved to this one's. Both are ignored by the first frame.
   void follow(const GrayImagePtr& image, Timestamp time, const FrameImages& now, const FrameImages& previous,
               const TinyMotion& motion);
-  /// A pair of frames that passes the two-view tests, once per enough new movement; none while a proposal is undecided.
-  [[nodiscard]] std::optional<SeedProposal> propose(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
+  /// A pair of frames that passes the two-view tests, once per enough new movement; none while a proposal is
+  /// undecided.
+  [[nodiscard]] std::optional<SeedProposal> propose(const GrayImagePtr& image, Timestamp time,
+                                                    const FrameImages& now);
 
   /// The proposal was refused: try again after more movement.
   void refused(const std::string& reason);
@@ -49,8 +51,8 @@ class TrailFollower {
   };
 
   void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
-  [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous, const Eigen::Vector2f& expected,
-                                FollowedTrail* trail) const;
+  [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
+                                const Eigen::Vector2f& expected, FollowedTrail* trail) const;
   [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now) const;
   [[nodiscard]] float median_movement() const;
 

@@ -21,13 +21,15 @@ enum class ErrorCode {
   kInternal,       ///< a broken invariant of ours
 };
 
-/// An error that names the thing and, where there is one, the remedy: "camera.txt: no such file; pass --calibration".
+/// An error that names the thing and, where there is one, the remedy: "camera.txt: no such file; pass
+/// --calibration".
 struct [[nodiscard]] Error {
   ErrorCode code = ErrorCode::kInternal;
   std::string message;
 };
 
-/// The value or the reason why not, for everything the outside can cause. Exceptions are for programming errors only.
+/// The value or the reason why not, for everything the outside can cause. Exceptions are for programming
+/// errors only.
 template <typename T>
 using Result = tl::expected<T, Error>;
 

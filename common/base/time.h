@@ -22,7 +22,9 @@ struct Timestamp {
 inline std::chrono::nanoseconds operator-(Timestamp a, Timestamp b) {
   return std::chrono::nanoseconds(a.nanoseconds - b.nanoseconds);
 }
-inline Timestamp operator+(Timestamp a, std::chrono::nanoseconds d) { return {a.nanoseconds + d.count()}; }
+inline Timestamp operator+(Timestamp a, std::chrono::nanoseconds d) {
+  return {a.nanoseconds + d.count()};
+}
 
 /// Seconds from b to a.
 inline double seconds_between(Timestamp a, Timestamp b) {

@@ -20,12 +20,12 @@ struct CounterId {
   [[nodiscard]] explicit operator bool() const { return value != 0; }
 };
 
-using KeyframeId = CounterId<struct KeyframeTag>;    ///< unique within a map, from 1, never reused
-using PointId = CounterId<struct PointTag>;          ///< unique within a map, from 1, never reused, ascending
-using Revision = CounterId<struct RevisionTag>;      ///< of a map; grows by one with every published change
-using Epoch = CounterId<struct EpochTag>;            ///< of a map; block layouts and revisions never mix across it
-using SessionId = CounterId<struct SessionTag>;      ///< random, one per run of a client (kept with its spool)
-using TrailId = CounterId<struct TrailTag>;          ///< a trail of the two-view start, unique within a client
+using KeyframeId = CounterId<struct KeyframeTag>;  ///< unique within a map, from 1, never reused
+using PointId = CounterId<struct PointTag>;        ///< unique within a map, from 1, never reused, ascending
+using Revision = CounterId<struct RevisionTag>;    ///< of a map; grows by one with every published change
+using Epoch = CounterId<struct EpochTag>;  ///< of a map; block layouts and revisions never mix across it
+using SessionId = CounterId<struct SessionTag>;  ///< random, one per run of a client (kept with its spool)
+using TrailId = CounterId<struct TrailTag>;      ///< a trail of the two-view start, unique within a client
 
 /// A global identity of 16 bytes, printed as 32 hex digits. All zero means "none".
 template <typename Tag>
@@ -46,14 +46,17 @@ using ServerId = GlobalId<struct ServerTag>;
 
 /// Whether `name` may name a client, rig or operator: [a-z0-9-]{1,32}.
 [[nodiscard]] bool is_valid_name(std::string_view name);
-/// UUIDv5 (RFC 4122, SHA-1) of a client name, in Cairn's own name space: equal names, equal ids, on every machine.
+/// UUIDv5 (RFC 4122, SHA-1) of a client name, in Cairn's own name space: equal names, equal ids, on every
+/// machine.
 [[nodiscard]] ClientId client_id_from_name(std::string_view name);
 
 }  // namespace cairn
 
 template <typename Tag>
 struct std::hash<cairn::CounterId<Tag>> {
-  size_t operator()(const cairn::CounterId<Tag>& id) const noexcept { return std::hash<uint64_t>()(id.value); }
+  size_t operator()(const cairn::CounterId<Tag>& id) const noexcept {
+    return std::hash<uint64_t>()(id.value);
+  }
 };
 template <typename Tag>
 struct std::hash<cairn::GlobalId<Tag>> {

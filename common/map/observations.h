@@ -19,14 +19,14 @@ struct Trail {
 enum class TrackingState : uint8_t {
   kStarting = 0,  ///< no map yet: following trails
   kTracking = 1,
-  kPoor = 2,      ///< tracked, but too few points found to make keyframes
+  kPoor = 2,  ///< tracked, but too few points found to make keyframes
   kLost = 3,
 };
 
 /// A map point found in a frame.
 struct PointMeasurement {
   PointId id;
-  uint8_t level = 0;                                ///< pyramid level at which it was found; sigma = 2^level px
+  uint8_t level = 0;  ///< pyramid level at which it was found; sigma = 2^level px
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px (distorted, as seen)
 };
 

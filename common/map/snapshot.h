@@ -13,25 +13,28 @@
 #include "common/image/patch.h"
 #include "common/map/ids.h"
 
-/// The map as trackers see it: immutable blocks of 64 points or keyframes, shared between revisions (only blocks that changed are
-/// new) and between threads without locks. The same types on the server (which cuts its map into blocks) and in a client's
-/// replica (which receives them), so that engines and tests run on either without a network.
+/// The map as trackers see it: immutable blocks of 64 points or keyframes, shared between revisions (only
+/// blocks that changed are new) and between threads without locks. The same types on the server (which cuts
+/// its map into blocks) and in a client's replica (which receives them), so that engines and tests run on
+/// either without a network.
 namespace cairn {
 
-constexpr int kBlockSlots = 64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
+constexpr int kBlockSlots =
+    64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
 
 /// What never changes about a point: where its patch was cut.
 struct PointSource {
   PointId id;
-  KeyframeId keyframe;   ///< the keyframe whose image gave the patch
-  uint8_t level = 0;     ///< pyramid level of the patch
-  Corner corner;         ///< reference pixel, at `level`
-  /// Unit rays in the source camera's frame through the reference pixel and through the pixels one to the right of it and one
-  /// below it, at `level`: the patch's geometry without the source camera's model.
+  KeyframeId keyframe;  ///< the keyframe whose image gave the patch
+  uint8_t level = 0;    ///< pyramid level of the patch
+  Corner corner;        ///< reference pixel, at `level`
+  /// Unit rays in the source camera's frame through the reference pixel and through the pixels one to the
+  /// right of it and one below it, at `level`: the patch's geometry without the source camera's model.
   Eigen::Vector3f ray_center = Eigen::Vector3f::UnitZ();
   Eigen::Vector3f ray_right = Eigen::Vector3f::UnitZ();
   Eigen::Vector3f ray_down = Eigen::Vector3f::UnitZ();
-  Eigen::Vector3f normal = -Eigen::Vector3f::UnitZ();  ///< unit, of the surface, source camera's frame, towards the camera
+  Eigen::Vector3f normal =
+      -Eigen::Vector3f::UnitZ();  ///< unit, of the surface, source camera's frame, towards the camera
   SourcePatch pixels{};
 };
 
@@ -44,18 +47,21 @@ struct PatchBlock {
 
 /// From where a point has been seen: what lets a tracker know that it should not see it now.
 struct PointVisibility {
-  Eigen::Vector3f mean_direction = Eigen::Vector3f::Zero();  ///< unit, from the point to the cameras, map frame; 0 = unknown
-  float min_cosine = -1;    ///< of the angle between mean_direction and the observing directions
-  float min_distance = 0;   ///< [map unit] nearest observing camera
-  float max_distance = 0;   ///< [map unit] farthest observing camera; 0 = unknown
+  Eigen::Vector3f mean_direction =
+      Eigen::Vector3f::Zero();  ///< unit, from the point to the cameras, map frame; 0 = unknown
+  float min_cosine = -1;        ///< of the angle between mean_direction and the observing directions
+  float min_distance = 0;       ///< [map unit] nearest observing camera
+  float max_distance = 0;       ///< [map unit] farthest observing camera; 0 = unknown
 };
 
 /// Topic PointPositions. Same index and slots as the patch block.
 struct PositionBlock {
   uint32_t index = 0;
   uint64_t version = 0;
-  uint64_t live = 0;  ///< bit s: slot s holds a point of the map (a removed point keeps its slot and loses its bit)
-  std::vector<Eigen::Vector3f> positions;  ///< map frame, as many as the patch block of this revision has points
+  uint64_t live =
+      0;  ///< bit s: slot s holds a point of the map (a removed point keeps its slot and loses its bit)
+  std::vector<Eigen::Vector3f>
+      positions;  ///< map frame, as many as the patch block of this revision has points
   std::vector<PointVisibility> visibility;
 };
 
@@ -78,20 +84,23 @@ struct KeyframeBlock {
   std::vector<KeyframePose> keyframes;
 };
 
-/// 64 points ready for the tracker: structure of arrays for the projection loop, patch vectors, and a bounding sphere to
-/// pass over whole blocks that are out of view. Derived from the three topics; immutable.
+/// 64 points ready for the tracker: structure of arrays for the projection loop, patch vectors, and a
+/// bounding sphere to pass over whole blocks that are out of view. Derived from the three topics; immutable.
 struct PointBlock {
   std::shared_ptr<const PatchBlock> patches;
   std::shared_ptr<const PositionBlock> positions;
   int count = 0;
   alignas(32) std::array<float, kBlockSlots> x{}, y{}, z{};  ///< map frame
-  /// Map-frame displacement on the patch's plane of one source-level pixel to the right, and one down (PTAM 2007, 5.2).
+  /// Map-frame displacement on the patch's plane of one source-level pixel to the right, and one down (PTAM
+  /// 2007, 5.2).
   std::array<Eigen::Vector3f, kBlockSlots> right{}, down{};
   Eigen::Vector3f center = Eigen::Vector3f::Zero();  ///< of the bounding sphere of the live points
   float radius = 0;
 
   [[nodiscard]] uint64_t live() const { return positions->live; }
-  [[nodiscard]] const PointSource& source(int slot) const { return patches->points[static_cast<size_t>(slot)]; }
+  [[nodiscard]] const PointSource& source(int slot) const {
+    return patches->points[static_cast<size_t>(slot)];
+  }
   [[nodiscard]] const PointVisibility& visibility(int slot) const {
     return positions->visibility[static_cast<size_t>(slot)];
   }
@@ -130,8 +139,9 @@ struct MapSnapshot {
 
 using MapSnapshotPtr = std::shared_ptr<const MapSnapshot>;
 
-/// Joins the topics of one block. Patch vectors come from the source keyframe's pose in `keyframes`; a point whose source is
-/// unknown or whose plane is edge-on loses its live bit in the result's arrays (its patch vectors are zero).
+/// Joins the topics of one block. Patch vectors come from the source keyframe's pose in `keyframes`; a point
+/// whose source is unknown or whose plane is edge-on loses its live bit in the result's arrays (its patch
+/// vectors are zero).
 [[nodiscard]] std::shared_ptr<const PointBlock> make_point_block(
     std::shared_ptr<const PatchBlock> patches, std::shared_ptr<const PositionBlock> positions,
     const std::vector<std::shared_ptr<const KeyframeBlock>>& keyframes);

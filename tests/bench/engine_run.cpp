@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// Plays a source through tracker and map maker in one process and one thread, without DDS: the engines by themselves, every
-// unit of map work finished before the next frame. What a change of an engine does shows here first; real runs are
-// tests/bench/run-accuracy's.
+// Plays a source through tracker and map maker in one process and one thread, without DDS: the engines by
+// themselves, every unit of map work finished before the next frame. What a change of an engine does shows
+// here first; real runs are tests/bench/run-accuracy's.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -70,7 +70,8 @@ struct Totals {
 
 class EngineRun {
  public:
-  EngineRun(const Arguments& arguments, CameraPtr camera) : arguments_(arguments), camera_(std::move(camera)) {
+  EngineRun(const Arguments& arguments, CameraPtr camera)
+      : arguments_(arguments), camera_(std::move(camera)) {
     tracker_options_.seed = arguments.seed;
     maker_options_.seed = arguments.seed;
     tracker_ = std::make_unique<Tracker>(camera_, tracker_options_);
@@ -90,25 +91,29 @@ class EngineRun {
 
   void report() const {
     const Totals& t = totals_;
-    std::printf("frames %zu first map frame %ld tracked %zu of %zu (%.2f %%) lost %zu\n", t.frames, t.first_map_frame,
-                t.tracked, t.with_map, 100.0 * static_cast<double>(t.tracked) / static_cast<double>(std::max<size_t>(1, t.with_map)),
+    std::printf("frames %zu first map frame %ld tracked %zu of %zu (%.2f %%) lost %zu\n", t.frames,
+                t.first_map_frame, t.tracked, t.with_map,
+                100.0 * static_cast<double>(t.tracked) / static_cast<double>(std::max<size_t>(1, t.with_map)),
                 t.lost);
-    std::printf("tracker cpu ms p50 %.2f p95 %.2f p99 %.2f; attempted p50 %.0f found p50 %.0f\n", percentile(t.cpu_ms, 0.5),
-                percentile(t.cpu_ms, 0.95), percentile(t.cpu_ms, 0.99), percentile(t.attempted, 0.5),
-                percentile(t.found, 0.5));
+    std::printf("tracker cpu ms p50 %.2f p95 %.2f p99 %.2f; attempted p50 %.0f found p50 %.0f\n",
+                percentile(t.cpu_ms, 0.5), percentile(t.cpu_ms, 0.95), percentile(t.cpu_ms, 0.99),
+                percentile(t.attempted, 0.5), percentile(t.found, 0.5));
     for (size_t s = 0; s < static_cast<size_t>(Stage::kCount); ++s) {
-      std::printf("  %-8s p50 %.3f p95 %.3f\n", to_string(static_cast<Stage>(s)), percentile(probe_.stage(s), 0.5),
-                  percentile(probe_.stage(s), 0.95));
+      std::printf("  %-8s p50 %.3f p95 %.3f\n", to_string(static_cast<Stage>(s)),
+                  percentile(probe_.stage(s), 0.5), percentile(probe_.stage(s), 0.95));
     }
-    std::printf("keyframes accepted %zu refused %zu; keyframe ms p50 %.1f p95 %.1f; local ms p50 %.1f p95 %.1f; global ms p50 %.1f p95 %.1f\n",
-                t.accepted, t.refused, percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95),
-                percentile(t.local_ms, 0.5), percentile(t.local_ms, 0.95), percentile(t.global_ms, 0.5),
-                percentile(t.global_ms, 0.95));
+    std::printf(
+        "keyframes accepted %zu refused %zu; keyframe ms p50 %.1f p95 %.1f; local ms p50 %.1f p95 %.1f; "
+        "global ms p50 %.1f p95 %.1f\n",
+        t.accepted, t.refused, percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95),
+        percentile(t.local_ms, 0.5), percentile(t.local_ms, 0.95), percentile(t.global_ms, 0.5),
+        percentile(t.global_ms, 0.95));
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
     if (maker_) {
       const MapStatistics m = maker_->statistics();
-      std::printf("map: %zu keyframes %zu points %zu measurements, %.2f MB, reprojection %.3f px\n", m.keyframes,
-                  m.points, m.measurements, static_cast<double>(m.bytes) / 1e6, m.mean_reprojection);
+      std::printf("map: %zu keyframes %zu points %zu measurements, %.2f MB, reprojection %.3f px\n",
+                  m.keyframes, m.points, m.measurements, static_cast<double>(m.bytes) / 1e6,
+                  m.mean_reprojection);
     }
   }
 
@@ -121,14 +126,15 @@ class EngineRun {
     totals_.attempted.push_back(result.attempted);
     totals_.found.push_back(result.found);
     if (trajectory != nullptr) {
-      static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name, {frame.time, result.camera_from_map.inverse()}));
+      static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name,
+                                           {frame.time, result.camera_from_map.inverse()}));
     }
   }
 
   void print_frame(const Frame& frame, const FrameResult& result) const {
     std::printf("%5lu state %d found %d/%d rms %.2f depth %.2f %s\n", static_cast<unsigned long>(frame.index),
-                static_cast<int>(result.state), result.found, result.attempted, result.reprojection_rms, result.mean_depth,
-                result.note.c_str());
+                static_cast<int>(result.state), result.found, result.attempted, result.reprojection_rms,
+                result.mean_depth, result.note.c_str());
   }
 
   void seed(const SeedProposal& proposal, const Frame& frame) {
@@ -146,24 +152,27 @@ class EngineRun {
     auto started = MapMaker::start(input, maker_options_);
     totals_.seed_ms.push_back(thread_cpu_ms() - before);
     if (!started) {
-      std::printf("frame %lu: seed refused: %s\n", static_cast<unsigned long>(frame.index), started.error().message.c_str());
+      std::printf("frame %lu: seed refused: %s\n", static_cast<unsigned long>(frame.index),
+                  started.error().message.c_str());
       tracker_->seed_refused(started.error().message);
       return;
     }
     maker_ = std::move(started->first);
     work();
     totals_.first_map_frame = static_cast<long>(frame.index);
-    std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n", static_cast<unsigned long>(frame.index),
-                started->second.points.size(), proposal.trails.size(), totals_.seed_ms.back(), started->second.plane_aligned,
+    std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n",
+                static_cast<unsigned long>(frame.index), started->second.points.size(),
+                proposal.trails.size(), totals_.seed_ms.back(), started->second.plane_aligned,
                 maker_->statistics().points);
-    tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision, started->second.second_keyframe,
-                             started->second.points});
+    tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision,
+                             started->second.second_keyframe, started->second.points});
   }
 
   void offer(const KeyframeProposal& proposal, const Frame& frame) {
     const double before = thread_cpu_ms();
-    const KeyframeDecision decision = maker_->add_keyframe(
-        {camera_, frame.time, frame.image, proposal.reference, proposal.camera_from_reference, proposal.measurements});
+    const KeyframeDecision decision =
+        maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
+                              proposal.camera_from_reference, proposal.measurements});
     totals_.keyframe_ms.push_back(thread_cpu_ms() - before);
     if (decision.verdict != KeyframeVerdict::kAccepted) {
       ++totals_.refused;
@@ -182,7 +191,8 @@ class EngineRun {
       if (report.work != MapWork::kNone) continue;
       if (!maker_->wants_global_adjustment()) break;
       const auto problem = maker_->prepare_global_adjustment();
-      solve(problem.get(), [] { return false; }, 1);
+      solve(
+          problem.get(), [] { return false; }, 1);
       static_cast<void>(maker_->adopt(*problem));
       totals_.global_ms.push_back(thread_cpu_ms() - before);
     }
@@ -204,8 +214,10 @@ class EngineRun {
 Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& source) {
   if (!arguments.calibration.empty()) return read_calibration(arguments.calibration).and_then(make_camera);
   if (const auto known = source.builtin_calibration()) return make_camera(*known);
-  if (const auto file = find_calibration(arguments.source)) return read_calibration(*file).and_then(make_camera);
-  return fail(ErrorCode::kConfiguration, arguments.source + ": no camera.txt beside it; pass --calibration FILE");
+  if (const auto file = find_calibration(arguments.source))
+    return read_calibration(*file).and_then(make_camera);
+  return fail(ErrorCode::kConfiguration,
+              arguments.source + ": no camera.txt beside it; pass --calibration FILE");
 }
 
 Status run(const Arguments& arguments) {
@@ -240,7 +252,8 @@ Status run(const Arguments& arguments) {
 int main(int argc, char** argv) {
   CLI::App app("Tracker and map maker in one process, without DDS");
   cairn::Arguments arguments;
-  app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")->required();
+  app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")
+      ->required();
   app.add_option("--calibration", arguments.calibration, "camera file; default: beside the source");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
   app.add_option("--seed", arguments.seed, "of every random choice");
