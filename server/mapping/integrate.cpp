@@ -20,6 +20,7 @@ constexpr double kSameDirection =
     0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
 constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
 constexpr double kNewAreaFraction = 0.5;  ///< of the textured cells of the image: without a measurement
+constexpr double kFewKnown = 0.6;  ///< of the reference keyframe's measurements: fewer count as new area
 constexpr int kCellsX = 8;
 constexpr int kCellsY = 6;
 constexpr int kTexturedCorners = 3;     ///< candidates that make a cell textured
@@ -172,7 +173,10 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
   }
   auto images = prepare_images(input.image->view());
-  if (nearest.same_direction < needed && unknown_fraction(*images, judged->inliers) < kNewAreaFraction) {
+  const bool knows_little = static_cast<double>(judged->inliers.size()) <
+                            kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
+  if (nearest.same_direction < needed && !knows_little &&
+      unknown_fraction(*images, judged->inliers) < kNewAreaFraction) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
   }
 

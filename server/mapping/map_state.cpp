@@ -38,7 +38,7 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
-    images->candidates[i] = find_candidates(images->level(l), images->corners[i]);
+    images->candidates[i] = find_candidates(images->level(l), images->corners[i], 6, 14, 20.0F);
     images->corners[i].corners.shrink_to_fit();
   }
   return images;

@@ -20,7 +20,8 @@ constexpr double kNearMargin = 0.6;  ///< depths searched, relative to the keyfr
 constexpr double kFarMargin = 1.8;   ///< and to its 95th
 constexpr double kKnownDistance = 10;  ///< [level px] of a candidate from a known measurement (ptam.md 9)
 constexpr double kNewDistance = 6;     ///< [level px] between new points of one level
-constexpr float kLineDistance = 2.5F;  ///< [level px] of a corner from the epipolar line
+constexpr int kLineDistance = 2;       ///< [level px] searched on either side of the epipolar line
+constexpr int kTemplateMargin = 5;     ///< [level px] of a template's window from the image's border
 constexpr double kSegmentLength =
     24;  ///< [source-level px] of the line that shares one warp and counts as straight
 constexpr int kMaxSegments = 16;
@@ -133,29 +134,22 @@ class EpipolarSearch {
     const int level = view->level;
     const Eigen::Vector2f a(to_level(begin.x(), level), to_level(begin.y(), level));
     const Eigen::Vector2f b(to_level(end.x(), level), to_level(end.y(), level));
-    const float length = (b - a).norm();
-    const Eigen::Vector2f along =
-        length > 1e-3F ? Eigen::Vector2f((b - a) / length) : Eigen::Vector2f::UnitX();
     const GrayView image = partner_.images->level(level);
-    const CornerList& corners = partner_.images->corners[static_cast<size_t>(level)];
-    // The 8x8 window of a template must lie inside the image.
-    const float left = std::max(4.0F, std::min(a.x(), b.x()) - kLineDistance);
-    const float right = std::min(static_cast<float>(image.width - 5), std::max(a.x(), b.x()) + kLineDistance);
-    const int first_row = std::max(4, static_cast<int>(std::floor(std::min(a.y(), b.y()) - kLineDistance)));
-    const int last_row =
-        std::min(image.height - 5, static_cast<int>(std::ceil(std::max(a.y(), b.y()) + kLineDistance)));
-    for (int y = first_row; y <= last_row; ++y) {
-      const auto row = corners.corners.begin() + corners.row_begin[static_cast<size_t>(y)];
-      const auto row_end = corners.corners.begin() + corners.row_begin[static_cast<size_t>(y) + 1];
-      const auto starts_before = [](const Corner& c, float x) { return static_cast<float>(c.x) < x; };
-      for (auto c = std::lower_bound(row, row_end, left, starts_before); c != row_end && c->x <= right; ++c) {
-        const Eigen::Vector2f d = Eigen::Vector2f(c->x, c->y) - a;
-        const float t = along.dot(d);
-        if (t < -kLineDistance || t > length + kLineDistance) continue;
-        if (std::abs(along.x() * d.y() - along.y() * d.x()) > kLineDistance) continue;
-        const int zmssd = zmssd_at(patch_, image, c->x, c->y);
+    const Eigen::Vector2f line = b - a;
+    const int steps = std::max(1, static_cast<int>(std::ceil(line.cwiseAbs().maxCoeff())));
+    // Whole pixels across the line, in the direction in which it is thin.
+    const bool flat = std::abs(line.x()) > std::abs(line.y());
+    for (int i = 0; i <= steps; ++i) {
+      const Eigen::Vector2f at = a + line * (static_cast<float>(i) / static_cast<float>(steps));
+      for (int across = -kLineDistance; across <= kLineDistance; ++across) {
+        const int x = static_cast<int>(std::lround(at.x())) + (flat ? 0 : across);
+        const int y = static_cast<int>(std::lround(at.y())) + (flat ? across : 0);
+        if (x < kTemplateMargin || y < kTemplateMargin || x >= image.width - kTemplateMargin ||
+            y >= image.height - kTemplateMargin)
+          continue;
+        const int zmssd = zmssd_at(patch_, image, x, y);
         if (zmssd >= kSearchZmssd) continue;
-        const Eigen::Vector2f at_level(c->x, c->y);
+        const Eigen::Vector2f at_level(x, y);
         matches_.push_back({zmssd,
                             level,
                             at_level,

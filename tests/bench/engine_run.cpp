@@ -59,6 +59,7 @@ struct Arguments {
   uint64_t seed = 1;
   size_t skip = 0;
   size_t frames = SIZE_MAX;
+  size_t after_start = SIZE_MAX;
   bool verbose = false;
 };
 
@@ -88,6 +89,9 @@ class EngineRun {
     if (result.keyframe) offer(*result.keyframe, frame);
     if (arguments_.verbose) print_frame(frame, result);
   }
+
+  /// Enough frames were tracked with a map.
+  [[nodiscard]] bool done() const { return totals_.with_map >= arguments_.after_start; }
 
   void report() const {
     const Totals& t = totals_;
@@ -164,8 +168,21 @@ class EngineRun {
                 static_cast<unsigned long>(frame.index), started->second.points.size(),
                 proposal.trails.size(), totals_.seed_ms.back(), started->second.plane_aligned,
                 maker_->statistics().points);
+    if (arguments_.verbose) print_start(*started, proposal);
     tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision,
                              started->second.second_keyframe, started->second.points});
+  }
+
+  void print_start(const std::pair<std::unique_ptr<MapMaker>, SeedResult>& started, const SeedProposal& proposal) {
+    const KeyframePose* first = snapshot_->find(started.second.first_keyframe);
+    const KeyframePose* second = snapshot_->find(started.second.second_keyframe);
+    if (first == nullptr || second == nullptr) return;
+    const SE3 step = second->camera_from_map * first->camera_from_map.inverse();
+    const Eigen::Vector3d t = step.translation();
+    const Eigen::Vector3d r = so3_log(step.rotation());
+    std::printf("start: %.6f %.6f depth %.3f t %.5f %.5f %.5f r %.5f %.5f %.5f\n", proposal.first_time.seconds(),
+                proposal.second_time.seconds(), static_cast<double>(first->mean_depth), t.x(), t.y(), t.z(), r.x(),
+                r.y(), r.z());
   }
 
   void offer(const KeyframeProposal& proposal, const Frame& frame) {
@@ -241,6 +258,7 @@ Status run(const Arguments& arguments) {
     if (!*next) break;
     if (i++ < arguments.skip) continue;
     engine.frame(**next, trajectory ? &*trajectory : nullptr);
+    if (engine.done()) break;
   }
   engine.report();
   return {};
@@ -259,6 +277,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", arguments.seed, "of every random choice");
   app.add_option("--skip", arguments.skip, "frames passed over at the start");
   app.add_option("--frames", arguments.frames, "frames read at most");
+  app.add_option("--after-start", arguments.after_start, "frames tracked at most once there is a map");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
