@@ -99,6 +99,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   message.first_image = encode_image(*proposal.first_image, encoding_);
   message.second_image = encode_image(*proposal.second_image, encoding_);
   message.trails = proposal.trails;
+  message.second_from_first = proposal.second_from_first;
   return message;
 }
 

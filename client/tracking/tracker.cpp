@@ -22,7 +22,8 @@ constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTA
 constexpr int kRefineIterations = 8;  // ptam.md 5
 constexpr int kLargeAttempted = 10;   // ptam.md 8
 constexpr int kFewestFound = 15;      // inliers below which no pose is believed
-constexpr int kEnoughForKeyframe = 80;  // points found: the pose is sound although most of the map is out of sight
+constexpr int kEnoughForKeyframe =
+    80;  // points found: the pose is sound although most of the map is out of sight
 constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
 constexpr int kFewestFromTrails = 20;
@@ -327,21 +328,24 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, Verdict 
   result.pose_measured = true;
   result.mean_depth = mean_depth;
   if (verdict == Verdict::kGood) places.remember(now(), reference, camera_from_reference, mean_depth);
-  if (options.make_keyframes && (verdict == Verdict::kGood || result.found >= kEnoughForKeyframe)) propose_keyframe();
+  if (options.make_keyframes && (verdict == Verdict::kGood || result.found >= kEnoughForKeyframe))
+    propose_keyframe();
 }
 
 void Tracker::State::propose_keyframe() {
   const KeyframePose* nearest = map->find(reference);
   if (nearest == nullptr) return;
-  // A view of which the map knows less and less needs a keyframe sooner: what is new in it must become points while the
-  // camera can still be placed by the old ones.
+  // A view of which the map knows less and less needs a keyframe sooner: what is new in it must become points
+  // while the camera can still be placed by the old ones.
   most_found = std::max(most_found, result.found);
-  const bool running_out = static_cast<float>(result.found) < options.running_out * static_cast<float>(most_found);
+  const bool in_need =
+      static_cast<float>(result.found) < options.running_out * static_cast<float>(most_found);
   const double distance = camera_from_reference.center().norm() / mean_depth;
-  if (distance < options.keyframe_distance * (running_out ? options.running_out_distance : 1.0)) return;
+  if (distance < options.keyframe_distance * (in_need ? options.need_distance : 1.0)) return;
   // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
-  const double wait = running_out ? options.frames_between_keyframes / 4
-                                  : options.frames_between_keyframes * std::max(0.25, options.keyframe_distance / distance);
+  const double wait =
+      in_need ? options.frames_between_keyframes / 4
+              : options.frames_between_keyframes * std::max(0.25, options.keyframe_distance / distance);
   if (since_keyframe < wait) return;
   KeyframeProposal proposal{map->map, map->epoch, map->revision, reference, camera_from_reference, {}};
   for (const VisiblePoint& p : visible) {

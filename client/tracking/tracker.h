@@ -56,8 +56,9 @@ struct TrackerOptions {
   int frames_between_keyframes = 20;
   double keyframe_distance =
       0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  float running_out = 0.7F;           ///< of the points found at best since the last keyframe: below, one is needed soon
-  double running_out_distance = 0.3;  ///< of keyframe_distance, which is enough then
+  float running_out =
+      0.7F;  ///< of the points found at best since the last keyframe: below, one is needed soon
+  double need_distance = 0.3;  ///< of keyframe_distance, which is enough then
   int trail_count = 1000;      ///< trails begun in the first frame
   bool make_maps = true;       ///< seeds are proposed while there is no map
   bool make_keyframes = true;  ///< keyframes are proposed
@@ -71,6 +72,7 @@ struct SeedProposal {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
+  SE3 second_from_first;  ///< |translation| = 1
 };
 
 /// The present frame as a keyframe: to be sent as KeyframeOffer together with its image.

@@ -18,8 +18,10 @@ constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left cov
 constexpr float kFewestMovement =
     0.012F;                             // of the image width: median movement before the first two-view test
 constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
-constexpr float kMatchSigma = 0.7F;     // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;      // [px] what matching with the first patch may correct
+constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions
+constexpr size_t kMostWay = 64;
+constexpr float kMatchSigma = 0.7F;  // [px] of a sub-pixel trail
+constexpr float kMostDrift = 2.0F;   // [px] what matching with the first patch may correct
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
 /// picture.
@@ -65,6 +67,7 @@ void TrailFollower::restart() {
 
 void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {
   trails_.clear();
+  way_.clear();
   first_image_ = image;
   first_time_ = time;
   tried_at_movement_ = 0;
@@ -135,6 +138,7 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
     const Eigen::Vector2f expected = center + turn * (trail.now - center) + scale * motion.shift;
     return !follow_one(now, previous, expected, &trail);
   });
+  remember_way();
   const auto fewest =
       std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
   if (trails_.size() < fewest && !undecided_) {
@@ -161,6 +165,56 @@ Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, cons
   return refined.value_or(trail.now);
 }
 
+/// Keeps positions about every pixel of movement, so that any number of frames leaves some tens.
+void TrailFollower::remember_way() {
+  const float movement = median_movement();
+  if (movement < (way_.empty() ? 0.0F : way_.back()) + kWayStep) return;
+  if (way_.size() == kMostWay) return;
+  way_.push_back(movement);
+  for (FollowedTrail& t : trails_) t.path.push_back(t.now);
+}
+
+/// Trails drift from frame to frame; matching the second view with the first tells how much, and the drift
+/// grew on the way.
+std::vector<ThirdView> TrailFollower::views_between(const SeedProposal& proposal, float movement) const {
+  std::vector<ThirdView> views;
+  for (const float share : {0.25F, 0.5F, 0.75F}) {
+    const auto at = std::lower_bound(way_.begin(), way_.end(), share * movement);
+    if (at == way_.end() || *at >= movement) continue;
+    const float way = *at / movement;
+    const auto index = static_cast<size_t>(at - way_.begin());
+    ThirdView view{way, {}};
+    for (size_t i = 0; i < trails_.size(); ++i) {
+      const Eigen::Vector2f drift = proposal.trails[i].second - trails_[i].now;
+      view.pixels.push_back((trails_[i].path[index] + way * drift).cast<double>());
+    }
+    views.push_back(std::move(view));
+  }
+  return views;
+}
+
+tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
+                                                                   const SeedProposal& proposal,
+                                                                   float movement) const {
+  TwoViewOptions options;
+  options.sigma = kMatchSigma;
+  options.seed = options_.seed;
+  const auto motions = find_motions(*camera_, *camera_, matches, options);
+  if (!motions) return tl::unexpected(motions.error());
+  size_t best = 0;
+  if (motions->b_from_a.size() > 1) {
+    const auto choice =
+        choose_motion(*camera_, matches, motions->b_from_a, views_between(proposal, movement), kMatchSigma);
+    if (!choice.decided) {
+      return tl::unexpected<TwoViewFailure>(
+          {TwoViewRefusal::kAmbiguous,
+           "two motions explain the matches: move the camera on, in another direction"});
+    }
+    best = choice.best;
+  }
+  return build_two_view(*camera_, *camera_, matches, motions->model, motions->b_from_a[best], options);
+}
+
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
                                                    const FrameImages& now) {
   if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
@@ -173,7 +227,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
   if (movement < kMoreMovement * tried_at_movement_) return std::nullopt;
   tried_at_movement_ = movement;
 
-  SeedProposal proposal{first_time_, time, first_image_, image, {}};
+  SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
   proposal.trails.reserve(trails_.size());
   matches.reserve(trails_.size());
@@ -182,16 +236,14 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
     proposal.trails.push_back({t.id, t.first, second});
     matches.push_back({t.first.cast<double>(), second.cast<double>()});
   }
-  TwoViewOptions two_view;
-  two_view.sigma = kMatchSigma;
-  two_view.seed = options_.seed;
-  const auto geometry = estimate_two_view(*camera_, *camera_, matches, two_view);
+  const auto geometry = judge(matches, proposal, movement);
   if (!geometry) {
     note_ = geometry.error().message;
     return std::nullopt;
   }
   note_ = fmt::format("proposed a map: {} trails, parallax {:.1f} degrees", geometry->inliers,
                       geometry->median_parallax * 180 / M_PI);
+  proposal.second_from_first = geometry->b_from_a;
   undecided_ = true;
   return proposal;
 }

@@ -8,6 +8,7 @@
 #include "client/tracking/frame_images.h"
 #include "client/tracking/tracker.h"
 #include "common/geometry/camera.h"
+#include "common/geometry/third_view.h"
 #include "common/image/patch.h"
 
 namespace cairn {
@@ -47,6 +48,7 @@ class TrailFollower {
     TrailId id;
     Eigen::Vector2f first = Eigen::Vector2f::Zero();
     Eigen::Vector2f now = Eigen::Vector2f::Zero();
+    std::vector<Eigen::Vector2f> path;  ///< one position per entry of way_
     SourcePatch first_patch{};
   };
 
@@ -55,6 +57,11 @@ class TrailFollower {
                                 const Eigen::Vector2f& expected, FollowedTrail* trail) const;
   [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now) const;
   [[nodiscard]] float median_movement() const;
+  void remember_way();
+  [[nodiscard]] std::vector<ThirdView> views_between(const SeedProposal& proposal, float movement) const;
+  [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
+                                                                    const SeedProposal& proposal,
+                                                                    float movement) const;
 
   CameraPtr camera_;
   TrackerOptions options_;
@@ -63,6 +70,7 @@ class TrailFollower {
   uint64_t next_id_ = 1;
   GrayImagePtr first_image_;
   Timestamp first_time_;
+  std::vector<float> way_;       ///< [px] median movement at the frames whose positions the trails keep
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
   bool undecided_ = false;
   std::string note_;

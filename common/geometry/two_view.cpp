@@ -19,6 +19,8 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kRefinements = 10;
+constexpr double kLeastSigma = 0.15;   ///< [px]
+constexpr double kRivalSupport = 0.8;  ///< of the best motion's: a motion with less is no rival
 constexpr double kMaxDirectionUncertainty = 20 / kDegrees;  ///< one sigma of the direction of the translation
 
 /// Squared residuals of every match under the model, in units of sigma.
@@ -292,16 +294,19 @@ bool decided(const Candidate& best, const Candidate& rival) {
   return side > std::max(20.0, 0.05 * n) || rival.cost - best.cost > std::max({30.0, 0.1 * n, luck});
 }
 
-/// Support (matches explained, 0..n) of the strongest rival of candidates[0] over its own; 0 if all are
-/// decided against.
-double ambiguity(const std::vector<Candidate>& candidates) {
+/// candidates[0] and those that the matches do not decide against.
+TwoViewMotions undecided(const std::vector<Candidate>& candidates, TwoViewModel model) {
   const double n = static_cast<double>(candidates[0].epipolar.size());
+  const auto support = [n](const Candidate& c) { return n - c.cost / kEpipolarCutoff; };
+  TwoViewMotions motions{model, {candidates[0].pose}};
   for (size_t i = 1; i < candidates.size(); ++i) {
-    if (same_motion(candidates[0].pose, candidates[i].pose) || decided(candidates[0], candidates[i]))
-      continue;
-    return (n - candidates[i].cost / kEpipolarCutoff) / (n - candidates[0].cost / kEpipolarCutoff);
+    const bool rival = support(candidates[i]) > kRivalSupport * support(candidates[0]) &&
+                       !decided(candidates[0], candidates[i]);
+    const bool known = std::any_of(motions.b_from_a.begin(), motions.b_from_a.end(),
+                                   [&](const SE3& pose) { return same_motion(pose, candidates[i].pose); });
+    if (rival && !known) motions.b_from_a.push_back(candidates[i].pose);
   }
-  return 0;
+  return motions;
 }
 
 /// Points of the matches under the pose, and how many of those that fit it have one.
@@ -383,6 +388,15 @@ std::vector<NormalisedMatch> normalise(const Camera& camera_a, const Camera& cam
   return normalised;
 }
 
+/// Standard deviation of the matches in units of the assumed one, by the median of what an epipolar geometry
+/// leaves.
+double measured_sigma(NormalisedMatches matches, const SE3& pose) {
+  Residuals residuals = epipolar_residuals(matches, pose);
+  const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+  std::nth_element(residuals.begin(), middle, residuals.end());
+  return 1.4826 * std::sqrt(*middle);
+}
+
 /// The camera turned or stood: which of the two, in words.
 TwoViewFailure rotation_failure(const Eigen::Matrix3d& rotation, double sigma_angle) {
   const double angle = so3_log(Eigen::Quaterniond(rotation)).norm();
@@ -393,23 +407,29 @@ TwoViewFailure rotation_failure(const Eigen::Matrix3d& rotation, double sigma_an
 
 }  // namespace
 
-tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& camera_a,
-                                                                const Camera& camera_b,
-                                                                std::span<const PixelMatch> matches,
-                                                                const TwoViewOptions& options) {
+tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a, const Camera& camera_b,
+                                                          std::span<const PixelMatch> matches,
+                                                          const TwoViewOptions& options) {
   std::vector<size_t> index;
-  const std::vector<NormalisedMatch> normalised =
-      normalise(camera_a, camera_b, matches, options.sigma, &index);
+  std::vector<NormalisedMatch> normalised = normalise(camera_a, camera_b, matches, options.sigma, &index);
   constexpr int kMinimalSample = 5;
   const auto count = static_cast<int>(normalised.size());
   if (count < std::max(options.min_matches, kMinimalSample)) {
     return refuse(TwoViewRefusal::kTooFewMatches,
                   text("%d matches, at least %d needed", count, options.min_matches));
   }
-
-  const Models models = fit_models(normalised, options);
-  const double enough = options.min_inlier_fraction * count;
-  if (models.rotation_inliers >= enough &&
+  Models models = fit_models(normalised, options);
+  const double noise = models.essential ? std::clamp(measured_sigma(normalised, *models.essential),
+                                                     kLeastSigma / options.sigma, 1.0)
+                                        : 1.0;
+  if (noise < 1) {
+    for (NormalisedMatch& m : normalised) {
+      m.variance_a *= noise * noise;
+      m.variance_b *= noise * noise;
+    }
+    models = fit_models(normalised, options);
+  }
+  if (models.rotation_inliers >= options.min_inlier_fraction * count &&
       models.gric_rotation <= std::min(models.gric_essential, models.gric_homography)) {
     return tl::unexpected(rotation_failure(*models.rotation, options.sigma / camera_a.focal_length()));
   }
@@ -419,12 +439,21 @@ tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& ca
   const auto candidates = candidates_of(normalised, models, model);
   if (candidates.empty())
     return refuse(TwoViewRefusal::kNoModel, "no motion puts the plane in front of both cameras");
+  return undecided(candidates, model);
+}
 
-  Structure structure =
-      build_structure(camera_a, camera_b, matches, index, normalised, candidates[0].pose, options);
+tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camera_a, const Camera& camera_b,
+                                                             std::span<const PixelMatch> matches,
+                                                             TwoViewModel model, const SE3& b_from_a,
+                                                             const TwoViewOptions& options) {
+  std::vector<size_t> index;
+  const std::vector<NormalisedMatch> normalised =
+      normalise(camera_a, camera_b, matches, options.sigma, &index);
+  const auto count = static_cast<int>(normalised.size());
+  Structure structure = build_structure(camera_a, camera_b, matches, index, normalised, b_from_a, options);
   structure.geometry.model = model;
-  const int fitting = count_below(epipolar_residuals(normalised, candidates[0].pose), kEpipolarCutoff);
-  if (fitting < enough) {
+  const int fitting = count_below(epipolar_residuals(normalised, b_from_a), kEpipolarCutoff);
+  if (fitting < options.min_inlier_fraction * count) {
     return refuse(TwoViewRefusal::kNoModel, text("only %d of %d matches fit one motion", fitting, count));
   }
   if (const double angle = structure.geometry.median_parallax; angle < options.min_median_parallax) {
@@ -437,14 +466,24 @@ tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& ca
                                                  100 * structure.good_fraction));
   }
   if (model == TwoViewModel::kEssential &&
-      direction_uncertainty(normalised, candidates[0].pose) > kMaxDirectionUncertainty) {
+      direction_uncertainty(normalised, b_from_a) > kMaxDirectionUncertainty) {
     return refuse(TwoViewRefusal::kNoModel, "the matches do not determine the direction of the motion");
   }
-  if (const double rival = ambiguity(candidates); rival > options.max_ambiguity) {
-    return refuse(TwoViewRefusal::kAmbiguous,
-                  text("two motions explain the matches, the second %.0f %% as well", 100 * rival));
-  }
   return std::move(structure.geometry);
+}
+
+tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& camera_a,
+                                                                const Camera& camera_b,
+                                                                std::span<const PixelMatch> matches,
+                                                                const TwoViewOptions& options) {
+  const auto motions = find_motions(camera_a, camera_b, matches, options);
+  if (!motions) return tl::unexpected(motions.error());
+  auto geometry = build_two_view(camera_a, camera_b, matches, motions->model, motions->b_from_a[0], options);
+  if (geometry && motions->b_from_a.size() > 1) {
+    return refuse(TwoViewRefusal::kAmbiguous,
+                  text("%zu motions explain the matches equally well", motions->b_from_a.size()));
+  }
+  return geometry;
 }
 
 }  // namespace cairn

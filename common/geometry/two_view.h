@@ -23,8 +23,7 @@ struct TwoViewOptions {
   double min_median_parallax = 1.2 * 3.14159265358979 / 180;  ///< [rad], over the inliers that triangulate
   double min_inlier_fraction = 0.6;
   double min_good_fraction =
-      0.7;                     ///< of the inliers: in front of both cameras and reprojected within 4 sigma
-  double max_ambiguity = 0.8;  ///< second best decomposition's score over the best's
+      0.7;  ///< of the inliers: in front of both cameras and reprojected within 4 sigma
   uint64_t seed = 1;
 };
 
@@ -46,12 +45,31 @@ struct TwoViewFailure {
   std::string message;
 };
 
+/// Motions that explain the matches of two views, best first. More than one when the matches do not tell them
+/// apart, as on a plane seen from two places near each other; a third view may (choose_motion).
+struct TwoViewMotions {
+  TwoViewModel model = TwoViewModel::kEssential;
+  std::vector<SE3> b_from_a;  ///< |translation| = 1; at least one
+};
+
 /// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC
 /// on pixels, scores compared as in Mur-Artal et al. (T-RO 2015, IV), homography decomposed after Faugeras
-/// and Lustman (1988), essential by SVD; all candidates of both judged by triangulation, robustly refined
-/// over all inliers (pose and points alternating or Gauss-Newton on the pose by Sampson error). Refuses pure
-/// rotation and a standing camera by the parallax that the noise does not explain. Deterministic for a seed.
-/// Safe to call from any thread.
+/// and Lustman (1988), essential by SVD; all candidates of both judged by the side of the camera on which
+/// points lie, robustly refined over all inliers by Sampson error. Refuses pure rotation and a standing
+/// camera by the parallax that the noise does not explain. Deterministic for a seed. Safe to call from any
+/// thread.
+[[nodiscard]] tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a,
+                                                                        const Camera& camera_b,
+                                                                        std::span<const PixelMatch> matches,
+                                                                        const TwoViewOptions& options = {});
+
+/// Points of the matches under a known motion; refused when too few fit it, or parallax or the matches'
+/// spread do not determine them.
+[[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(
+    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, TwoViewModel model,
+    const SE3& b_from_a, const TwoViewOptions& options = {});
+
+/// find_motions() and build_two_view() of the best, refused as ambiguous when it has rivals.
 [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(
     const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
     const TwoViewOptions& options = {});

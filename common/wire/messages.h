@@ -60,6 +60,7 @@ struct MapSeed {
   ImageMessage first_image;
   ImageMessage second_image;
   std::vector<Trail> trails;
+  SE3 second_from_first;  ///< as the tracker sees it, |translation| = 1
   std::string map_name;  ///< wished for; empty = the server names it
 };
 

@@ -31,7 +31,7 @@ CAIRN_MEMBERS(KeyframeBlock, a, b, c, d)
 CAIRN_MEMBERS(BlockVersion, a, b, c)
 CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
-CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k)
+CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m)
 CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
@@ -142,7 +142,7 @@ inline MapSeed RandomMessages::make() {
   const auto width = static_cast<uint32_t>(number(1, 320));
   const auto height = static_cast<uint32_t>(number(1, 240));
   MapSeed made{id<ClientId>(), command(), 1,  2,  coin(),  {static_cast<int64_t>(number(0, 1'000'000))},
-               {12345},        {},        {}, {}, text(40)};
+               {12345},        {},        {}, {}, pose(), text(40)};
   made.first_image = image(width, height);
   made.second_image = image(width, height);
   for (uint64_t i = 0, n = number(0, 300); i < n; ++i) made.trails.push_back({{number()}, pixel(), pixel()});

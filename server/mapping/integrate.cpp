@@ -173,8 +173,9 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
   }
   auto images = prepare_images(input.image->view());
-  const bool knows_little = static_cast<double>(judged->inliers.size()) <
-                            kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
+  const bool knows_little =
+      static_cast<double>(judged->inliers.size()) <
+      kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
   if (nearest.same_direction < needed && !knows_little &&
       unknown_fraction(*images, judged->inliers) < kNewAreaFraction) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));

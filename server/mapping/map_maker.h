@@ -44,6 +44,8 @@ struct SeedInput {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
+  SE3 second_from_first;  ///< the tracker's, |translation| = 1: of several motions that fit the two views,
+                          ///< the one meant
 };
 
 struct SeedResult {

@@ -32,13 +32,20 @@ size_t KeyframeImages::bytes() const {
   return total;
 }
 
+// Weaker than the 2008 limits (barrier 10, 70): in a compressed, slightly blurred picture those leave a thin
+// map, and alignment tells a weak patch from a useless one.
+constexpr int kCandidateBarrier = 6;
+constexpr int kCandidateBorder = 14;  // [px]
+constexpr float kMinShiTomasi = 20.0F;
+
 std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   auto images = std::make_shared<KeyframeImages>();
   images->pyramid.build(image);
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
-    images->candidates[i] = find_candidates(images->level(l), images->corners[i], 6, 14, 20.0F);
+    images->candidates[i] = find_candidates(images->level(l), images->corners[i], kCandidateBarrier,
+                                            kCandidateBorder, kMinShiTomasi);
     images->corners[i].corners.shrink_to_fit();
   }
   return images;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/mapping/seed.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
 #include "common/geometry/plane.h"
+#include "common/geometry/triangulation.h"
 #include "common/geometry/two_view.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/patch_view.h"
@@ -60,6 +62,17 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
     matches.push_back(m);
   }
   return matches;
+}
+
+/// Where two views do not tell motions apart, the tracker has seen more of them.
+SE3 nearest_motion(const std::vector<SE3>& motions, const SE3& wanted) {
+  const auto difference = [&wanted](const SE3& motion) {
+    return motion.rotation().angularDistance(wanted.rotation()) +
+           parallax(Eigen::Vector3d::Zero(), motion.translation(), wanted.translation());
+  };
+  return *std::min_element(motions.begin(), motions.end(), [&difference](const SE3& a, const SE3& b) {
+    return difference(a) < difference(b);
+  });
 }
 
 /// A point for each inlier whose patch is found where the geometry puts it.
@@ -147,7 +160,10 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   // should not fail here.
   constexpr double kTolerance = 0.8;
   two_view.min_median_parallax *= kTolerance;
-  const auto geometry = estimate_two_view(*input.camera, *input.camera, matches, two_view);
+  const auto motions = find_motions(*input.camera, *input.camera, matches, two_view);
+  if (!motions) return fail(ErrorCode::kDegenerate, motions.error().message);
+  const auto geometry = build_two_view(*input.camera, *input.camera, matches, motions->model,
+                                       nearest_motion(motions->b_from_a, input.second_from_first), two_view);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   map.keyframe(second).camera_from_map =
       SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);

@@ -28,6 +28,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.first_time = message.first_time;
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
+  job.input.second_from_first = message.second_from_first;
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;

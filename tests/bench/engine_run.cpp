@@ -56,6 +56,7 @@ struct Arguments {
   std::string source;
   std::string calibration;
   std::string trajectory;
+  std::string keyframes;
   uint64_t seed = 1;
   size_t skip = 0;
   size_t frames = SIZE_MAX;
@@ -88,6 +89,18 @@ class EngineRun {
     if (result.seed) seed(*result.seed, frame);
     if (result.keyframe) offer(*result.keyframe, frame);
     if (arguments_.verbose) print_frame(frame, result);
+  }
+
+  /// Keyframes as they are after the run.
+  Status write_keyframes(TrajectoryWriter* file) const {
+    for (const auto& [id, time] : keyframe_times_) {
+      const KeyframePose* keyframe = snapshot_ ? snapshot_->find(id) : nullptr;
+      if (keyframe == nullptr) continue;
+      auto written =
+          file->append(snapshot_->map, snapshot_->name, {time, keyframe->camera_from_map.inverse()});
+      if (!written) return written;
+    }
+    return {};
   }
 
   /// Enough frames were tracked with a map.
@@ -152,6 +165,7 @@ class EngineRun {
     input.first_image = proposal.first_image;
     input.second_image = proposal.second_image;
     input.trails = proposal.trails;
+    input.second_from_first = proposal.second_from_first;
     const double before = thread_cpu_ms();
     auto started = MapMaker::start(input, maker_options_);
     totals_.seed_ms.push_back(thread_cpu_ms() - before);
@@ -162,6 +176,8 @@ class EngineRun {
       return;
     }
     maker_ = std::move(started->first);
+    keyframe_times_ = {{started->second.first_keyframe, proposal.first_time},
+                       {started->second.second_keyframe, proposal.second_time}};
     work();
     totals_.first_map_frame = static_cast<long>(frame.index);
     std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n",
@@ -173,16 +189,17 @@ class EngineRun {
                              started->second.second_keyframe, started->second.points});
   }
 
-  void print_start(const std::pair<std::unique_ptr<MapMaker>, SeedResult>& started, const SeedProposal& proposal) {
+  void print_start(const std::pair<std::unique_ptr<MapMaker>, SeedResult>& started,
+                   const SeedProposal& proposal) {
     const KeyframePose* first = snapshot_->find(started.second.first_keyframe);
     const KeyframePose* second = snapshot_->find(started.second.second_keyframe);
     if (first == nullptr || second == nullptr) return;
     const SE3 step = second->camera_from_map * first->camera_from_map.inverse();
     const Eigen::Vector3d t = step.translation();
     const Eigen::Vector3d r = so3_log(step.rotation());
-    std::printf("start: %.6f %.6f depth %.3f t %.5f %.5f %.5f r %.5f %.5f %.5f\n", proposal.first_time.seconds(),
-                proposal.second_time.seconds(), static_cast<double>(first->mean_depth), t.x(), t.y(), t.z(), r.x(),
-                r.y(), r.z());
+    std::printf("start: %.6f %.6f depth %.3f t %.5f %.5f %.5f r %.5f %.5f %.5f\n",
+                proposal.first_time.seconds(), proposal.second_time.seconds(),
+                static_cast<double>(first->mean_depth), t.x(), t.y(), t.z(), r.x(), r.y(), r.z());
   }
 
   void offer(const KeyframeProposal& proposal, const Frame& frame) {
@@ -197,6 +214,7 @@ class EngineRun {
       return;
     }
     ++totals_.accepted;
+    keyframe_times_[decision.keyframe] = frame.time;
     work();
   }
 
@@ -226,6 +244,7 @@ class EngineRun {
   CpuProbe probe_;
   Totals totals_;
   std::map<std::string, size_t> refusals_;
+  std::map<KeyframeId, Timestamp> keyframe_times_;
 };
 
 Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& source) {
@@ -261,7 +280,10 @@ Status run(const Arguments& arguments) {
     if (engine.done()) break;
   }
   engine.report();
-  return {};
+  if (arguments.keyframes.empty()) return {};
+  auto file = TrajectoryWriter::open(arguments.keyframes);
+  if (!file) return tl::unexpected(file.error());
+  return engine.write_keyframes(&*file);
 }
 
 }  // namespace
@@ -274,6 +296,8 @@ int main(int argc, char** argv) {
       ->required();
   app.add_option("--calibration", arguments.calibration, "camera file; default: beside the source");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
+  app.add_option("--keyframes", arguments.keyframes,
+                 "TUM rows of the keyframes after the run are written here");
   app.add_option("--seed", arguments.seed, "of every random choice");
   app.add_option("--skip", arguments.skip, "frames passed over at the start");
   app.add_option("--frames", arguments.frames, "frames read at most");

@@ -17,6 +17,8 @@ SeedProposal make_seed_of(const Scene& scene, const SE3& first_pose, const SE3& 
   seed.second_time = {1};
   seed.first_image = scene.render(first_pose, 0);
   seed.second_image = scene.render(second_pose, 1);
+  const SE3 step = second_pose * first_pose.inverse();
+  seed.second_from_first = SE3(step.rotation(), step.translation().stableNormalized());
   CornerList corners;
   detect_fast10(*seed.first_image, 10, &corners);
   auto candidates = find_candidates(*seed.first_image, corners);

@@ -91,6 +91,7 @@ cairn_MapSeed encode(const MapSeed& message, Scratch* scratch) {
     put_vector(trail.first, out.first);
     put_vector(trail.second, out.second);
   });
+  sample.second_from_first = encode_pose(message.second_from_first);
   sample.map_name = borrow(message.map_name);
   return sample;
 }
@@ -113,6 +114,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
                     sample.first_image.height == sample.second_image.height,
                 "images of unequal size");
   check.count(sample.trails, kMaxTrails);
+  check.pose(sample.second_from_first);
   check.text(sample.map_name, kMaxNameBytes);
   if (!check.passed()) return unfit(check.what());
   MapSeed message = decode_key<MapSeed>(sample);
@@ -131,6 +133,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
     check.pixel(trail.second);
     message.trails.push_back({{trail.id}, get_vector(trail.first), get_vector(trail.second)});
   }
+  message.second_from_first = decode_pose(sample.second_from_first);
   message.map_name = get_text(sample.map_name);
   return checked_message(check, std::move(message));
 }
