@@ -191,6 +191,7 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   seen = TinyMotion{};  // the trails' pose is of this frame already
   if (!pose) bad_frames = options.lost_after_bad_frames;
   starting = false;
+  most_found = 0;
   awaited.reset();
   trails.restart();
   result.trails.clear();
