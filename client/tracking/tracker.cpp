@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
@@ -28,7 +29,11 @@ constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
 constexpr int kFewestFromTrails = 20;
 constexpr double kMinSquaredCutoff =
-    1.0;                        // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
+    1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
+// Where half of the matches are false (stripes, tiles, blur), their median is no measure of the noise, and a
+// cut-off from it lets them bend the pose by centimetres. A map that does not fit so well is tracked by the
+// second attempt, which has no ceiling.
+constexpr double kMaxSquaredCutoff = 9.0;
 constexpr float kWiden = 2.0F;  // second attempt, recovery: ptam.md 5 doubles points and radius
 
 class ScopedStage {
@@ -105,13 +110,14 @@ struct Tracker::State {
     float coarse_radius;
     float fine_radius;
     float fine_radius_after_coarse;
+    double max_squared_cutoff;  ///< of the pose's M-estimator, in units of sigma
   };
   [[nodiscard]] Effort normal_effort() const;
   [[nodiscard]] Effort wide_effort() const;
   [[nodiscard]] std::optional<SE3> coarse_stage(const SE3& start, const Effort& effort);
-  [[nodiscard]] std::optional<SE3> fine_stage(const SE3& start, float radius);
+  [[nodiscard]] std::optional<SE3> fine_stage(const SE3& start, const Effort& effort, float radius);
   [[nodiscard]] std::optional<SE3> locate(const SE3& start, const Effort& effort);
-  [[nodiscard]] std::optional<SE3> solve(const SE3& start, int iterations);
+  [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff);
   [[nodiscard]] Verdict judge() const;
 
   void track_map(Timestamp time);
@@ -211,16 +217,16 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
 }
 
 Tracker::State::Effort Tracker::State::normal_effort() const {
-  return {options.coarse_points, options.coarse_radius, options.fine_radius,
-          options.fine_radius_after_coarse};
+  return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse,
+          kMaxSquaredCutoff};
 }
 
 Tracker::State::Effort Tracker::State::wide_effort() const {
   return {2 * options.coarse_points, kWiden * options.coarse_radius, kWiden * options.fine_radius,
-          options.fine_radius};
+          options.fine_radius, std::numeric_limits<double>::infinity()};
 }
 
-std::optional<SE3> Tracker::State::solve(const SE3& start, int iterations) {
+std::optional<SE3> Tracker::State::solve(const SE3& start, double max_squared_cutoff) {
   const ScopedStage stage(probe, Stage::kPose);
   observations.clear();
   observed.clear();
@@ -231,8 +237,8 @@ std::optional<SE3> Tracker::State::solve(const SE3& start, int iterations) {
     observed.push_back(i);
   }
   PoseOptions pose_options;
-  pose_options.iterations = iterations;
   pose_options.min_squared_cutoff = kMinSquaredCutoff;
+  pose_options.max_squared_cutoff = max_squared_cutoff;
   const auto estimate = optimize_pose(*camera, start, observations, pose_options);
   if (!estimate) return std::nullopt;
   result.found = estimate->inliers;
@@ -243,7 +249,6 @@ std::optional<SE3> Tracker::State::solve(const SE3& start, int iterations) {
 }
 
 std::optional<SE3> Tracker::State::coarse_stage(const SE3& start, const Effort& effort) {
-  constexpr int kIterations = 10;
   const auto coarse_end = std::find_if(visible.begin(), visible.end(),
                                        [](const VisiblePoint& p) { return p.level < kCoarseLevel; });
   if (coarse_end - visible.begin() < kCoarseAvailable) return std::nullopt;
@@ -257,13 +262,12 @@ std::optional<SE3> Tracker::State::coarse_stage(const SE3& start, const Effort& 
     }
   }
   if (found < kCoarseFound) return std::nullopt;
-  const auto pose = solve(start, kIterations);
+  const auto pose = solve(start, effort.max_squared_cutoff);
   if (!pose || result.found < kCoarseFound) return std::nullopt;
   return pose;
 }
 
-std::optional<SE3> Tracker::State::fine_stage(const SE3& start, float radius) {
-  constexpr int kIterations = 10;
+std::optional<SE3> Tracker::State::fine_stage(const SE3& start, const Effort& effort, float radius) {
   {
     const ScopedStage stage(probe, Stage::kFine);
     std::erase_if(visible, [&](VisiblePoint& p) { return !p.found && !search.reproject(start, &p); });
@@ -272,7 +276,7 @@ std::optional<SE3> Tracker::State::fine_stage(const SE3& start, float radius) {
       if (!p.found) search.search(now(), radius, kRefineIterations, &p);
     }
   }
-  return solve(start, kIterations);
+  return solve(start, effort.max_squared_cutoff);
 }
 
 std::optional<SE3> Tracker::State::locate(const SE3& start, const Effort& effort) {
@@ -285,8 +289,8 @@ std::optional<SE3> Tracker::State::locate(const SE3& start, const Effort& effort
   if (!coarse) {
     for (VisiblePoint& p : visible) p.found = false;
   }
-  const auto pose =
-      fine_stage(coarse.value_or(start), coarse ? effort.fine_radius_after_coarse : effort.fine_radius);
+  const auto pose = fine_stage(coarse.value_or(start), effort,
+                               coarse ? effort.fine_radius_after_coarse : effort.fine_radius);
   result.attempted = static_cast<int>(visible.size());
   result.quality =
       visible.empty() ? 0 : static_cast<float>(result.found) / static_cast<float>(visible.size());

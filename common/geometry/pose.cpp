@@ -82,7 +82,7 @@ double cutoff_for(const std::vector<Linearised>& linearised, int iteration, cons
   for (const auto& o : linearised) {
     if (o.in_view) scratch.push_back(o.squared);
   }
-  return std::max(tukey_squared_cutoff(scratch), options.min_squared_cutoff);
+  return std::clamp(tukey_squared_cutoff(scratch), options.min_squared_cutoff, options.max_squared_cutoff);
 }
 
 NormalEquations accumulate(const std::vector<Linearised>& linearised, double cutoff) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -19,8 +20,11 @@ struct PointObservation {
 struct PoseOptions {
   int iterations = 10;
   double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, in units of sigma
-  double prior = 0.0;                ///< added to the diagonal of the normal equations (100 in ptam.md 5)
-  int fixed_cutoff_after = 1000;     ///< from this iteration on use `late_squared_cutoff`
+  double max_squared_cutoff =
+      std::numeric_limits<double>::infinity();  ///< and its ceiling: when most matches are false, their
+                                                ///< median is no measure
+  double prior = 0.0;             ///< added to the diagonal of the normal equations (100 in ptam.md 5)
+  int fixed_cutoff_after = 1000;  ///< from this iteration on use `late_squared_cutoff`
   double late_squared_cutoff = 16.0;
 };
 
