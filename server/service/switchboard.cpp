@@ -6,6 +6,7 @@
 #include <exception>
 #include <utility>
 
+#include "common/base/version.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -190,7 +191,7 @@ void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
   const wire::ServerStatus status{options_.server,
                                   options_.start_count,
-                                  CAIRN_VERSION,
+                                  std::string(version()),
                                   "ok",
                                   static_cast<uint32_t>(presence_.live_count(now)),
                                   static_cast<uint32_t>(maps_.live_count()),
