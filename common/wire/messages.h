@@ -26,7 +26,6 @@ struct CommandId {
 };
 
 // ---- client -> server
-// -------------------------------------------------------------------------------------------------
 
 /// Topic Camera: state, keyed by (client, camera).
 struct CameraMessage {
@@ -95,7 +94,6 @@ struct TrackerStateMessage {
 };
 
 // ---- server -> client
-// -------------------------------------------------------------------------------------------------
 
 /// Topic ServerStatus: state, liveliness MANUAL_BY_TOPIC 1 s (asserted by every write).
 struct ServerStatus {
