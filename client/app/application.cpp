@@ -53,17 +53,16 @@ Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& so
 
 /// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as
 /// memory allows it is decoded before the clock starts, else ahead of it.
-Result<std::unique_ptr<FrameSource>> decode_ahead(std::unique_ptr<FrameSource> source,
-                                                  const TrackOptions& options, const Camera& camera,
-                                                  const Logger& log,
-                                                  const std::function<bool()>& stop_requested) {
+std::unique_ptr<FrameSource> decode_ahead(std::unique_ptr<FrameSource> source, const TrackOptions& options,
+                                          const Camera& camera, const Logger& log,
+                                          const std::function<bool()>& stop_requested) {
   const size_t frame_bytes = static_cast<size_t>(camera.width()) * static_cast<size_t>(camera.height());
   const auto count = source->frame_count();
   if (options.pace == Pace::kRealtime && count && *count <= kPreloadBytes / frame_bytes) {
     log->info("decoding {} frames before the clock starts", *count);
     return std::make_unique<MemorySource>(*source, stop_requested);
   }
-  return DecodeAhead::start(std::move(source), {});
+  return std::make_unique<DecodeAhead>(std::move(source));
 }
 
 TrackerOptions tracker_options(const TrackOptions& options) {
@@ -185,12 +184,11 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log,
   auto session = Session::open(session_options(options), *camera, log);
   if (!session) return tl::unexpected(session.error());
   auto ahead = decode_ahead(std::move(*source), options, **camera, log, stop_requested);
-  if (!ahead) return tl::unexpected(ahead.error());
   return Run{options,
              log,
              stop_requested,
              std::move(*camera),
-             std::move(*ahead),
+             std::move(ahead),
              std::move(*session),
              std::move(*outputs)};
 }

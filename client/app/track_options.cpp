@@ -7,20 +7,17 @@
 #include <algorithm>
 #include <cctype>
 #include <map>
-#include <numeric>
 #include <utility>
 
+#include "common/base/suggestion.h"
+#include "common/base/version.h"
 #include "common/map/ids.h"
-
-#ifndef CAIRN_VERSION
-#define CAIRN_VERSION "unknown"
-#endif
+#include "common/wire/participant.h"
 
 namespace cairn {
 namespace {
 
 constexpr int kUsageExit = 2;
-constexpr int kMaxDomain = 230;  // the server's ports, 7400 + 250 domain + ..., end at 65535
 constexpr size_t kMaxName = 32;
 
 constexpr const char* kDescription =
@@ -36,35 +33,12 @@ constexpr const char* kFooter =
 const std::map<std::string, Pace> kPaces = {
     {"realtime", Pace::kRealtime}, {"lockstep", Pace::kLockstep}, {"max", Pace::kMax}};
 
-/// Levenshtein distance.
-size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), size_t{0});
-  for (size_t i = 0; i < a.size(); ++i) {
-    size_t diagonal = std::exchange(row[0], i + 1);
-    for (size_t j = 0; j < b.size(); ++j) {
-      const size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
-    }
-  }
-  return row.back();
-}
-
-/// ", did you mean --pace?" for the option nearest to an unknown one; empty when none is near.
-std::string suggestion(const CLI::App& app, const std::string& unknown) {
-  const std::string word = unknown.substr(0, unknown.find('='));
-  std::string best;
-  size_t best_distance = word.size() / 2;
+std::vector<std::string> option_names(const CLI::App& app) {
+  std::vector<std::string> names;
   for (const auto* option : app.get_options()) {
-    for (const auto& name : option->get_lnames()) {
-      const size_t distance = edit_distance(word, "--" + name);
-      if (distance >= best_distance) continue;
-      best_distance = distance;
-      best = name;
-    }
+    for (const auto& name : option->get_lnames()) names.push_back("--" + name);
   }
-  return best.empty() ? "" : "; did you mean --" + best + "?";
+  return names;
 }
 
 /// The words as the user types them; where they differ from TrackOptions, they are translated after parsing.
@@ -98,7 +72,7 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("HOST")
       ->capture_default_str();
   app.add_option("--domain", options.domain, "DDS domain")
-      ->check(CLI::Range(0, kMaxDomain))
+      ->check(CLI::Range(0U, wire::kMaxDomain))
       ->capture_default_str();
   app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
       ->type_name("loopback|wifi|FILE");
@@ -125,7 +99,7 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("FILE");
   app.add_flag("-v,--verbose", words.verbose, "more words");
   app.add_flag("-q,--quiet", words.quiet, "warnings only");
-  app.set_version_flag("--version", "cairn-track " CAIRN_VERSION);
+  app.set_version_flag("--version", "cairn-track " + std::string(version()));
 }
 
 std::optional<std::filesystem::path> path_or_nothing(const std::string& text) {
@@ -160,7 +134,8 @@ ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
     return {0, std::string(error.what()) + "\n"};
   const auto unknown = app.remaining();
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
-    return usage("unknown argument '" + unknown.front() + "'" + suggestion(app, unknown.front()));
+    const std::string word = unknown.front().substr(0, unknown.front().find('='));
+    return usage("unknown argument '" + unknown.front() + "'" + did_you_mean(word, option_names(app)));
   }
   return usage(error.what());
 }

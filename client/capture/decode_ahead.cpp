@@ -2,30 +2,15 @@
 #include "client/capture/decode_ahead.h"
 
 #include <algorithm>
-#include <limits>
 
 namespace cairn {
 
-Result<std::unique_ptr<DecodeAhead>> DecodeAhead::start(std::unique_ptr<FrameSource> source,
-                                                        const DecodeAheadOptions& options) {
-  if (options.preload && source->is_live()) {
-    return fail(ErrorCode::kUsage, source->describe() + ": a live source cannot be preloaded");
-  }
-  size_t capacity = std::max<size_t>(1, options.queue_frames);
-  if (options.preload) capacity = std::numeric_limits<size_t>::max();
-  if (source->is_live()) capacity = 1;
-  std::unique_ptr<DecodeAhead> ahead(
-      new DecodeAhead(std::move(source), capacity));  // NOLINT: private constructor
-  if (options.preload) ahead->wait_until_decoded();
-  return ahead;
-}
-
-DecodeAhead::DecodeAhead(std::unique_ptr<FrameSource> source, size_t capacity)
+DecodeAhead::DecodeAhead(std::unique_ptr<FrameSource> source, size_t queue_frames)
     : frame_count_(source->frame_count()),
       calibration_(source->builtin_calibration()),
       description_(source->describe()),
       is_live_(source->is_live()),
-      capacity_(capacity),
+      capacity_(is_live_ ? 1 : std::max<size_t>(1, queue_frames)),
       source_(std::move(source)),
       thread_([this] { run(); }) {}
 
@@ -66,11 +51,6 @@ Result<std::optional<Frame>> DecodeAhead::next() {
   queue_.pop_front();
   changed_.notify_all();
   return item;
-}
-
-void DecodeAhead::wait_until_decoded() {
-  std::unique_lock lock(mutex_);
-  changed_.wait(lock, [this] { return at_end_; });
 }
 
 }  // namespace cairn

@@ -10,19 +10,13 @@
 
 namespace cairn {
 
-struct DecodeAheadOptions {
-  size_t queue_frames = 30;  ///< decoded frames kept at most; a live source keeps only its newest
-  bool preload = false;  ///< decode all before the first frame is given out (a 640x480 frame takes 0.3 MB)
-};
-
 /// Decodes a source in a thread of its own, so that next() of the frame loop only takes a finished picture.
 /// Frames and errors come out in the order of the source. A recording waits for the consumer; a live source
 /// does not: what the consumer is too slow for is dropped, oldest first, and shows as a gap in Frame::index.
 class DecodeAhead final : public FrameSource {
  public:
-  /// Starts to decode; with `preload` returns when all is decoded. kUsage for preloading a live source.
-  [[nodiscard]] static Result<std::unique_ptr<DecodeAhead>> start(std::unique_ptr<FrameSource> source,
-                                                                  const DecodeAheadOptions& options = {});
+  /// Starts to decode and keeps at most `queue_frames` (at least one) frames of a recording.
+  explicit DecodeAhead(std::unique_ptr<FrameSource> source, size_t queue_frames = 30);
   /// Waits for the frame being decoded, discards the rest.
   ~DecodeAhead() override;
   DecodeAhead(const DecodeAhead&) = delete;
@@ -35,9 +29,7 @@ class DecodeAhead final : public FrameSource {
   bool is_live() const override { return is_live_; }
 
  private:
-  DecodeAhead(std::unique_ptr<FrameSource> source, size_t capacity);
   void run();
-  void wait_until_decoded();
 
   // Copies of what the source says of itself: the source belongs to the thread.
   const std::optional<size_t> frame_count_;

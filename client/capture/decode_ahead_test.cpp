@@ -55,56 +55,46 @@ bool eventually(Condition condition) {
   return true;
 }
 
-std::unique_ptr<DecodeAhead> start(Probe& probe, int count, bool live, const DecodeAheadOptions& options) {
-  auto ahead = DecodeAhead::start(std::make_unique<FakeSource>(count, live, probe), options);
-  EXPECT_TRUE(ahead);
-  return std::move(*ahead);
+std::unique_ptr<FrameSource> fake(Probe& probe, int count, bool live) {
+  return std::make_unique<FakeSource>(count, live, probe);
 }
 
 TEST(DecodeAhead, GivesFramesAndErrorsInOrderThenTheEndForEver) {
-  for (const bool preload : {false, true}) {
-    Probe probe;
-    const auto ahead = start(probe, 50, false, {.queue_frames = 4, .preload = preload});
-    for (int i = 0; i < 50; ++i) {
-      const auto item = ahead->next();
-      ASSERT_EQ(item.has_value(), i % 3 != 2) << i;
-      if (item) {
-        ASSERT_TRUE(item->has_value());
-        EXPECT_EQ((*item)->index, static_cast<uint64_t>(i));
-      } else {
-        EXPECT_EQ(item.error().message, "frame " + std::to_string(i));
-      }
+  Probe probe;
+  DecodeAhead ahead(fake(probe, 50, false), 4);
+  for (int i = 0; i < 50; ++i) {
+    const auto item = ahead.next();
+    ASSERT_EQ(item.has_value(), i % 3 != 2) << i;
+    if (item) {
+      ASSERT_TRUE(item->has_value());
+      EXPECT_EQ((*item)->index, static_cast<uint64_t>(i));
+    } else {
+      EXPECT_EQ(item.error().message, "frame " + std::to_string(i));
     }
-    for (int i = 0; i < 3; ++i) EXPECT_FALSE(ahead->next()->has_value());
   }
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(ahead.next()->has_value());
 }
 
 TEST(DecodeAhead, KeepsAtMostTheQueueAhead) {
   Probe probe;
-  const auto ahead = start(probe, 1000, false, {.queue_frames = 5});
+  DecodeAhead ahead(fake(probe, 1000, false), 5);
   ASSERT_TRUE(eventually([&] { return probe.decoded == 5; }));
   for (int taken = 1; taken <= 20; ++taken) {
-    (void)ahead->next();
+    (void)ahead.next();
     ASSERT_TRUE(eventually([&] { return probe.decoded == 5 + taken; }));
     ASSERT_LE(probe.decoded, 5 + taken);
   }
 }
 
-TEST(DecodeAhead, PreloadHasAllBeforeTheFirstFrame) {
-  Probe probe;
-  const auto ahead = start(probe, 200, false, {.queue_frames = 5, .preload = true});
-  EXPECT_EQ(probe.decoded, 200);
-}
-
 TEST(DecodeAhead, ALiveSourceKeepsOnlyItsNewest) {
   Probe probe;
-  const auto ahead = start(probe, 101, true, {.queue_frames = 30});
+  DecodeAhead ahead(fake(probe, 101, true), 30);
   ASSERT_TRUE(eventually([&] { return probe.decoded == 101; }));
   // The thread may still be queueing the last frame: take until the end, what comes is ascending and ends
   // with the last.
   std::optional<uint64_t> last;
   while (true) {
-    const auto item = ahead->next();
+    const auto item = ahead.next();
     if (item && !item->has_value()) break;
     if (item) {
       EXPECT_TRUE(!last || (*item)->index > *last);
@@ -115,25 +105,18 @@ TEST(DecodeAhead, ALiveSourceKeepsOnlyItsNewest) {
   EXPECT_EQ(last, 100u);
 }
 
-TEST(DecodeAhead, ALiveSourceCannotBePreloaded) {
-  Probe probe;
-  const auto ahead = DecodeAhead::start(std::make_unique<FakeSource>(3, true, probe), {.preload = true});
-  ASSERT_FALSE(ahead);
-  EXPECT_EQ(ahead.error().code, ErrorCode::kUsage);
-}
-
 TEST(DecodeAhead, SaysOfItselfWhatTheSourceSays) {
   Probe probe;
-  const auto ahead = start(probe, 7, true, {});
-  EXPECT_EQ(ahead->frame_count(), 7u);
-  EXPECT_EQ(ahead->describe(), "fake");
-  EXPECT_TRUE(ahead->is_live());
-  EXPECT_EQ(ahead->builtin_calibration()->values.size(), 4u);
+  const DecodeAhead ahead(fake(probe, 7, true));
+  EXPECT_EQ(ahead.frame_count(), 7u);
+  EXPECT_EQ(ahead.describe(), "fake");
+  EXPECT_TRUE(ahead.is_live());
+  EXPECT_EQ(ahead.builtin_calibration()->values.size(), 4u);
 }
 
 TEST(DecodeAhead, EndsWithFramesLeft) {
   Probe probe;
-  { const auto ahead = start(probe, 1'000'000, false, {.queue_frames = 3}); }
+  { const DecodeAhead ahead(fake(probe, 1'000'000, false), 3); }
   EXPECT_TRUE(probe.destroyed);
   EXPECT_LT(probe.decoded, 1'000'000);
 }

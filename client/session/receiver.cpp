@@ -32,25 +32,19 @@ SessionId random_session() {
 
 Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
-  const std::string partition = wire::client_partition(client_name);
-  auto status = wire::Reader<wire::ServerStatus>::create(participant, partition);
-  if (!status) return tl::unexpected(status.error());
-  auto maps = wire::Reader<wire::MapInfo>::create(participant, partition);
-  if (!maps) return tl::unexpected(maps.error());
-  auto seeds = wire::Reader<wire::SeedVerdict>::create(participant, partition);
-  if (!seeds) return tl::unexpected(seeds.error());
-  auto offers = wire::Reader<wire::OfferVerdict>::create(participant, partition);
-  if (!offers) return tl::unexpected(offers.error());
+  auto readers = wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
+                                  wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>>(
+      participant, wire::client_partition(client_name));
+  if (!readers) return tl::unexpected(readers.error());
+  auto& [status, maps, seeds, offers] = *readers;
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  for (const wire::ReaderBase* reader :
-       {static_cast<const wire::ReaderBase*>(&*status), static_cast<const wire::ReaderBase*>(&*maps),
-        static_cast<const wire::ReaderBase*>(&*seeds), static_cast<const wire::ReaderBase*>(&*offers)}) {
-    if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
+  if (Status attached = waiter->attach({status, maps, seeds, offers}); !attached) {
+    return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Receiver>(
       new Receiver(state, participant, client_name,
-                   {std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers)},
+                   {std::move(status), std::move(maps), std::move(seeds), std::move(offers)},
                    std::move(*waiter), std::move(log)));
 }
 
@@ -193,21 +187,15 @@ void Receiver::follow_map_in_use() {
 }
 
 Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
-  const std::string partition = wire::map_partition(client_name_, map);
-  auto patches = wire::Reader<wire::PointPatches>::create(participant_, partition);
-  if (!patches) return tl::unexpected(patches.error());
-  auto positions = wire::Reader<wire::PointPositions>::create(participant_, partition);
-  if (!positions) return tl::unexpected(positions.error());
-  auto keyframes = wire::Reader<wire::KeyframePoses>::create(participant_, partition);
-  if (!keyframes) return tl::unexpected(keyframes.error());
-  auto commits = wire::Reader<wire::MapCommit>::create(participant_, partition);
-  if (!commits) return tl::unexpected(commits.error());
-  for (const wire::ReaderBase* reader :
-       {static_cast<const wire::ReaderBase*>(&*patches), static_cast<const wire::ReaderBase*>(&*positions),
-        static_cast<const wire::ReaderBase*>(&*keyframes), static_cast<const wire::ReaderBase*>(&*commits)}) {
-    if (Status attached = waiter_.attach(*reader); !attached) return tl::unexpected(attached.error());
+  auto readers = wire::create_all<wire::Reader<wire::PointPatches>, wire::Reader<wire::PointPositions>,
+                                  wire::Reader<wire::KeyframePoses>, wire::Reader<wire::MapCommit>>(
+      participant_, wire::map_partition(client_name_, map));
+  if (!readers) return tl::unexpected(readers.error());
+  auto& [patches, positions, keyframes, commits] = *readers;
+  if (Status attached = waiter_.attach({patches, positions, keyframes, commits}); !attached) {
+    return tl::unexpected(attached.error());
   }
-  return MapChannel{std::move(*patches), std::move(*positions), std::move(*keyframes), std::move(*commits),
+  return MapChannel{std::move(patches), std::move(positions), std::move(keyframes), std::move(commits),
                     Replica(map)};
 }
 

@@ -19,20 +19,17 @@ constexpr milliseconds kMostStateInterval{
 Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::Participant& participant,
                                               const std::string& partition, const CameraParameters& camera,
                                               wire::ImageEncoding encoding, Logger log) {
-  auto cameras = wire::Writer<wire::CameraMessage>::create(participant, partition);
-  if (!cameras) return tl::unexpected(cameras.error());
-  auto tracker = wire::Writer<wire::TrackerStateMessage>::create(participant, partition);
-  if (!tracker) return tl::unexpected(tracker.error());
-  auto seeds = wire::Writer<wire::MapSeed>::create(participant, partition);
-  if (!seeds) return tl::unexpected(seeds.error());
-  auto offers = wire::Writer<wire::KeyframeOffer>::create(participant, partition);
-  if (!offers) return tl::unexpected(offers.error());
+  auto writers = wire::create_all<wire::Writer<wire::CameraMessage>, wire::Writer<wire::TrackerStateMessage>,
+                                  wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>>(participant,
+                                                                                                  partition);
+  if (!writers) return tl::unexpected(writers.error());
+  auto& [cameras, tracker, seeds, offers] = *writers;
   wire::CameraMessage message;
   message.client = state.client;
   message.parameters = camera;
-  if (Status written = cameras->write(message); !written) return tl::unexpected(written.error());
+  if (Status written = cameras.write(message); !written) return tl::unexpected(written.error());
   return std::unique_ptr<Sender>(
-      new Sender(state, {std::move(*cameras), std::move(*tracker), std::move(*seeds), std::move(*offers)},
+      new Sender(state, {std::move(cameras), std::move(tracker), std::move(seeds), std::move(offers)},
                  encoding, std::move(log)));
 }
 

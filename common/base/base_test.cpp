@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <regex>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
+#include "common/base/suggestion.h"
 #include "common/base/time.h"
+#include "common/base/version.h"
 
 namespace cairn {
 namespace {
@@ -34,6 +37,21 @@ TEST(Log, VerbosityChoosesTheLevel) {
   EXPECT_FALSE(make_logger("t", -1)->should_log(spdlog::level::info));
   EXPECT_TRUE(make_logger("t", 0)->should_log(spdlog::level::info));
   EXPECT_TRUE(make_logger("t", 1)->should_log(spdlog::level::debug));
+}
+
+TEST(DidYouMean, NamesTheNearestWordWithinHalfTheLength) {
+  const std::vector<std::string> valid = {"--profile", "--domain", "--name"};
+  for (const std::string& word : valid) EXPECT_EQ(did_you_mean(word, valid), "; did you mean " + word + "?");
+  EXPECT_EQ(did_you_mean("--domian", valid), "; did you mean --domain?");
+  EXPECT_EQ(did_you_mean("--nam", valid), "; did you mean --name?");
+  EXPECT_EQ(did_you_mean("--xyzzy-xyzzy", valid), "");
+  EXPECT_EQ(did_you_mean("--name", {}), "");
+  EXPECT_EQ(did_you_mean("", valid), "");
+}
+
+TEST(Version, IsTheProjectsAndTheCommits) {
+  const std::regex form(R"(\d+\.\d+\.\d+(\+g[0-9a-f]{8,}(\.dirty)?)?)");
+  EXPECT_TRUE(std::regex_match(std::string(version()), form)) << version();
 }
 
 }  // namespace

@@ -22,7 +22,6 @@ float sum_of_lanes(__m128 v) {
 }
 
 // ---- Blur
-// ----------------------------------------------------------------------------------------------------------
 
 /// One half of a normalised Gaussian: weights of distances 0 .. radius.
 void gaussian(float sigma, int radius, float* weights) {
@@ -69,7 +68,6 @@ void subtract_mean(float* values, size_t n) {
 }
 
 // ---- Alignment
-// -----------------------------------------------------------------------------------------------------
 
 constexpr int kMaxAlignWidth = 512;  ///< px; bounds the rows kept on the stack
 

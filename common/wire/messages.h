@@ -26,7 +26,6 @@ struct CommandId {
 };
 
 // ---- client -> server
-// -------------------------------------------------------------------------------------------------
 
 /// Topic Camera: state, keyed by (client, camera).
 struct CameraMessage {
@@ -61,7 +60,7 @@ struct MapSeed {
   ImageMessage second_image;
   std::vector<Trail> trails;
   SE3 second_from_first;  ///< as the tracker sees it, |translation| = 1
-  std::string map_name;  ///< wished for; empty = the server names it
+  std::string map_name;   ///< wished for; empty = the server names it
 };
 
 /// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.
@@ -95,7 +94,6 @@ struct TrackerStateMessage {
 };
 
 // ---- server -> client
-// -------------------------------------------------------------------------------------------------
 
 /// Topic ServerStatus: state, liveliness MANUAL_BY_TOPIC 1 s (asserted by every write).
 struct ServerStatus {

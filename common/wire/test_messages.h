@@ -141,7 +141,7 @@ template <>
 inline MapSeed RandomMessages::make() {
   const auto width = static_cast<uint32_t>(number(1, 320));
   const auto height = static_cast<uint32_t>(number(1, 240));
-  MapSeed made{id<ClientId>(), command(), 1,  2,  coin(),  {static_cast<int64_t>(number(0, 1'000'000))},
+  MapSeed made{id<ClientId>(), command(), 1,  2,  coin(), {static_cast<int64_t>(number(0, 1'000'000))},
                {12345},        {},        {}, {}, pose(), text(40)};
   made.first_image = image(width, height);
   made.second_image = image(width, height);

@@ -41,7 +41,6 @@ std::string_view topic_name() {
 }
 
 // ---- Writer
-// -----------------------------------------------------------------------------------------------------------------
 
 template <typename Message>
 Result<Writer<Message>> Writer<Message>::create(const Participant& participant, std::string_view partition) {
@@ -79,7 +78,6 @@ int Writer<Message>::matched() const {
 }
 
 // ---- Reader
-// -----------------------------------------------------------------------------------------------------------------
 
 ReaderBase::ReaderBase(std::unique_ptr<internal::ReaderEntity> entity) : entity_(std::move(entity)) {}
 ReaderBase::ReaderBase(ReaderBase&&) noexcept = default;

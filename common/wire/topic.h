@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include "common/base/result.h"
@@ -101,5 +102,19 @@ class Reader : public ReaderBase {
  private:
   using ReaderBase::ReaderBase;
 };
+
+/// A writer or reader of each of the types, all in one partition; else why the first that failed did.
+template <typename... Endpoints>
+[[nodiscard]] Result<std::tuple<Endpoints...>> create_all(const Participant& participant,
+                                                          std::string_view partition) {
+  return std::apply(
+      [](auto&&... made) -> Result<std::tuple<Endpoints...>> {
+        Status status;
+        ((status&& !made ? status = tl::unexpected(made.error()) : status), ...);
+        if (!status) return tl::unexpected(status.error());
+        return std::tuple<Endpoints...>(*std::move(made)...);
+      },
+      std::tuple<Result<Endpoints>...>{Endpoints::create(participant, partition)...});
+}
 
 }  // namespace cairn::wire

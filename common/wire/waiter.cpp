@@ -32,10 +32,12 @@ Waiter::Waiter(Waiter&&) noexcept = default;
 Waiter& Waiter::operator=(Waiter&&) noexcept = default;
 Waiter::~Waiter() = default;
 
-Status Waiter::attach(const ReaderBase& reader) {
-  const dds_return_t code = dds_waitset_attach(state_->waitset.handle(), reader.entity().condition(), 0);
-  if (code != DDS_RETCODE_OK)
-    return fail(ErrorCode::kInternal, std::string("attaching a reader: ") + dds_strretcode(-code));
+Status Waiter::attach(std::initializer_list<std::reference_wrapper<const ReaderBase>> readers) {
+  for (const ReaderBase& reader : readers) {
+    const dds_return_t code = dds_waitset_attach(state_->waitset.handle(), reader.entity().condition(), 0);
+    if (code != DDS_RETCODE_OK)
+      return fail(ErrorCode::kInternal, std::string("attaching a reader: ") + dds_strretcode(-code));
+  }
   return {};
 }
 

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
+#include <initializer_list>
 #include <memory>
 
 #include "common/wire/topic.h"
@@ -17,7 +19,7 @@ class Waiter {
   Waiter& operator=(Waiter&&) noexcept;
   ~Waiter();
 
-  Status attach(const ReaderBase& reader);
+  Status attach(std::initializer_list<std::reference_wrapper<const ReaderBase>> readers);
   /// Until an attached reader has something to take, wake() was called (also before this call), or the time
   /// is over. False only for the last.
   bool wait(std::chrono::milliseconds timeout);

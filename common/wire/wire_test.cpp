@@ -424,7 +424,7 @@ TEST_F(WireTest, WaiterWakesForDataForCallsAndForTime) {
   caller.join();
 
   std::optional<Reader<MapInfo>> infos = reader<MapInfo>(client, "client.a");
-  ASSERT_TRUE(waiter.attach(*infos));
+  ASSERT_TRUE(waiter.attach({*infos}));
   auto info = writer<MapInfo>(server, "client.a");
   ASSERT_TRUE(info.write(random_.make<MapInfo>()));
   EXPECT_TRUE(waiter.wait(10s));

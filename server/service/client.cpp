@@ -6,16 +6,12 @@
 namespace cairn {
 
 Result<ClientWriters> ClientWriters::create(const wire::Participant& participant, const std::string& client) {
-  const std::string partition = wire::client_partition(client);
-  auto status = wire::Writer<wire::ServerStatus>::create(participant, partition);
-  if (!status) return tl::unexpected(status.error());
-  auto maps = wire::Writer<wire::MapInfo>::create(participant, partition);
-  if (!maps) return tl::unexpected(maps.error());
-  auto seeds = wire::Writer<wire::SeedVerdict>::create(participant, partition);
-  if (!seeds) return tl::unexpected(seeds.error());
-  auto offers = wire::Writer<wire::OfferVerdict>::create(participant, partition);
-  if (!offers) return tl::unexpected(offers.error());
-  return ClientWriters{std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers)};
+  auto writers = wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
+                                  wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>>(
+      participant, wire::client_partition(client));
+  if (!writers) return tl::unexpected(writers.error());
+  auto& [status, maps, seeds, offers] = *writers;
+  return ClientWriters{std::move(status), std::move(maps), std::move(seeds), std::move(offers)};
 }
 
 bool CameraList::put(const wire::CameraMessage& message) {

@@ -9,16 +9,12 @@ namespace cairn {
 
 Result<MapFeed> MapFeed::create(const wire::Participant& participant, const std::string& client, MapId map,
                                 Logger log) {
-  const std::string partition = wire::map_partition(client, map);
-  auto patches = wire::Writer<wire::PointPatches>::create(participant, partition);
-  if (!patches) return tl::unexpected(patches.error());
-  auto positions = wire::Writer<wire::PointPositions>::create(participant, partition);
-  if (!positions) return tl::unexpected(positions.error());
-  auto keyframes = wire::Writer<wire::KeyframePoses>::create(participant, partition);
-  if (!keyframes) return tl::unexpected(keyframes.error());
-  auto commits = wire::Writer<wire::MapCommit>::create(participant, partition);
-  if (!commits) return tl::unexpected(commits.error());
-  return MapFeed({std::move(*patches), std::move(*positions), std::move(*keyframes), std::move(*commits)},
+  auto writers = wire::create_all<wire::Writer<wire::PointPatches>, wire::Writer<wire::PointPositions>,
+                                  wire::Writer<wire::KeyframePoses>, wire::Writer<wire::MapCommit>>(
+      participant, wire::map_partition(client, map));
+  if (!writers) return tl::unexpected(writers.error());
+  auto& [patches, positions, keyframes, commits] = *writers;
+  return MapFeed({std::move(patches), std::move(positions), std::move(keyframes), std::move(commits)},
                  std::move(log));
 }
 

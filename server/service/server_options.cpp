@@ -7,16 +7,18 @@
 #include <algorithm>
 #include <charconv>
 #include <map>
-#include <numeric>
 #include <optional>
 #include <utility>
+
+#include "common/base/suggestion.h"
+#include "common/base/version.h"
+#include "common/wire/participant.h"
 
 namespace cairn {
 namespace {
 
 constexpr int kUsageExit = 2;
 constexpr int kConfigurationExit = 3;
-constexpr int kMaxDomain = 230;  // the server's ports, 7400 + 250 domain + ..., end at 65535
 
 constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
@@ -56,10 +58,6 @@ EarlyExit complaint(int code, const std::string& message) {
   return {code, "cairn-server: " + message + "\ncairn-server --help lists all options\n"};
 }
 
-std::string did_you_mean(const std::string& nearest) {
-  return nearest.empty() ? "" : "; did you mean " + nearest + "?";
-}
-
 template <typename Number>
 std::optional<Number> to_number(const std::string& text) {
   Number value{};
@@ -88,8 +86,7 @@ Result<Words> read_configuration(const std::string& path) {
     const auto key = entry.first.as<std::string>();
     const auto valid = option_names("");
     if (std::find(valid.begin(), valid.end(), key) == valid.end()) {
-      return fail(ErrorCode::kConfiguration,
-                  at + "unknown key '" + key + "'" + did_you_mean(nearest_word(key, valid)));
+      return fail(ErrorCode::kConfiguration, at + "unknown key '" + key + "'" + did_you_mean(key, valid));
     }
     if (!words.emplace(key, entry.second.as<std::string>()).second) {
       return fail(ErrorCode::kConfiguration, at + "'" + key + "' is there twice");
@@ -110,9 +107,9 @@ Result<ServerOptions> translate(const Words& words) {
     if (!row->available) return refuse("not available yet");
     if (value.empty()) return refuse("needs a value");
     if (name == "domain") {
-      const auto domain = to_number<int>(value);
-      if (!domain || *domain < 0 || *domain > kMaxDomain) return refuse("expected a number from 0 to 230");
-      options.domain = *domain;
+      const auto domain = to_number<uint32_t>(value);
+      if (!domain || *domain > wire::kMaxDomain) return refuse("expected a number from 0 to 230");
+      options.domain = static_cast<int>(*domain);
     } else if (name == "seed") {
       const auto seed = to_number<uint64_t>(value);
       if (!seed) return refuse("expected a number from 0 on");
@@ -153,34 +150,13 @@ EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   const auto unknown = app.remaining();
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
     const std::string word = unknown.front().substr(0, unknown.front().find('='));
-    return complaint(kUsageExit, "unknown argument '" + unknown.front() + "'" +
-                                     did_you_mean(nearest_word(word, option_names("--"))));
+    return complaint(kUsageExit,
+                     "unknown argument '" + unknown.front() + "'" + did_you_mean(word, option_names("--")));
   }
   return complaint(kUsageExit, error.what());
 }
 
 }  // namespace
-
-std::string nearest_word(std::string_view word, const std::vector<std::string>& valid) {
-  std::string nearest;
-  size_t least = word.size() / 2 + 1;
-  for (const std::string& candidate : valid) {
-    std::vector<size_t> row(candidate.size() + 1);
-    std::iota(row.begin(), row.end(), size_t{0});
-    for (size_t i = 0; i < word.size(); ++i) {
-      size_t diagonal = std::exchange(row[0], i + 1);
-      for (size_t j = 0; j < candidate.size(); ++j) {
-        const size_t replaced = diagonal + (word[i] == candidate[j] ? 0 : 1);
-        diagonal = row[j + 1];
-        row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
-      }
-    }
-    if (row.back() >= least) continue;
-    least = row.back();
-    nearest = candidate;
-  }
-  return nearest;
-}
 
 std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments) {
   CLI::App app(kDescription, "cairn-server");
@@ -199,7 +175,7 @@ std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::str
   }
   app.add_flag("-v,--verbose", verbose, "more words");
   app.add_flag("-q,--quiet", quiet, "warnings only");
-  app.set_version_flag("--version", "cairn-server " CAIRN_VERSION);
+  app.set_version_flag("--version", "cairn-server " + std::string(version()));
   std::reverse(arguments.begin(), arguments.end());  // CLI11 takes them from the back
   try {
     app.parse(std::move(arguments));

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <string>
-#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -29,9 +28,5 @@ struct EarlyExit {
 /// Reads `arguments` (without the program's name). Unknown options and keys are refused with the nearest
 /// valid one named; what the contract has and this version not is refused only when used.
 [[nodiscard]] std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments);
-
-/// The word of `valid` nearest to `word` (Levenshtein), if any is near enough to be what was meant; else
-/// empty.
-[[nodiscard]] std::string nearest_word(std::string_view word, const std::vector<std::string>& valid);
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include <exception>
 #include <utility>
 
+#include "common/base/version.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -47,25 +48,20 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   if (!participant) return tl::unexpected(participant.error());
   auto discovered = wire::DiscoveredReaders::create(*participant);
   if (!discovered) return tl::unexpected(discovered.error());
-  auto cameras = wire::Reader<wire::CameraMessage>::create(*participant, wire::kEveryClient);
-  if (!cameras) return tl::unexpected(cameras.error());
-  auto states = wire::Reader<wire::TrackerStateMessage>::create(*participant, wire::kEveryClient);
-  if (!states) return tl::unexpected(states.error());
-  auto seeds = wire::Reader<wire::MapSeed>::create(*participant, wire::kEveryClient);
-  if (!seeds) return tl::unexpected(seeds.error());
-  auto offers = wire::Reader<wire::KeyframeOffer>::create(*participant, wire::kEveryClient);
-  if (!offers) return tl::unexpected(offers.error());
+  auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
+                                  wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>>(
+      *participant, wire::kEveryClient);
+  if (!readers) return tl::unexpected(readers.error());
+  auto& [cameras, states, seeds, offers] = *readers;
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  const std::array<const wire::ReaderBase*, 5> readers = {&*discovered, &*cameras, &*states, &*seeds,
-                                                          &*offers};
-  for (const wire::ReaderBase* reader : readers) {
-    if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
+  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers}); !attached) {
+    return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
       new Switchboard(options, lanes, std::move(*participant),
-                      {std::move(*discovered), std::move(*cameras), std::move(*states), std::move(*seeds),
-                       std::move(*offers), std::move(*waiter)},
+                      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
+                       std::move(offers), std::move(*waiter)},
                       std::move(log)));
 }
 
@@ -190,7 +186,7 @@ void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
   const wire::ServerStatus status{options_.server,
                                   options_.start_count,
-                                  CAIRN_VERSION,
+                                  std::string(version()),
                                   "ok",
                                   static_cast<uint32_t>(presence_.live_count(now)),
                                   static_cast<uint32_t>(maps_.live_count()),

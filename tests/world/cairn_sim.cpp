@@ -13,6 +13,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
+#include "common/base/version.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -128,6 +129,7 @@ int run(int argc, char** argv) {
       "  cairn-sim render desk --out /tmp/hard --seed 7 --frames 600 --noise 6 --blur 0.8 --speed 2\n"
       "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate "
       "/tmp/desk/groundtruth.txt /tmp/est.txt");
+  app.set_version_flag("--version", "cairn-sim " + std::string(version()));
   const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
   CLI::App* render_command =
       app.add_subcommand("render", "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout)");

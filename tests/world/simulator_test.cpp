@@ -4,11 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <numbers>
 #include <vector>
+
+#include "common/image/corners.h"
 
 namespace cairn {
 namespace {
@@ -48,36 +49,6 @@ double sharpness(const GrayImage& image) {
   return sum / (image.width() * image.height());
 }
 
-/// FAST-10's criterion, spelt out: ten neighbours on the circle all brighter or all darker.
-bool is_corner(const GrayImage& image, int x, int y, int threshold) {
-  static constexpr std::array<std::array<int, 2>, 16> kCircle = {{{0, -3},
-                                                                  {1, -3},
-                                                                  {2, -2},
-                                                                  {3, -1},
-                                                                  {3, 0},
-                                                                  {3, 1},
-                                                                  {2, 2},
-                                                                  {1, 3},
-                                                                  {0, 3},
-                                                                  {-1, 3},
-                                                                  {-2, 2},
-                                                                  {-3, 1},
-                                                                  {-3, 0},
-                                                                  {-3, -1},
-                                                                  {-2, -2},
-                                                                  {-1, -3}}};
-  int brighter = 0;
-  int darker = 0;
-  for (size_t i = 0; i < 16 + 9; ++i) {
-    const auto& [dx, dy] = kCircle[i % 16];
-    const int difference = image.row(y + dy)[x + dx] - image.row(y)[x];
-    brighter = difference > threshold ? brighter + 1 : 0;
-    darker = difference < -threshold ? darker + 1 : 0;
-    if (brighter == 10 || darker == 10) return true;
-  }
-  return false;
-}
-
 struct CornerStatistics {
   int count = 0;           ///< pixels that are corners, not suppressed
   double empty_share = 0;  ///< share of 32x32 px blocks without any
@@ -88,12 +59,12 @@ CornerStatistics find_corners(const GrayImage& image) {
   const int rows = image.height() / kBlock;
   std::vector<int> block_counts(static_cast<size_t>(columns * rows), 0);
   CornerStatistics statistics;
-  for (int y = 3; y < rows * kBlock - 3; ++y) {
-    for (int x = 3; x < columns * kBlock - 3; ++x) {
-      if (!is_corner(image, x, y, 10)) continue;
-      ++statistics.count;
-      ++block_counts[static_cast<size_t>(y / kBlock * columns + x / kBlock)];
-    }
+  CornerList corners;
+  detect_fast10(image.view(), 10, &corners);
+  for (const auto [x, y] : corners.corners) {
+    if (x >= columns * kBlock || y >= rows * kBlock) continue;
+    ++statistics.count;
+    ++block_counts[static_cast<size_t>(y / kBlock * columns + x / kBlock)];
   }
   const auto empty = std::count(block_counts.begin(), block_counts.end(), 0);
   statistics.empty_share = static_cast<double>(empty) / static_cast<double>(block_counts.size());

@@ -7,10 +7,6 @@
 #include <cstring>
 #include <numbers>
 
-// Vectors are passed between always-inlined functions only, so the calling convention that gcc warns of is
-// never used.
-#pragma GCC diagnostic ignored "-Wpsabi"
-
 #define CAIRN_INLINE [[gnu::always_inline]] inline
 
 namespace cairn {

@@ -8,6 +8,7 @@
 #include "client/app/eval/plot.h"
 #include "client/app/eval/report.h"
 #include "client/app/eval/run_stats.h"
+#include "common/base/version.h"
 #include "common/io/text.h"
 #include "common/io/trajectory.h"
 
@@ -152,6 +153,7 @@ int run(int argc, char** argv) {
   CLI::App app("Compares trajectories with truth and sums up the statistics of cairn-track.", "cairn-eval");
   app.require_subcommand(1);
   app.footer(kFooter);
+  app.set_version_flag("--version", "cairn-eval " + std::string(version()));
   TrajectoryArguments trajectories;
   StatsArguments stats;
   auto* ate = app.add_subcommand("ate", "absolute trajectory error after alignment");

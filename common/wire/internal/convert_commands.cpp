@@ -15,7 +15,6 @@ constexpr size_t kMaxOutcomes = 16;
 }  // namespace
 
 // ---- Camera
-// -----------------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_Camera encode(const CameraMessage& message, Scratch*) {
@@ -70,7 +69,6 @@ size_t payload_bytes<CameraMessage>(const cairn_Camera& sample) {
 }
 
 // ---- MapSeed
-// ----------------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_MapSeed encode(const MapSeed& message, Scratch* scratch) {
@@ -146,7 +144,6 @@ size_t payload_bytes<MapSeed>(const cairn_MapSeed& sample) {
 }
 
 // ---- KeyframeOffer
-// ----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_KeyframeOffer encode(const KeyframeOffer& message, Scratch* scratch) {
@@ -217,7 +214,6 @@ size_t payload_bytes<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
 }
 
 // ---- TrackerState
-// -----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_TrackerState encode(const TrackerStateMessage& message, Scratch*) {
@@ -268,7 +264,6 @@ size_t payload_bytes<TrackerStateMessage>(const cairn_TrackerState& sample) {
 }
 
 // ---- SeedVerdict
-// ------------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_SeedVerdict encode(const SeedVerdict& message, Scratch* scratch) {
@@ -326,7 +321,6 @@ size_t payload_bytes<SeedVerdict>(const cairn_SeedVerdict& sample) {
 }
 
 // ---- OfferVerdict
-// -----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_OfferVerdict encode(const OfferVerdict& message, Scratch* scratch) {

@@ -16,7 +16,6 @@ namespace cairn::wire::internal {
 constexpr uint32_t kSchemaVersion = cairn_SCHEMA_VERSION;
 
 // ---- encoding
-// -------------------------------------------------------------------------------------------------------------
 
 template <size_t N>
 void put_id(const std::array<uint8_t, N>& bytes, uint8_t (&out)[N]) {
@@ -54,7 +53,6 @@ void put_vector(const Eigen::MatrixBase<Derived>& vector, T (&out)[N]) {
 [[nodiscard]] cairn_Image encode_image(const ImageMessage& image);
 
 // ---- checks: each names what is unfit
-// -------------------------------------------------------------------------------------
 
 inline tl::unexpected<Error> unfit(const std::string& what) {
   return fail(ErrorCode::kDamaged, what);
@@ -102,7 +100,6 @@ template <typename Message>
 }
 
 // ---- decoding
-// -------------------------------------------------------------------------------------------------------------
 
 template <typename Id>
 [[nodiscard]] Id get_id(const uint8_t (&bytes)[16]) {

@@ -52,16 +52,45 @@ PointVisibility get_visibility(const cairn_LocatedPoint& point, Check* check) {
   return {direction, point.min_cosine, point.min_distance, point.max_distance};
 }
 
+// What the three topics of blocks have in common.
+
+template <typename DdsBlock, typename Message>
+DdsBlock encode_block(const Message& message) {
+  DdsBlock sample{};
+  put_id(message.map.bytes, sample.map_id);
+  sample.block = message.block.index;
+  sample.schema_version = kSchemaVersion;
+  sample.epoch = message.epoch.value;
+  sample.version = message.block.version;
+  return sample;
+}
+
 /// A replica allocates by index: an absurd one is refused here.
-void check_block(uint32_t index, uint32_t schema_version, Check* check) {
-  check->schema(schema_version);
-  check->require(index < kMaxBlocks, "block index out of range");
+template <typename DdsBlock>
+void check_block(const DdsBlock& sample, Check* check) {
+  check->schema(sample.schema_version);
+  check->require(sample.block < kMaxBlocks, "block index out of range");
+}
+
+template <typename Message, typename DdsBlock>
+Message decode_block_key(const DdsBlock& sample) {
+  Message message;
+  message.map = get_id<MapId>(sample.map_id);
+  message.block.index = sample.block;
+  return message;
+}
+
+template <typename Message, typename DdsBlock>
+Message decode_block(const DdsBlock& sample) {
+  auto message = decode_block_key<Message>(sample);
+  message.epoch = {sample.epoch};
+  message.block.version = sample.version;
+  return message;
 }
 
 }  // namespace
 
 // ---- ServerStatus
-// -----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_ServerStatus encode(const ServerStatus& message, Scratch*) {
@@ -100,7 +129,6 @@ size_t payload_bytes<ServerStatus>(const cairn_ServerStatus& sample) {
 }
 
 // ---- MapInfo
-// ----------------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_MapInfo encode(const MapInfo& message, Scratch*) {
@@ -158,16 +186,10 @@ size_t payload_bytes<MapInfo>(const cairn_MapInfo& sample) {
 }
 
 // ---- PointPatches
-// -----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_PointPatches encode(const PointPatches& message, Scratch* scratch) {
-  cairn_PointPatches sample{};
-  put_id(message.map.bytes, sample.map_id);
-  sample.block = message.block.index;
-  sample.schema_version = kSchemaVersion;
-  sample.epoch = message.epoch.value;
-  sample.version = message.block.version;
+  auto sample = encode_block<cairn_PointPatches>(message);
   fill_sequence(message.block.points.size(), scratch, &sample.points,
                 [&](size_t i, cairn_Patch& out) { put_patch(message.block.points[i], &out); });
   return sample;
@@ -175,21 +197,16 @@ cairn_PointPatches encode(const PointPatches& message, Scratch* scratch) {
 
 template <>
 PointPatches decode_key<PointPatches>(const cairn_PointPatches& sample) {
-  PointPatches message;
-  message.map = get_id<MapId>(sample.map_id);
-  message.block.index = sample.block;
-  return message;
+  return decode_block_key<PointPatches>(sample);
 }
 
 template <>
 Result<PointPatches> decode<PointPatches>(const cairn_PointPatches& sample) {
   Check check;
-  check_block(sample.block, sample.schema_version, &check);
+  check_block(sample, &check);
   check.count(sample.points, kBlockSlots);
   if (!check.passed()) return unfit(check.what());
-  PointPatches message = decode_key<PointPatches>(sample);
-  message.epoch = {sample.epoch};
-  message.block.version = sample.version;
+  auto message = decode_block<PointPatches>(sample);
   message.block.points.reserve(sample.points._length);
   PointId previous;
   for (uint32_t i = 0; i < sample.points._length; ++i) {
@@ -206,16 +223,10 @@ size_t payload_bytes<PointPatches>(const cairn_PointPatches& sample) {
 }
 
 // ---- PointPositions
-// ---------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_PointPositions encode(const PointPositions& message, Scratch* scratch) {
-  cairn_PointPositions sample{};
-  put_id(message.map.bytes, sample.map_id);
-  sample.block = message.block.index;
-  sample.schema_version = kSchemaVersion;
-  sample.epoch = message.epoch.value;
-  sample.version = message.block.version;
+  auto sample = encode_block<cairn_PointPositions>(message);
   sample.live = message.block.live;
   const size_t count = std::min(message.block.positions.size(), message.block.visibility.size());
   fill_sequence(count, scratch, &sample.points, [&](size_t i, cairn_LocatedPoint& out) {
@@ -231,22 +242,17 @@ cairn_PointPositions encode(const PointPositions& message, Scratch* scratch) {
 
 template <>
 PointPositions decode_key<PointPositions>(const cairn_PointPositions& sample) {
-  PointPositions message;
-  message.map = get_id<MapId>(sample.map_id);
-  message.block.index = sample.block;
-  return message;
+  return decode_block_key<PointPositions>(sample);
 }
 
 template <>
 Result<PointPositions> decode<PointPositions>(const cairn_PointPositions& sample) {
   Check check;
-  check_block(sample.block, sample.schema_version, &check);
+  check_block(sample, &check);
   check.count(sample.points, kBlockSlots);
   check.live_mask(sample.live, sample.points._length);
   if (!check.passed()) return unfit(check.what());
-  PointPositions message = decode_key<PointPositions>(sample);
-  message.epoch = {sample.epoch};
-  message.block.version = sample.version;
+  auto message = decode_block<PointPositions>(sample);
   message.block.live = sample.live;
   message.block.positions.reserve(sample.points._length);
   message.block.visibility.reserve(sample.points._length);
@@ -265,16 +271,10 @@ size_t payload_bytes<PointPositions>(const cairn_PointPositions& sample) {
 }
 
 // ---- KeyframePoses
-// ----------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_KeyframePoses encode(const KeyframePoses& message, Scratch* scratch) {
-  cairn_KeyframePoses sample{};
-  put_id(message.map.bytes, sample.map_id);
-  sample.block = message.block.index;
-  sample.schema_version = kSchemaVersion;
-  sample.epoch = message.epoch.value;
-  sample.version = message.block.version;
+  auto sample = encode_block<cairn_KeyframePoses>(message);
   sample.live = message.block.live;
   fill_sequence(message.block.keyframes.size(), scratch, &sample.keyframes,
                 [&](size_t i, cairn_PosedKeyframe& out) {
@@ -288,22 +288,17 @@ cairn_KeyframePoses encode(const KeyframePoses& message, Scratch* scratch) {
 
 template <>
 KeyframePoses decode_key<KeyframePoses>(const cairn_KeyframePoses& sample) {
-  KeyframePoses message;
-  message.map = get_id<MapId>(sample.map_id);
-  message.block.index = sample.block;
-  return message;
+  return decode_block_key<KeyframePoses>(sample);
 }
 
 template <>
 Result<KeyframePoses> decode<KeyframePoses>(const cairn_KeyframePoses& sample) {
   Check check;
-  check_block(sample.block, sample.schema_version, &check);
+  check_block(sample, &check);
   check.count(sample.keyframes, kBlockSlots);
   check.live_mask(sample.live, sample.keyframes._length);
   if (!check.passed()) return unfit(check.what());
-  KeyframePoses message = decode_key<KeyframePoses>(sample);
-  message.epoch = {sample.epoch};
-  message.block.version = sample.version;
+  auto message = decode_block<KeyframePoses>(sample);
   message.block.live = sample.live;
   message.block.keyframes.reserve(sample.keyframes._length);
   KeyframeId previous;
@@ -324,7 +319,6 @@ size_t payload_bytes<KeyframePoses>(const cairn_KeyframePoses& sample) {
 }
 
 // ---- MapCommit
-// --------------------------------------------------------------------------------------------------------------
 
 template <>
 cairn_MapCommit encode(const MapCommit& message, Scratch* scratch) {
