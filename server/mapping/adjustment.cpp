@@ -53,8 +53,10 @@ void fix_gauge(MapProblem* problem) {
 }
 
 void drop_outliers(const MapProblem& solved, double squared_cutoff, MapState* map) {
-  for (const BundleObservation& o : solved.bundle.observations) {
-    if (squared_residual(solved.bundle, o) < squared_cutoff) continue;
+  const std::vector<double> residuals = squared_residuals(solved.bundle);
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    if (residuals[i] < squared_cutoff) continue;
+    const BundleObservation& o = solved.bundle.observations[i];
     const KeyframeId keyframe = solved.keyframes[static_cast<size_t>(o.pose)];
     const PointId point = solved.points[static_cast<size_t>(o.point)];
     if (map->find_measurement(keyframe, point)) map->drop_measurement(keyframe, point);
@@ -187,18 +189,17 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, co
 
 BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor) {
   MapProblem problem = global_problem(*map);
-  BundleOptions options = global_options({}, 1);
+  BundleOptions options = global_options({});
   options.rounds = 3;
   const BundleReport report = solve_bundle(&problem.bundle, options);
   if (report.usable) write_back(problem, report.squared_cutoff, anchor, map);
   return report;
 }
 
-BundleOptions global_options(const std::function<bool()>& should_stop, int threads) {
+BundleOptions global_options(const std::function<bool()>& should_stop) {
   BundleOptions options;
   options.max_iterations = 20;
   options.function_tolerance = 1e-4;
-  options.threads = threads;
   options.should_stop = should_stop;
   return options;
 }

@@ -54,7 +54,7 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, co
 BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor);
 
 /// How a global adjustment is solved, wherever it runs.
-[[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop, int threads);
+[[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop);
 
 class GlobalAdjustment {
  public:

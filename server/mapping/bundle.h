@@ -9,7 +9,7 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 
-/// Bundle adjustment as a problem of numbers: no map, no ids. Solved by Ceres.
+/// Bundle adjustment as a problem of numbers: no map, no ids.
 namespace cairn {
 
 struct BundlePose {
@@ -38,8 +38,7 @@ struct BundleOptions {
   /// Times that the robust scale is estimated. All rounds but the last are of two iterations: a scale from
   /// bad start values is wide enough to keep outliers, and minimising to the end with it lets them win.
   int rounds = 1;
-  int threads = 1;
-  std::function<bool()> should_stop;  ///< polled once per iteration; what has been reached is kept
+  std::function<bool()> should_stop;  ///< polled about every millisecond; the last whole iteration is kept
 };
 
 struct BundleReport {
@@ -53,12 +52,14 @@ struct BundleReport {
 };
 
 /// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses and all points, in
-/// place. Levenberg- Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1);
+/// place. Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1);
 /// Tukey's cut-off by the median of the residuals (ptam.md 7, 10). At least one pose should be fixed.
-/// Deterministic for one thread.
+/// One thread; equal inputs give equal bytes.
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 
 /// Squared whitened reprojection error; infinite where the point does not project.
 [[nodiscard]] double squared_residual(const BundleProblem& problem, const BundleObservation& observation);
+/// The same of every observation.
+[[nodiscard]] std::vector<double> squared_residuals(const BundleProblem& problem);
 
 }  // namespace cairn

@@ -6,8 +6,10 @@
 
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "server/mapping/bundle.h"
 
-/// The Ceres side of bundle.h, apart so that tests can hold it against numeric derivatives.
+/// Ceres as the judge of solve_bundle(): the same problem, the same robust cost. Linked by tests and
+/// benchmarks only.
 namespace cairn {
 
 /// A pose as Ceres sees it: tx ty tz qx qy qz qw of camera_from_map.
@@ -42,5 +44,15 @@ class ReprojectionCost final : public ceres::SizedCostFunction<2, kPoseParameter
   Eigen::Vector2d pixel_;
   double inverse_sigma_;
 };
+
+struct CeresVariant {
+  ceres::LinearSolverType linear_solver = ceres::DENSE_SCHUR;
+  bool explicit_schur = false;  ///< of ITERATIVE_SCHUR: form the complement
+  bool ordered_by_hand = true;  ///< points first, given; otherwise Ceres finds an order
+};
+
+/// As solve_bundle(); should_stop is polled once per iteration.
+BundleReport solve_bundle_with_ceres(BundleProblem* problem, const BundleOptions& options,
+                                     const CeresVariant& variant);
 
 }  // namespace cairn

@@ -231,8 +231,8 @@ MapStatistics MapMaker::statistics() const {
   return stats;
 }
 
-void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads) {
-  problem->report = solve_bundle(&problem->problem.bundle, global_options(should_stop, threads));
+void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int /*threads*/) {
+  problem->report = solve_bundle(&problem->problem.bundle, global_options(should_stop));
 }
 
 void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const {

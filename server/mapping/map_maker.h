@@ -143,8 +143,8 @@ class MapMaker {
   std::unique_ptr<State> state_;
 };
 
-/// Solves in place: `should_stop` is polled once per iteration and keeps what has been reached; `threads` for
-/// Ceres (1 in lockstep: deterministic).
+/// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
+/// `threads`: at most; one is fast enough and is what is used, so that results never depend on it.
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads);
 
 }  // namespace cairn

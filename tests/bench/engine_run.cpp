@@ -16,7 +16,9 @@
 #include "client/tracking/tracker.h"
 #include "common/io/calibration.h"
 #include "common/io/trajectory.h"
+#include "server/mapping/adjustment.h"
 #include "server/mapping/map_maker.h"
+#include "tests/bench/bundle_file.h"
 
 namespace cairn {
 namespace {
@@ -59,8 +61,10 @@ struct Arguments {
   std::string keyframes;
   uint64_t seed = 1;
   size_t skip = 0;
+  std::string bundle;
   size_t frames = SIZE_MAX;
   size_t after_start = SIZE_MAX;
+  bool local_only = false;
   bool verbose = false;
 };
 
@@ -105,6 +109,12 @@ class EngineRun {
 
   /// Enough frames were tracked with a map.
   [[nodiscard]] bool done() const { return totals_.with_map >= arguments_.after_start; }
+
+  /// The problem of a global adjustment of the map as it is now.
+  [[nodiscard]] Status write_global_problem(const std::string& path) const {
+    if (!maker_) return fail(ErrorCode::kNotFound, path + ": no map was made");
+    return write_bundle(path, maker_->prepare_global_adjustment()->problem.bundle);
+  }
 
   void report() const {
     const Totals& t = totals_;
@@ -224,7 +234,7 @@ class EngineRun {
       const StepReport report = maker_->step([] { return false; });
       if (report.work == MapWork::kLocalAdjustment) totals_.local_ms.push_back(thread_cpu_ms() - before);
       if (report.work != MapWork::kNone) continue;
-      if (!maker_->wants_global_adjustment()) break;
+      if (arguments_.local_only || !maker_->wants_global_adjustment()) break;
       const auto problem = maker_->prepare_global_adjustment();
       solve(
           problem.get(), [] { return false; }, 1);
@@ -280,10 +290,13 @@ Status run(const Arguments& arguments) {
     if (engine.done()) break;
   }
   engine.report();
-  if (arguments.keyframes.empty()) return {};
-  auto file = TrajectoryWriter::open(arguments.keyframes);
-  if (!file) return tl::unexpected(file.error());
-  return engine.write_keyframes(&*file);
+  if (!arguments.keyframes.empty()) {
+    auto file = TrajectoryWriter::open(arguments.keyframes);
+    if (!file) return tl::unexpected(file.error());
+    if (const auto written = engine.write_keyframes(&*file); !written) return written;
+  }
+  if (!arguments.bundle.empty()) return engine.write_global_problem(arguments.bundle);
+  return {};
 }
 
 }  // namespace
@@ -302,6 +315,9 @@ int main(int argc, char** argv) {
   app.add_option("--skip", arguments.skip, "frames passed over at the start");
   app.add_option("--frames", arguments.frames, "frames read at most");
   app.add_option("--after-start", arguments.after_start, "frames tracked at most once there is a map");
+  app.add_flag("--local-only", arguments.local_only, "no global adjustment");
+  app.add_option("--bundle", arguments.bundle,
+                 "the last map's global adjustment is written here, for cairn-ba-bench");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
