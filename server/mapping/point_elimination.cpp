@@ -17,10 +17,12 @@ constexpr double kMinDiagonal = 1e-6;
 using PoseBlock = Eigen::Matrix<double, kPoseSize, kPoseSize>;
 using SlotMap = Eigen::Map<Eigen::Matrix<double, kPoseSize, kPointSize>>;
 
-/// Column by column: [x]M.
-Eigen::Matrix3d cross_columns(const Eigen::Vector3d& x, const Eigen::Matrix3d& M) {
+/// [x]M.
+inline Eigen::Matrix3d cross_columns(const Eigen::Vector3d& x, const Eigen::Matrix3d& M) {
   Eigen::Matrix3d result;
-  for (int c = 0; c < 3; ++c) result.col(c) = x.cross(M.col(c));
+  result.row(0) = x[1] * M.row(2) - x[2] * M.row(1);
+  result.row(1) = x[2] * M.row(0) - x[0] * M.row(2);
+  result.row(2) = x[0] * M.row(1) - x[1] * M.row(0);
   return result;
 }
 

@@ -68,10 +68,27 @@ struct Arguments {
   bool verbose = false;
 };
 
+struct AdjustmentTotals {
+  std::vector<double> ms, observations, iterations;
+
+  void add(double took_ms, const StepReport& report) {
+    ms.push_back(took_ms);
+    observations.push_back(report.observations);
+    iterations.push_back(report.iterations);
+  }
+  void print(const char* name) const {
+    std::printf(
+        "%s adjustment ms p50 %.1f p95 %.1f; observations p50 %.0f p95 %.0f; iterations p50 %.0f p95 %.0f\n",
+        name, percentile(ms, 0.5), percentile(ms, 0.95), percentile(observations, 0.5),
+        percentile(observations, 0.95), percentile(iterations, 0.5), percentile(iterations, 0.95));
+  }
+};
+
 struct Totals {
   size_t frames = 0, with_map = 0, tracked = 0, lost = 0, accepted = 0, refused = 0;
   long first_map_frame = -1;
-  std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms, local_ms, global_ms;
+  std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms;
+  AdjustmentTotals local, global;
 };
 
 class EngineRun {
@@ -129,12 +146,10 @@ class EngineRun {
       std::printf("  %-8s p50 %.3f p95 %.3f\n", to_string(static_cast<Stage>(s)),
                   percentile(probe_.stage(s), 0.5), percentile(probe_.stage(s), 0.95));
     }
-    std::printf(
-        "keyframes accepted %zu refused %zu; keyframe ms p50 %.1f p95 %.1f; local ms p50 %.1f p95 %.1f; "
-        "global ms p50 %.1f p95 %.1f\n",
-        t.accepted, t.refused, percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95),
-        percentile(t.local_ms, 0.5), percentile(t.local_ms, 0.95), percentile(t.global_ms, 0.5),
-        percentile(t.global_ms, 0.95));
+    std::printf("keyframes accepted %zu refused %zu; keyframe ms p50 %.1f p95 %.1f\n", t.accepted, t.refused,
+                percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95));
+    t.local.print("local");
+    t.global.print("global");
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
     if (maker_) {
       const MapStatistics m = maker_->statistics();
@@ -232,14 +247,14 @@ class EngineRun {
     for (;;) {
       const double before = thread_cpu_ms();
       const StepReport report = maker_->step([] { return false; });
-      if (report.work == MapWork::kLocalAdjustment) totals_.local_ms.push_back(thread_cpu_ms() - before);
+      if (report.work == MapWork::kLocalAdjustment) totals_.local.add(thread_cpu_ms() - before, report);
       if (report.work != MapWork::kNone) continue;
       if (arguments_.local_only || !maker_->wants_global_adjustment()) break;
       const auto problem = maker_->prepare_global_adjustment();
       solve(
           problem.get(), [] { return false; }, 1);
-      static_cast<void>(maker_->adopt(*problem));
-      totals_.global_ms.push_back(thread_cpu_ms() - before);
+      const StepReport adopted = maker_->adopt(*problem);
+      totals_.global.add(thread_cpu_ms() - before, adopted);
     }
     snapshot_ = maker_->snapshot();
   }
