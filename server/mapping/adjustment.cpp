@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/mapping/bundle_ceres.h"
+
 namespace cairn {
 namespace {
 
@@ -171,14 +173,19 @@ void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnch
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
 }
 
-BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, const ScaleAnchor& anchor,
-                            const std::function<bool()>& should_stop) {
-  MapProblem problem = local_problem(*map, newest, neighbours);
-  BundleOptions options;
-  options.max_iterations = 10;
-  options.function_tolerance = 1e-3;
-  options.should_stop = should_stop;
-  const BundleReport report = solve_bundle(&problem.bundle, options);
+BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster) {
+  return adjuster == Adjuster::kOwn ? solve_bundle(problem, options)
+                                    : solve_bundle_with_ceres(problem, options, {});
+}
+
+BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
+                            const ScaleAnchor& anchor, const std::function<bool()>& should_stop) {
+  MapProblem problem = local_problem(*map, newest, options.local_keyframes);
+  BundleOptions bundle;
+  bundle.max_iterations = 10;
+  bundle.function_tolerance = 1e-3;
+  bundle.should_stop = should_stop;
+  const BundleReport report = minimise(&problem.bundle, bundle, options.adjuster);
   if (!report.usable) return report;
   write_local(problem, map);
   drop_outliers(problem, report.squared_cutoff, map);
@@ -187,11 +194,11 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, co
   return report;
 }
 
-BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor) {
+BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor, Adjuster adjuster) {
   MapProblem problem = global_problem(*map);
   BundleOptions options = global_options({});
   options.rounds = 3;
-  const BundleReport report = solve_bundle(&problem.bundle, options);
+  const BundleReport report = minimise(&problem.bundle, options, adjuster);
   if (report.usable) write_back(problem, report.squared_cutoff, anchor, map);
   return report;
 }

@@ -47,17 +47,20 @@ class ScaleAnchor {
 /// scale unless two fixed keyframes did, refreshes depths.
 void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map);
 
-/// solve_bundle() and write_back() of a local problem; the map is untouched unless the report says usable.
-BundleReport adjust_locally(MapState* map, KeyframeId newest, int neighbours, const ScaleAnchor& anchor,
-                            const std::function<bool()>& should_stop);
+/// solve_bundle(), or the same by Ceres.
+BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
+/// minimise() and write_back() of a local problem; the map is untouched unless the report says usable.
+BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
+                            const ScaleAnchor& anchor, const std::function<bool()>& should_stop);
 /// The same for the whole map, to convergence: for the start, when the map is small.
-BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor);
+BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor, Adjuster adjuster);
 
 /// How a global adjustment is solved, wherever it runs.
 [[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop);
 
 class GlobalAdjustment {
  public:
+  Adjuster adjuster = Adjuster::kOwn;
   MapProblem problem;
   BundleReport report;
   size_t keyframes_at_cut = 0;  ///< of the map, when the problem was cut

@@ -8,8 +8,8 @@
 #include "common/geometry/se3.h"
 #include "server/mapping/bundle.h"
 
-/// Ceres as the judge of solve_bundle(): the same problem, the same robust cost. Linked by tests and
-/// benchmarks only.
+/// Ceres as the judge of solve_bundle(): the same problem, the same robust cost. In tests, in benchmarks, and
+/// in a server that is run with --adjuster ceres.
 namespace cairn {
 
 /// A pose as Ceres sees it: tx ty tz qx qy qz qw of camera_from_map.

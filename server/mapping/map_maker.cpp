@@ -86,7 +86,7 @@ StepReport MapMaker::State::adjust(const std::function<bool()>& should_yield) {
     stopped = stopped || should_yield();
     return stopped;
   };
-  const BundleReport bundle = adjust_locally(&map, newest, options.local_keyframes, anchor, stop);
+  const BundleReport bundle = adjust_locally(&map, newest, options, anchor, stop);
   report.finished = !stopped;
   report.changed = bundle.usable;
   report.observations = bundle.observations;
@@ -174,6 +174,7 @@ bool MapMaker::wants_global_adjustment() const {
 
 GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
   GlobalAdjustmentPtr copy(new GlobalAdjustment);
+  copy->adjuster = state_->options.adjuster;
   copy->problem = global_problem(state_->map);
   copy->keyframes_at_cut = state_->map.keyframes().size();
   return copy;
@@ -232,7 +233,7 @@ MapStatistics MapMaker::statistics() const {
 }
 
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int /*threads*/) {
-  problem->report = solve_bundle(&problem->problem.bundle, global_options(should_stop));
+  problem->report = minimise(&problem->problem.bundle, global_options(should_stop), problem->adjuster);
 }
 
 void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const {

@@ -23,7 +23,12 @@
 /// one serial queue at a time.
 namespace cairn {
 
+/// Who minimises in bundle adjustment: our own solver, or Ceres, several times slower, as an independent
+/// check (README.md).
+enum class Adjuster : uint8_t { kOwn, kCeres };
+
 struct MapMakerOptions {
+  Adjuster adjuster = Adjuster::kOwn;
   double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (ptam.md 2)
   double min_keyframe_distance =
       1.0;  ///< in units of baseline / first mean depth, times mean depth (ptam.md 8)
@@ -144,7 +149,6 @@ class MapMaker {
 };
 
 /// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
-/// `threads`: at most; one is fast enough and is what is used, so that results never depend on it.
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads);
 
 }  // namespace cairn

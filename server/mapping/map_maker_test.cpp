@@ -203,6 +203,22 @@ TEST_F(MapMakerTest, StartsFromTwoViews) {
   expect_accurate(0.01, 0.05);
 }
 
+TEST_F(MapMakerTest, CeresMakesTheSameMap) {
+  start();
+  MapMakerOptions options;
+  options.adjuster = Adjuster::kCeres;
+  const auto by_ceres = MapMaker::start(input_, options);
+  ASSERT_TRUE(by_ceres) << by_ceres.error().message;
+  const auto ours = maker_->snapshot();
+  const auto theirs = by_ceres->first->snapshot();
+  EXPECT_NEAR(static_cast<double>(ours->point_count()), static_cast<double>(theirs->point_count()),
+              0.05 * static_cast<double>(ours->point_count()));
+  for (const KeyframeId id : {KeyframeId{1}, KeyframeId{2}}) {
+    const SE3 difference = ours->find(id)->camera_from_map * theirs->find(id)->camera_from_map.inverse();
+    EXPECT_LT(difference.log().norm(), 0.01);
+  }
+}
+
 TEST_F(MapMakerTest, RefusesAStandingCamera) {
   input_.second_image = scene_.render(Scene::pose(0), 99);
   for (Trail& t : input_.trails) t.second = t.first;

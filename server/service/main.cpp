@@ -34,6 +34,7 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.listen = options.listen;
   service.profile = options.profile;
   service.seed = options.seed;
+  service.mapping.adjuster = options.adjuster;
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
   auto running = cairn::Service::start(service, log);

@@ -43,6 +43,8 @@ constexpr OptionRow kOptions[] = {
     {"listen", "IFACE|ADDR", "network interface or address [by profile]", true},
     {"profile", "loopback|wifi|FILE", "network profile [loopback]", true},
     {"seed", "N", "makes all ids reproducible; 0: random [0]", true},
+    {"adjuster", "own|ceres", "solver of bundle adjustment; ceres is the slow, independent check [own]",
+     true},
     {"store", "DIR", "keeps maps across restarts", false},
     {"security", "DIR", "DDS Security files", false},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
@@ -114,6 +116,9 @@ Result<ServerOptions> translate(const Words& words) {
       const auto seed = to_number<uint64_t>(value);
       if (!seed) return refuse("expected a number from 0 on");
       options.seed = *seed;
+    } else if (name == "adjuster") {
+      if (value != "own" && value != "ceres") return refuse("expected own or ceres");
+      options.adjuster = value == "own" ? Adjuster::kOwn : Adjuster::kCeres;
     } else if (name == "listen") {
       options.listen = value;
     } else if (name == "profile") {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "server/mapping/map_maker.h"
 
 namespace cairn {
 
@@ -16,6 +17,7 @@ struct ServerOptions {
   std::string listen;  ///< interface or address; empty: by profile
   std::string profile = "loopback";
   uint64_t seed = 0;  ///< 0: ids are random
+  Adjuster adjuster = Adjuster::kOwn;
   int verbosity = 0;
 };
 
