@@ -183,7 +183,7 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOpti
   MapProblem problem = local_problem(*map, newest, options.local_keyframes);
   BundleOptions bundle;
   bundle.max_iterations = 10;
-  bundle.function_tolerance = 1e-3;
+  bundle.function_tolerance = 1e-4;
   bundle.should_stop = should_stop;
   const BundleReport report = minimise(&problem.bundle, bundle, options.adjuster);
   if (!report.usable) return report;
@@ -206,7 +206,7 @@ BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor, Adjuster adj
 BundleOptions global_options(const std::function<bool()>& should_stop) {
   BundleOptions options;
   options.max_iterations = 20;
-  options.function_tolerance = 1e-4;
+  options.function_tolerance = 1e-6;
   options.should_stop = should_stop;
   return options;
 }

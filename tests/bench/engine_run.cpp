@@ -60,6 +60,7 @@ struct Arguments {
   std::string trajectory;
   std::string keyframes;
   uint64_t seed = 1;
+  bool ceres = false;
   size_t skip = 0;
   std::string bundle;
   size_t frames = SIZE_MAX;
@@ -97,6 +98,7 @@ class EngineRun {
       : arguments_(arguments), camera_(std::move(camera)) {
     tracker_options_.seed = arguments.seed;
     maker_options_.seed = arguments.seed;
+    if (arguments.ceres) maker_options_.adjuster = Adjuster::kCeres;
     tracker_ = std::make_unique<Tracker>(camera_, tracker_options_);
   }
 
@@ -333,6 +335,7 @@ int main(int argc, char** argv) {
   app.add_flag("--local-only", arguments.local_only, "no global adjustment");
   app.add_option("--bundle", arguments.bundle,
                  "the last map's global adjustment is written here, for cairn-ba-bench");
+  app.add_flag("--ceres", arguments.ceres, "bundle adjustment by Ceres");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
