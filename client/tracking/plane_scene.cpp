@@ -59,8 +59,10 @@ PlaneScene::PlaneScene(uint64_t seed, CameraPtr camera)
   for (int y = 0; y < camera_->height(); ++y) {
     for (int x = 0; x < camera_->width(); ++x) {
       for (int s = 0; s < kSamples * kSamples; ++s) {
-        const double dx = (s % kSamples + 0.5) / kSamples - 0.5;
-        const double dy = (s / kSamples + 0.5) / kSamples - 0.5;
+        const int column = s % kSamples;
+        const int row = s / kSamples;
+        const double dx = (column + 0.5) / kSamples - 0.5;
+        const double dy = (row + 0.5) / kSamples - 0.5;
         rays_.push_back(camera_->unproject({x + dx, y + dy}));
       }
     }
