@@ -1,200 +1,83 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/geometry/camera.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+#include <numbers>
+
+#include "common/geometry/camera_models.h"
 
 namespace cairn {
 namespace {
 
-constexpr size_t kMinValues = 4;
-constexpr size_t kMaxValues = 9;
-constexpr double kMinDepth = 1e-9;
+struct ModelTraits {
+  CameraModel model;
+  std::string_view name;
+  size_t min_values;
+  size_t max_values;
+  std::string_view order;
+  CameraPtr (*make)(const CameraParameters&);
+};
 
-/// The first u = r^2 > 0 where d(r (1 + k1 u + k2 u^2 + k3 u^3))/dr = 1 + 3 k1 u + 5 k2 u^2 + 7 k3 u^3
-/// vanishes; infinity if it never does. Beyond it the model folds back over the image.
-double monotonic_limit(double k1, double k2, double k3) {
-  const auto slope = [&](double u) { return 1 + u * (3 * k1 + u * (5 * k2 + u * 7 * k3)); };
-  // The slope changes sign at most once between its own extrema, the roots of 3 k1 + 10 k2 u + 21 k3 u^2.
-  std::array<double, 2> extrema{-1, -1};
-  const double discriminant = 25 * k2 * k2 - 63 * k1 * k3;
-  if (discriminant >= 0) {
-    const double q = -(5 * k2 + std::copysign(std::sqrt(discriminant), k2));
-    if (k3 != 0) extrema[0] = q / (21 * k3);
-    if (q != 0) extrema[1] = 3 * k1 / q;
-  }
-  std::sort(extrema.begin(), extrema.end());
-  constexpr double kFar = 1e6;  // r = 1000: 89.94 degrees off the axis
-  double low = 0;
-  for (double high : {extrema[0], extrema[1], kFar}) {
-    if (!(high > low) || high > kFar) continue;
-    if (slope(high) <= 0) {
-      for (int i = 0; i < 100; ++i) {
-        const double middle = 0.5 * (low + high);
-        (slope(middle) > 0 ? low : high) = middle;
-      }
-      return low;
-    }
-    low = high;
-  }
-  return std::numeric_limits<double>::infinity();
+constexpr std::array kModels = {
+    ModelTraits{CameraModel::kPinholeRadtan, "pinhole-radtan", 4, 9, "fx fy cx cy [k1 k2 p1 p2 k3]",
+                make_pinhole_radtan},
+    ModelTraits{CameraModel::kKannalaBrandt, "kb4", 4, 8, "fx fy cx cy [k1 k2 k3 k4]", make_kannala_brandt},
+    ModelTraits{CameraModel::kFov, "fov", 5, 5, "fx fy cx cy w", make_fov},
+};
+
+const ModelTraits* find(CameraModel model) {
+  const auto at =
+      std::find_if(kModels.begin(), kModels.end(), [&](const auto& m) { return m.model == model; });
+  return at == kModels.end() ? nullptr : &*at;
 }
 
-/// OpenCV's "plumb bob": radial polynomial in r^2 up to k3, tangential p1, p2.
-class PinholeRadtan final : public Camera {
- public:
-  explicit PinholeRadtan(const CameraParameters& parameters) : Camera(parameters) {
-    std::array<double, kMaxValues> v{};
-    std::copy(parameters.values.begin(), parameters.values.end(), v.begin());
-    fx_ = v[0];
-    fy_ = v[1];
-    cx_ = v[2];
-    cy_ = v[3];
-    k1_ = v[4];
-    k2_ = v[5];
-    p1_ = v[6];
-    p2_ = v[7];
-    k3_ = v[8];
-    distorted_ = std::any_of(v.begin() + 4, v.end(), [](double k) { return k != 0; });
-    max_u_ = monotonic_limit(k1_, k2_, k3_);
-  }
+tl::unexpected<Error> wrong(const std::string& what) {
+  return fail(ErrorCode::kConfiguration, "camera: " + what);
+}
 
-  std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const override {
-    if (!(point.z() > kMinDepth)) return std::nullopt;
-    const double inverse_depth = 1.0 / point.z();
-    const Eigen::Vector2d m(point.x() * inverse_depth, point.y() * inverse_depth);
-    if (!distorted_) return to_pixel(m);
-    if (m.squaredNorm() > max_u_) return std::nullopt;
-    return to_pixel(distort(m));
+std::string known_models() {
+  std::string names;
+  for (const auto& m : kModels) {
+    names +=
+        (names.empty() ? "" : ", ") + std::to_string(static_cast<int>(m.model)) + " " + std::string(m.name);
   }
-
-  std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point,
-                                         Matrix23d* d_pixel_d_point) const override {
-    if (!(point.z() > kMinDepth)) return std::nullopt;
-    const double inverse_depth = 1.0 / point.z();
-    const Eigen::Vector2d m(point.x() * inverse_depth, point.y() * inverse_depth);
-    Eigen::Vector2d d = m;
-    Eigen::Matrix2d d_d_m = Eigen::Matrix2d::Identity();
-    if (distorted_) {
-      if (m.squaredNorm() > max_u_) return std::nullopt;
-      d = distort(m, &d_d_m);
-    }
-    const double gx = fx_ * inverse_depth;
-    const double gy = fy_ * inverse_depth;
-    Matrix23d& j = *d_pixel_d_point;
-    j(0, 0) = gx * d_d_m(0, 0);
-    j(0, 1) = gx * d_d_m(0, 1);
-    j(0, 2) = -(j(0, 0) * m.x() + j(0, 1) * m.y());
-    j(1, 0) = gy * d_d_m(1, 0);
-    j(1, 1) = gy * d_d_m(1, 1);
-    j(1, 2) = -(j(1, 0) * m.x() + j(1, 1) * m.y());
-    return to_pixel(d);
-  }
-
-  Eigen::Vector3d unproject(const Eigen::Vector2d& pixel) const override {
-    const Eigen::Vector2d d((pixel.x() - cx_) / fx_, (pixel.y() - cy_) / fy_);
-    const Eigen::Vector2d m = distorted_ ? undistort(d) : d;
-    return Eigen::Vector3d(m.x(), m.y(), 1.0).normalized();
-  }
-
-  Eigen::Matrix2Xd d_pixel_d_parameters(const Eigen::Vector3d& point) const override {
-    const double x = point.x() / point.z();
-    const double y = point.y() / point.z();
-    const double u = x * x + y * y;
-    const Eigen::Vector2d d = distort({x, y});
-    Eigen::Matrix<double, 2, kMaxValues> j;
-    j << d.x(), 0, 1, 0, fx_ * x * u, fx_ * x * u * u, fx_ * 2 * x * y, fx_ * (u + 2 * x * x),
-        fx_ * x * u * u * u,  //
-        0, d.y(), 0, 1, fy_ * y * u, fy_ * y * u * u, fy_ * (u + 2 * y * y), fy_ * 2 * x * y,
-        fy_ * y * u * u * u;
-    return j.leftCols(static_cast<Eigen::Index>(parameters().values.size()));
-  }
-
- private:
-  [[nodiscard]] Eigen::Vector2d to_pixel(const Eigen::Vector2d& d) const {
-    return {fx_ * d.x() + cx_, fy_ * d.y() + cy_};
-  }
-
-  [[nodiscard]] Eigen::Vector2d distort(const Eigen::Vector2d& m) const {
-    const double x = m.x();
-    const double y = m.y();
-    const double u = x * x + y * y;
-    const double radial = 1 + u * (k1_ + u * (k2_ + u * k3_));
-    return {x * radial + 2 * p1_ * x * y + p2_ * (u + 2 * x * x),
-            y * radial + p1_ * (u + 2 * y * y) + 2 * p2_ * x * y};
-  }
-
-  [[nodiscard]] Eigen::Vector2d distort(const Eigen::Vector2d& m, Eigen::Matrix2d* jacobian) const {
-    const double x = m.x();
-    const double y = m.y();
-    const double u = x * x + y * y;
-    const double radial = 1 + u * (k1_ + u * (k2_ + u * k3_));
-    const double d_radial = 2 * (k1_ + u * (2 * k2_ + u * 3 * k3_));  // d radial / d x = x * d_radial
-    // Entry by entry: with a comma initialiser here, g++ 12.2 -O3 -DNDEBUG drops the stores after the first
-    // (-fipa-modref; checked by camera_test).
-    (*jacobian)(0, 0) = radial + x * x * d_radial + 2 * p1_ * y + 6 * p2_ * x;
-    (*jacobian)(0, 1) = (*jacobian)(1, 0) = x * y * d_radial + 2 * (p1_ * x + p2_ * y);
-    (*jacobian)(1, 1) = radial + y * y * d_radial + 6 * p1_ * y + 2 * p2_ * x;
-    return {x * radial + 2 * p1_ * x * y + p2_ * (u + 2 * x * x),
-            y * radial + p1_ * (u + 2 * y * y) + 2 * p2_ * x * y};
-  }
-
-  /// Newton from the distorted point: for a concave radial curve (barrel) it approaches from inside and for a
-  /// convex one from outside, so it does not overshoot. A pixel that no ray reaches ends on the rim of the
-  /// valid field.
-  [[nodiscard]] Eigen::Vector2d undistort(const Eigen::Vector2d& d) const {
-    constexpr int kMaxIterations = 20;
-    constexpr double kConverged = 1e-24;  // squared step; quadratic convergence leaves rounding only
-    Eigen::Vector2d m = d;
-    for (int i = 0; i < kMaxIterations; ++i) {
-      if (const double u = m.squaredNorm(); u > max_u_) m *= std::sqrt(max_u_ / u) * (1 - 1e-12);
-      Eigen::Matrix2d jacobian;
-      const Eigen::Vector2d error = distort(m, &jacobian) - d;
-      const double determinant = jacobian.determinant();
-      if (!(determinant > 1e-12)) break;
-      const Eigen::Vector2d step((jacobian(1, 1) * error.x() - jacobian(0, 1) * error.y()) / determinant,
-                                 (jacobian(0, 0) * error.y() - jacobian(1, 0) * error.x()) / determinant);
-      m -= step;
-      if (step.squaredNorm() < kConverged) break;
-    }
-    if (const double u = m.squaredNorm(); u > max_u_) m *= std::sqrt(max_u_ / u) * (1 - 1e-12);
-    return m;
-  }
-
-  double fx_, fy_, cx_, cy_, k1_, k2_, p1_, p2_, k3_;
-  bool distorted_ = false;
-  double max_u_ = 0;
-};
+  return names;
+}
 
 }  // namespace
 
+std::string_view name_of(CameraModel model) {
+  const auto* traits = find(model);
+  return traits == nullptr ? "unknown" : traits->name;
+}
+
 Result<CameraPtr> make_camera(const CameraParameters& parameters) {
   const auto& v = parameters.values;
-  if (parameters.model != CameraModel::kPinholeRadtan) {
-    return fail(ErrorCode::kConfiguration, "camera: unknown model " +
-                                               std::to_string(static_cast<int>(parameters.model)) +
-                                               "; known: 0 pinhole-radtan");
+  const auto* traits = find(parameters.model);
+  if (traits == nullptr) {
+    return wrong("unknown model " + std::to_string(static_cast<int>(parameters.model)) +
+                 "; known: " + known_models());
   }
   if (parameters.width <= 0 || parameters.height <= 0) {
-    return fail(ErrorCode::kConfiguration, "camera: image size " + std::to_string(parameters.width) + "x" +
-                                               std::to_string(parameters.height) + " is not positive");
+    return wrong("image size " + std::to_string(parameters.width) + "x" + std::to_string(parameters.height) +
+                 " is not positive");
   }
-  if (v.size() < kMinValues || v.size() > kMaxValues) {
-    return fail(ErrorCode::kConfiguration,
-                "camera: " + std::to_string(v.size()) +
-                    " parameters, pinhole-radtan has 4 to 9: fx fy cx cy [k1 k2 p1 p2 k3]");
+  if (v.size() < traits->min_values || v.size() > traits->max_values) {
+    return wrong(std::to_string(v.size()) + " parameters; " + std::string(traits->name) +
+                 " has: " + std::string(traits->order));
   }
   if (!std::all_of(v.begin(), v.end(), [](double x) { return std::isfinite(x); })) {
-    return fail(ErrorCode::kConfiguration, "camera: a parameter is not a finite number");
+    return wrong("a parameter is not a finite number");
   }
   if (v[0] <= 0 || v[1] <= 0) {
-    return fail(ErrorCode::kConfiguration,
-                "camera: focal length " + std::to_string(std::min(v[0], v[1])) + " is not positive");
+    return wrong("focal length " + std::to_string(std::min(v[0], v[1])) + " is not positive");
   }
-  return std::make_shared<const PinholeRadtan>(parameters);
+  if (parameters.model == CameraModel::kFov && !(v[4] >= 0 && v[4] < std::numbers::pi)) {
+    return wrong("fov's w = " + std::to_string(v[4]) + " is not an angle from 0 to below pi [rad]");
+  }
+  return traits->make(parameters);
 }
 
 }  // namespace cairn

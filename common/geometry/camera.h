@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
@@ -14,7 +15,12 @@ namespace cairn {
 /// Names on the wire and in files; grow only at the end.
 enum class CameraModel : uint8_t {
   kPinholeRadtan = 0,  ///< [fx fy cx cy k1 k2 p1 p2 k3], OpenCV's plumb bob; k3 may be 0
+  kKannalaBrandt = 1,  ///< [fx fy cx cy k1 k2 k3 k4], OpenCV's fisheye, Kalibr's equidistant
+  kFov = 2,            ///< [fx fy cx cy w], Devernay and Faugeras, PTAM's; w = 0 is a pinhole
 };
+
+/// pinhole-radtan, kb4 or fov.
+[[nodiscard]] std::string_view name_of(CameraModel model);
 
 /// Everything that defines a camera. Pixels; (0,0) is the centre of the first pixel.
 struct CameraParameters {
@@ -26,6 +32,13 @@ struct CameraParameters {
   bool operator==(const CameraParameters&) const = default;
 };
 
+/// In pixels.
+struct PictureSize {
+  int width = 0;
+  int height = 0;
+  bool operator==(const PictureSize&) const = default;
+};
+
 using Matrix23d = Eigen::Matrix<double, 2, 3>;
 
 /// A calibrated camera: immutable, shared between threads without locks.
@@ -33,15 +46,16 @@ class Camera {
  public:
   virtual ~Camera() = default;
 
-  /// Pixel of a point in camera coordinates (x right, y down, z forward; any unit). Nothing for points behind
-  /// the camera or beyond the angle to which the distortion is monotonic. The pixel may lie outside the
+  /// Pixel of a point in camera coordinates (x right, y down, z forward; any unit). Nothing for the camera's
+  /// centre and beyond the angle to which the distortion is monotonic: for a pinhole at most 90 degrees off
+  /// the axis, while kb4 and fov may reach behind the camera (depth <= 0). The pixel may lie outside the
   /// image.
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point) const = 0;
   /// As project(), with the derivative of the pixel by the point (2x3, pixels per unit of the point).
   [[nodiscard]] virtual std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& point,
                                                                Matrix23d* d_pixel_d_point) const = 0;
   /// Unit ray in camera coordinates through a pixel; project(unproject(p)) == p within 1e-6 px inside the
-  /// image.
+  /// image. A pixel that no ray reaches gives the nearest ray at the rim of the valid field.
   [[nodiscard]] virtual Eigen::Vector3d unproject(const Eigen::Vector2d& pixel) const = 0;
   /// d pixel / d parameters (2 x parameters().values.size()) at a point that projects; for calibration.
   [[nodiscard]] virtual Eigen::Matrix2Xd d_pixel_d_parameters(const Eigen::Vector3d& point) const = 0;

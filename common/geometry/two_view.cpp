@@ -359,10 +359,13 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
 }
 
 /// A pixel as (x/z, y/z, 1), and the variance there of a pixel with `sigma`: where the lens compresses the
-/// view, a pixel is a larger angle (mean over directions).
+/// view, a pixel is a larger angle (mean over directions). Not finite for a pixel of a wide lens that looks
+/// along the image plane or behind it: no plane picture has it.
 std::pair<Eigen::Vector3d, double> normalise(const Camera& camera, const Eigen::Vector2d& pixel,
                                              double sigma) {
+  constexpr double kMinCosine = 0.05;
   const Eigen::Vector3d ray = camera.unproject(pixel);
+  if (ray.z() < kMinCosine) return {Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()), 0};
   const Eigen::Vector3d point = ray / ray.z();
   double pixels_per_unit = camera.focal_length();
   Matrix23d jacobian;
@@ -382,6 +385,7 @@ std::vector<NormalisedMatch> normalise(const Camera& camera_a, const Camera& cam
     if (!matches[i].a.allFinite() || !matches[i].b.allFinite()) continue;
     const auto [a, variance_a] = normalise(camera_a, matches[i].a, sigma);
     const auto [b, variance_b] = normalise(camera_b, matches[i].b, sigma);
+    if (!a.allFinite() || !b.allFinite()) continue;
     normalised.push_back({a, b, variance_a, variance_b});
     index->push_back(i);
   }
