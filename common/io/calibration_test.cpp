@@ -103,8 +103,143 @@ TEST_F(Calibration, RosCameraInfo) {
   EXPECT_THAT(read->values, ElementsAre(500, 500, 320, 240, 0.1, 0, 0, 0, 0));
 }
 
+TEST_F(Calibration, RosFisheyeIsKannalaBrandt) {
+  auto yaml = replaced(kRosYaml, "data: [0.1, 0, 0, 0, 0]", "data: [0.1, -0.02, 0.003, 4e-4]");
+  for (const char* name : {"equidistant", "fisheye"}) {
+    const auto read = read_calibration(write(replaced(yaml, "plumb_bob", name)));
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(read->model, CameraModel::kKannalaBrandt);
+    EXPECT_THAT(read->values, ElementsAre(500, 500, 320, 240, 0.1, -0.02, 0.003, 4e-4));
+  }
+}
+
+TEST_F(Calibration, RosRationalIsReadWhenItsDenominatorIsOne) {
+  const auto rational = replaced(kRosYaml, "plumb_bob", "rational_polynomial");
+  const auto read =
+      read_calibration(write(replaced(rational, "[0.1, 0, 0, 0, 0]", "[0.1, 0.2, 0, 0, 0.3, 0, 0, 0]")));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_THAT(read->values, ElementsAre(500, 500, 320, 240, 0.1, 0.2, 0, 0, 0.3));
+  expect_error(replaced(rational, "[0.1, 0, 0, 0, 0]", "[0.1, 0.2, 0, 0, 0.3, 0, 0.1, 0]"),
+               ":6: more than 5 distortion coefficients");
+}
+
+/// As Kalibr writes it (camchain-*.yaml), with the second camera of the chain.
+constexpr const char* kCamchain = R"(cam0:
+  cam_overlaps: [1]
+  camera_model: pinhole
+  distortion_coeffs: [-0.0012, 0.0034, -0.0056, 0.0078]
+  distortion_model: equidistant
+  intrinsics: [190.97, 190.98, 254.93, 256.89]
+  resolution: [512, 513]
+  rostopic: /cam0/image_raw
+cam1:
+  T_cn_cnm1:
+  - [1.0, 0.0, 0.0, 0.1]
+  camera_model: pinhole
+  distortion_coeffs: [0, 0, 0, 0]
+  distortion_model: radtan
+  intrinsics: [1, 2, 3, 4]
+  resolution: [5, 6]
+)";
+
+TEST_F(Calibration, KalibrGivesItsFirstCamera) {
+  const auto equidistant = read_calibration(write(kCamchain));
+  ASSERT_TRUE(equidistant) << equidistant.error().message;
+  EXPECT_EQ(equidistant->model, CameraModel::kKannalaBrandt);
+  EXPECT_EQ(equidistant->width, 512);
+  EXPECT_EQ(equidistant->height, 513);
+  EXPECT_THAT(equidistant->values,
+              ElementsAre(190.97, 190.98, 254.93, 256.89, -0.0012, 0.0034, -0.0056, 0.0078));
+  const auto radtan = read_calibration(write(replaced(kCamchain, "equidistant", "radtan")));
+  ASSERT_TRUE(radtan) << radtan.error().message;
+  EXPECT_EQ(radtan->model, CameraModel::kPinholeRadtan);
+  EXPECT_THAT(radtan->values,
+              ElementsAre(190.97, 190.98, 254.93, 256.89, -0.0012, 0.0034, -0.0056, 0.0078, 0));
+  const auto none = read_calibration(write(
+      replaced(replaced(kCamchain, "equidistant", "none"), "[-0.0012, 0.0034, -0.0056, 0.0078]", "[]")));
+  ASSERT_TRUE(none) << none.error().message;
+  EXPECT_THAT(none->values, ElementsAre(190.97, 190.98, 254.93, 256.89, 0, 0, 0, 0, 0));
+}
+
+TEST_F(Calibration, KalibrErrorsNameTheKeyAndTheRemedy) {
+  expect_error(replaced(kCamchain, "camera_model: pinhole", "camera_model: omni"),
+               ":3: camera_model 'omni' is not read; calibrate with Kalibr's pinhole-radtan or pinhole-equi");
+  expect_error(replaced(kCamchain, "equidistant", "unified"), ":5: distortion_model 'unified'");
+  expect_error(replaced(kCamchain, "equidistant", "fov"), ":4: 4 distortion coefficients, not 1");
+  expect_error(replaced(kCamchain, "0.0034, ", ""), ":4: 3 distortion coefficients, not 4");
+  expect_error(replaced(kCamchain, "190.97, ", ""), ":6: intrinsics: 3 numbers, not 4");
+  expect_error(replaced(kCamchain, "190.97", "wide"), ":6: intrinsics: not a number");
+  expect_error(replaced(kCamchain, "[512, 513]", "[512, 0]"), ":7: resolution");
+  expect_error(replaced(kCamchain, "  resolution: [512, 513]\n", ""), "no 'resolution'");
+  expect_error(replaced(kCamchain, "[190.97, 190.98, 254.93, 256.89]", "190.97"), "intrinsics is not a list");
+  expect_error("cam0: 3\n", ":1: cam0");
+}
+
+TEST_F(Calibration, EurocSensorYaml) {
+  const auto read = read_calibration(write(R"(# Default camera sensor yaml file
+sensor_type: camera
+comment: VI-Sensor cam0 (MT9M034)
+T_BS:
+  cols: 4
+  rows: 4
+  data: [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,
+         0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768,
+        -0.0257744366974, 0.00375618835797, 0.999660727178, 0.00981073058949,
+         0.0, 0.0, 0.0, 1.0]
+rate_hz: 20
+resolution: [752, 480]
+camera_model: pinhole
+intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]
+)"));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->width, 752);
+  EXPECT_EQ(read->model, CameraModel::kPinholeRadtan);
+  EXPECT_THAT(read->values, ElementsAre(458.654, 457.296, 367.215, 248.375, -0.28340811, 0.07395907,
+                                        0.00019359, 1.76187114e-05, 0));
+}
+
+TEST_F(Calibration, PtamCountsInPictureSides) {
+  for (const char* text : {"Camera.Parameters=[ 0.738 1.0112 0.4996 0.51 0.1794 ]\n",
+                           "// GVars\nCamera.Parameters = [0.738 1.0112 0.4996 0.51 0.1794];\n",
+                           "0.738 1.0112 0.4996 0.51 0.1794\n"}) {
+    const auto read = read_calibration(write(text), PictureSize{640, 480});
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(read->model, CameraModel::kFov);
+    EXPECT_EQ(read->width, 640);
+    EXPECT_EQ(read->height, 480);
+    EXPECT_THAT(read->values,
+                ElementsAre(0.738 * 640, 1.0112 * 480, 0.4996 * 640 - 0.5, 0.51 * 480 - 0.5, 0.1794));
+    expect_error(text, "count in picture sizes, and the source does not tell its size");
+  }
+}
+
+TEST_F(Calibration, KalibrYamlWrittenReadsBackEqual) {
+  const std::vector<CameraParameters> cameras = {
+      {CameraModel::kPinholeRadtan, 640, 480, {500.1, 501.0 / 3, 319.5, 1e-3, -0.1, 0.02, 1e-5, -1.0 / 7, 0}},
+      {CameraModel::kKannalaBrandt, 512, 511, {190.1, 190.0 / 3, 254.9, 256, 0.003, 1.0 / 7, -2e-3, 2e-17}},
+      {CameraModel::kFov, 1280, 1024, {457.3, 456, 640, 512, 0.93}}};
+  for (const auto& parameters : cameras) {
+    const auto path = directory_.path() / "cam.yaml";
+    ASSERT_TRUE(write_calibration_kalibr(path, parameters, "made by a test\nof two lines"));
+    const auto back = read_calibration(path);
+    ASSERT_TRUE(back) << back.error().message;
+    EXPECT_EQ(*back, parameters) << name_of(parameters.model);
+  }
+  auto with_k3 = cameras[0];
+  with_k3.values[8] = 0.1;
+  EXPECT_EQ(write_calibration_kalibr(directory_.path() / "k3.yaml", with_k3).error().code,
+            ErrorCode::kConfiguration);
+  EXPECT_FALSE(std::filesystem::exists(directory_.path() / "k3.yaml"));
+  EXPECT_EQ(write_calibration_txt(directory_.path() / "kb4.txt", cameras[1]).error().code,
+            ErrorCode::kConfiguration);
+  EXPECT_EQ(write_calibration_kalibr("/nowhere/cam.yaml", cameras[1]).error().code, ErrorCode::kIo);
+}
+
 TEST_F(Calibration, YamlErrorsNameTheLine) {
-  expect_error(replaced(kRosYaml, "plumb_bob", "equidistant"), ":5: distortion_model 'equidistant'");
+  expect_error(replaced(kRosYaml, "plumb_bob", "thin_prism"), ":5: distortion_model 'thin_prism'");
+  expect_error(replaced(kRosYaml, "plumb_bob", "equidistant"), ":6: 5 distortion coefficients, not 4");
   expect_error(replaced(kRosYaml, "image_width: 640", "image_width: wide"), ":1: image_width");
   expect_error(replaced(kRosYaml, "image_height: 480\n", ""), "image_height");
   expect_error(replaced(kRosYaml, "[500, 0, 320", "[500, 3, 320"), ":4: camera_matrix");

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/io/calibration_formats.h"
+#include "common/io/text.h"
+
+namespace cairn::calibration {
+namespace {
+
+constexpr size_t kRadtanValues = 9;
+constexpr size_t kPtamValues = 5;
+constexpr std::string_view kPtamKey = "Camera.Parameters";
+
+/// The line's numbers; a comment may follow them. PTAM's key, '=' and brackets are left out.
+Result<std::vector<double>> numbers_of(const File& file, const TextLine& line) {
+  std::string text(line.text.substr(0, line.text.find_first_of("#;")));
+  if (text.starts_with(kPtamKey)) {
+    text.erase(0, kPtamKey.size());
+    for (char& c : text) {
+      if (c == '=' || c == '[' || c == ']') c = ' ';
+    }
+  }
+  std::vector<double> numbers;
+  for (const auto field : split_fields(text)) {
+    const auto number = parse_number(field);
+    if (!number) {
+      return wrong(
+          at_line(file.path, line.number, in_quotes(field) + " is not a number; " + std::string(kFormats)));
+    }
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+/// PTAM's five numbers, told from pixels by their size: no lens has a focal length of 20 picture sides.
+bool counts_in_picture_sides(const std::vector<double>& v) {
+  constexpr double kMaxSides = 20;
+  return v.size() == kPtamValues &&
+         std::all_of(v.begin(), v.end(), [](double x) { return std::abs(x) < kMaxSides; });
+}
+
+/// PTAM's ATANCamera: fx fy cx cy in units of the picture's sides, whose first pixel begins at 0, and w.
+Result<CameraParameters> from_ptam(const File& file, const std::vector<double>& v) {
+  if (!file.picture_size) {
+    return wrong(
+        file.path.string() +
+        ": five numbers as in PTAM's camera.cfg count in picture sizes, and the source does not tell its "
+        "size; "
+        "write the calibration as one line `width height fx fy cx cy [k1 k2 p1 p2]` or as Kalibr yaml");
+  }
+  const auto [width, height] = *file.picture_size;
+  return CameraParameters{CameraModel::kFov,
+                          width,
+                          height,
+                          {v[0] * width, v[1] * height, v[2] * width - 0.5, v[3] * height - 0.5, v[4]}};
+}
+
+}  // namespace
+
+tl::unexpected<Error> wrong(std::string message) {
+  return fail(ErrorCode::kConfiguration, std::move(message));
+}
+
+int side_from_number(double value) {
+  if (!(value >= 1) || value > std::numeric_limits<int>::max() || value != std::floor(value)) return 0;
+  return static_cast<int>(value);
+}
+
+Result<CameraParameters> parse_text(const File& file) {
+  const auto lines = data_lines(file.content);
+  if (lines.empty()) return wrong(file.path.string() + ": no calibration in it; " + std::string(kFormats));
+  const auto ptam = std::find_if(lines.begin(), lines.end(),
+                                 [](const TextLine& line) { return line.text.starts_with(kPtamKey); });
+  if (ptam == lines.end() && lines.size() > 1) {
+    return wrong(at_line(file.path, lines[1].number, "a second line of data; " + std::string(kFormats)));
+  }
+  const TextLine& line = ptam == lines.end() ? lines.front() : *ptam;
+  const size_t number = line.number;
+  const auto numbers = numbers_of(file, line);
+  if (!numbers) return tl::unexpected(numbers.error());
+  if (counts_in_picture_sides(*numbers)) return from_ptam(file, *numbers);
+  if (numbers->size() != 6 && numbers->size() != 10 && numbers->size() != 11) {
+    return wrong(
+        at_line(file.path, number,
+                std::to_string(numbers->size()) + " numbers, not 6, 10 or 11; " + std::string(kFormats)));
+  }
+  CameraParameters parameters;
+  parameters.width = side_from_number((*numbers)[0]);
+  parameters.height = side_from_number((*numbers)[1]);
+  parameters.values.assign(numbers->begin() + 2, numbers->end());
+  parameters.values.resize(kRadtanValues, 0.0);
+  if (parameters.width == 0 || parameters.height == 0) {
+    return wrong(at_line(file.path, number, "image width and height must be positive whole numbers"));
+  }
+  return parameters;
+}
+
+}  // namespace cairn::calibration
