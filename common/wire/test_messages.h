@@ -131,6 +131,7 @@ inline CameraMessage RandomMessages::make() {
   CameraMessage made{
       id<ClientId>(), static_cast<uint32_t>(number(0, 9)), static_cast<uint32_t>(number(1, 9)), {}, {},
       coin()};
+  made.parameters.model = static_cast<CameraModel>(number(0, static_cast<uint64_t>(CameraModel::kFov)));
   made.parameters.width = static_cast<int>(number(1, 4096));
   made.parameters.height = static_cast<int>(number(1, 4096));
   for (int i = 0; i < 9; ++i) made.parameters.values.push_back(uniform(-500, 500));

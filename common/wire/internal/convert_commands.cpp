@@ -44,7 +44,7 @@ template <>
 Result<CameraMessage> decode<CameraMessage>(const cairn_Camera& sample) {
   Check check;
   check.schema(sample.schema_version);
-  check.require(sample.model <= static_cast<uint8_t>(CameraModel::kPinholeRadtan), "unknown camera model");
+  check.require(sample.model <= static_cast<uint8_t>(CameraModel::kFov), "unknown camera model");
   check.require(sample.width >= 1 && sample.width <= kMaxImageSide && sample.height >= 1 &&
                     sample.height <= kMaxImageSide,
                 "camera size out of range");
