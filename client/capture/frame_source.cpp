@@ -22,8 +22,9 @@ struct Scheme {
 };
 
 constexpr std::array kSchemes = {
-    Scheme{"tum", open_tum_source},       Scheme{"images", open_images_source},
-    Scheme{"video", open_video_source},   Scheme{"v4l2", open_v4l2_source},
+    Scheme{"tum", open_tum_source},       Scheme{"euroc", open_euroc_source},
+    Scheme{"images", open_images_source}, Scheme{"video", open_video_source},
+    Scheme{"v4l2", open_v4l2_source},
 #ifdef CAIRN_SIMULATOR
     Scheme{"sim", open_simulated_source},
 #endif
@@ -49,6 +50,7 @@ std::optional<std::filesystem::path> find_calibration(std::string_view text) {
   std::vector<std::filesystem::path> candidates;
   const std::filesystem::path path(uri->path);
   if (uri->scheme == "tum") candidates = {path / "camera.txt"};
+  if (uri->scheme == "euroc") candidates = {euroc_camera_folder(*uri) / "sensor.yaml", path / "camera.txt"};
   if (uri->scheme == "images") candidates = {path / "camera.txt", path / ".." / "camera.txt"};
   if (uri->scheme == "video") candidates = {path.parent_path() / "camera.txt"};
   for (const auto& candidate : candidates) {

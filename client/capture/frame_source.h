@@ -36,6 +36,8 @@ class FrameSource {
   [[nodiscard]] virtual std::optional<size_t> frame_count() const = 0;
   /// Exact calibration of a source that knows it (the simulator).
   [[nodiscard]] virtual std::optional<CameraParameters> builtin_calibration() const { return std::nullopt; }
+  /// Size of its frames, where it can tell without reading frames.
+  [[nodiscard]] virtual std::optional<PictureSize> picture_size() const { return std::nullopt; }
   /// For a person: what it is, without frames being read.
   [[nodiscard]] virtual std::string describe() const = 0;
   /// Whether frames come by the clock of a camera and are lost when not taken.
@@ -43,16 +45,18 @@ class FrameSource {
 };
 
 /// Opens what a `--source` argument names:
-///   tum:DIR                              rgb.txt with rows `time file`, files relative to DIR; frames in the
-///   file's order images:DIR?fps=30                    png, jpg, jpeg, pgm, ppm in natural order (2 before
-///   10) video:FILE?times=FILE                whatever OpenCV's FFmpeg reads; one time stamp [s] per line,
-///   else the container's v4l2:/dev/video0?size=640x480&fps=30 sim:SCENARIO?seed=1&camera=hand      with
-///   CAIRN_SIMULATOR; further options are the simulator's
+///  * `tum:DIR`: rgb.txt with rows `time file`, files relative to DIR; frames in the file's order
+///  * `euroc:DIR?camera=cam0`: mav0/cam0/data.csv in DIR, or cam0/data.csv
+///  * `images:DIR?fps=30`: png, jpg, jpeg, pgm, ppm in natural order (2 before 10)
+///  * `video:FILE?times=FILE`: whatever OpenCV's FFmpeg reads; one time stamp [s] per line, else the
+///  container's
+///  * `v4l2:/dev/video0?size=640x480&fps=30`: a camera; an error when it gives no picture for 2 s
+///  * `sim:SCENARIO?seed=1&camera=hand`: with CAIRN_SIMULATOR; further options are the simulator's
 /// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kDamaged (lists that do
 /// not parse or are empty).
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_source(std::string_view uri);
 
-/// camera.txt beside the images or the video of a source, if there is one.
+/// camera.txt beside the images or the video of a source, or sensor.yaml in a EuRoC folder, if there is one.
 [[nodiscard]] std::optional<std::filesystem::path> find_calibration(std::string_view uri);
 
 }  // namespace cairn

@@ -134,6 +134,42 @@ TEST_F(FrameSourceFiles, TumListErrors) {
   expect_open_error(uri("tum", "?fps=3"), ErrorCode::kUsage, "it takes none");
 }
 
+TEST_F(FrameSourceFiles, EurocGivesTheListedFramesAndItsCalibration) {
+  for (const std::string at : {"mav0/cam0/", "mav0/cam1/"}) {
+    for (int i = 0; i < 2; ++i)
+      write_picture(at + "data/" + std::to_string(i) + ".png", i + (at == "mav0/cam1/" ? 5 : 0));
+    write_text(at + "data.csv",
+               "#timestamp [ns],filename\r\n1403715273262142976,1.png\r\n1403715273312143104,0.png\r\n");
+  }
+  const auto source = open_source(uri("euroc"));
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ((*source)->frame_count(), 2u);
+  EXPECT_EQ((*source)->picture_size(), (PictureSize{kWidth, kHeight}));
+  const auto taken = take_all(**source);
+  EXPECT_TRUE(taken.errors.empty());
+  ASSERT_EQ(taken.frames.size(), 2u);
+  EXPECT_EQ(taken.frames[0].time.nanoseconds, 1403715273262142976);
+  EXPECT_EQ(taken.frames[1].time.nanoseconds, 1403715273312143104);
+  EXPECT_EQ(number_of(taken.frames[0]), 1);
+  EXPECT_EQ(number_of(take_all(**open_source(uri("euroc", "?camera=cam1"))).frames.at(0)), 6);
+  EXPECT_EQ(number_of(take_all(**open_source(uri("euroc", "/mav0"))).frames.at(0)), 1);
+  EXPECT_FALSE(find_calibration(uri("euroc")));
+  write_text("mav0/cam0/sensor.yaml", "");
+  EXPECT_EQ(find_calibration(uri("euroc")), dir() / "mav0/cam0/sensor.yaml");
+}
+
+TEST_F(FrameSourceFiles, EurocErrors) {
+  expect_open_error(uri("euroc"), ErrorCode::kNotFound, "data.csv: no such file; euroc: needs");
+  fs::create_directories(dir() / "mav0/cam0");
+  write_text("mav0/cam0/data.csv", "#timestamp [ns],filename\n");
+  expect_open_error(uri("euroc"), ErrorCode::kDamaged, "lists no frame");
+  for (const char* row : {"1.5,a.png", "12a,a.png", "12,", "12", ",a.png"}) {
+    write_text("mav0/cam0/data.csv", std::string("#c\n1,a.png\n") + row + "\n");
+    expect_open_error(uri("euroc"), ErrorCode::kDamaged, "data.csv:3: not a row");
+  }
+  expect_open_error(uri("euroc", "?cam=1"), ErrorCode::kUsage, "it takes camera");
+}
+
 TEST_F(FrameSourceFiles, ImagesComeInNaturalOrderAtTheirRate) {
   write_picture("frame10.png", 3);
   write_picture("frame9.JPG", 2);
@@ -181,6 +217,7 @@ TEST_F(FrameSourceFiles, VideoTakesItsTimesFromTheList) {
   const auto source = open_source(uri("video", "/v1.avi?times=" + (dir() / "times.txt").string()));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_EQ((*source)->frame_count(), 6u);
+  EXPECT_EQ((*source)->picture_size(), (PictureSize{kWidth, kHeight}));
   const auto taken = take_all(**source);
   EXPECT_TRUE(taken.errors.empty());
   ASSERT_EQ(taken.frames.size(), 6u);
@@ -233,7 +270,9 @@ TEST_F(FrameSourceFiles, VideoErrors) {
 
 TEST_F(FrameSourceFiles, CameraErrors) {
   expect_open_error(uri("v4l2", "/video99"), ErrorCode::kNotFound, "no such camera");
-  expect_open_error("v4l2:/dev/null", ErrorCode::kIo, "cannot be opened as a camera");
+  expect_open_error("v4l2:/dev/null", ErrorCode::kIo, "/dev/null: is not a camera");
+  write_text("video0", "");
+  expect_open_error(uri("v4l2", "/video0"), ErrorCode::kIo, "not a device");
   expect_open_error("v4l2:/dev/null?size=640", ErrorCode::kUsage, "size=640");
   expect_open_error("v4l2:/dev/null?size=0x480", ErrorCode::kUsage, "size=0x480");
   expect_open_error("v4l2:/dev/null?fps=x", ErrorCode::kUsage, "fps=x");
@@ -241,7 +280,7 @@ TEST_F(FrameSourceFiles, CameraErrors) {
 }
 
 TEST_F(FrameSourceFiles, UnknownSchemeListsTheOthers) {
-  expect_open_error("kitti:/x", ErrorCode::kUsage, "tum:, images:, video:, v4l2:");
+  expect_open_error("kitti:/x", ErrorCode::kUsage, "tum:, euroc:, images:, video:, v4l2:");
   expect_open_error("/dev/video0", ErrorCode::kUsage, "scheme:path");
 }
 

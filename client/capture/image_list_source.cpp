@@ -2,10 +2,12 @@
 #include "client/capture/image_list_source.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <vector>
 
 #include "common/io/image_file.h"
+#include "common/io/image_header.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -16,7 +18,7 @@ struct ListedImage {
   std::filesystem::path path;
 };
 
-/// Frames that are files of their own: both the TUM list and the image folder.
+/// Frames that are files of their own: the lists of TUM and EuRoC, and the image folder.
 class ImageListSource final : public FrameSource {
  public:
   ImageListSource(std::string description, std::vector<ListedImage> images)
@@ -30,6 +32,18 @@ class ImageListSource final : public FrameSource {
     return Frame{index, images_[index].time, std::make_shared<const GrayImage>(std::move(*image))};
   }
   std::optional<size_t> frame_count() const override { return images_.size(); }
+  std::optional<PictureSize> picture_size() const override {
+    for (const auto& image : images_) {
+      const auto content = read_file(image.path);
+      if (!content) continue;
+      const auto header =
+          read_image_header({reinterpret_cast<const uint8_t*>(content->data()), content->size()});
+      if (header && header->width <= kMaxImageSide && header->height <= kMaxImageSide) {
+        return PictureSize{static_cast<int>(header->width), static_cast<int>(header->height)};
+      }
+    }
+    return std::nullopt;
+  }
   std::string describe() const override {
     return description_ + ", " + std::to_string(images_.size()) + " images";
   }
@@ -127,6 +141,44 @@ Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri) {
   }
   if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
   return std::make_unique<ImageListSource>("TUM sequence " + uri.path, std::move(images));
+}
+
+std::filesystem::path euroc_camera_folder(const SourceUri& uri) {
+  const auto option = uri.options.find("camera");
+  const std::string camera = option == uri.options.end() ? "cam0" : option->second;
+  const std::filesystem::path directory(uri.path);
+  std::error_code ignored;
+  const auto whole = directory / "mav0" / camera;
+  return std::filesystem::exists(whole, ignored) ? whole : directory / camera;
+}
+
+Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri) {
+  if (auto status = uri.check_options({"camera"}); !status) return tl::unexpected(status.error());
+  const auto folder = euroc_camera_folder(uri);
+  const auto list = folder / "data.csv";
+  const auto content = read_file(list);
+  if (!content) {
+    auto error = content.error();
+    if (error.code == ErrorCode::kNotFound) {
+      error.message += "; euroc: needs DIR/mav0/cam0/data.csv (tum:DIR takes a folder with rgb.txt)";
+    }
+    return tl::unexpected(error);
+  }
+  std::vector<ListedImage> images;
+  for (const auto& line : data_lines(*content)) {
+    const size_t comma = std::min(line.text.find(','), line.text.size());
+    const auto digits = trim(line.text.substr(0, comma));
+    const auto file = trim(line.text.substr(std::min(comma + 1, line.text.size())));
+    Timestamp time;
+    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), time.nanoseconds);
+    if (error != std::errc() || end != digits.data() + digits.size() || file.empty()) {
+      return fail(ErrorCode::kDamaged,
+                  at_line(list, line.number, "not a row `time,file` with the time in nanoseconds"));
+    }
+    images.push_back({time, folder / "data" / file});
+  }
+  if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
+  return std::make_unique<ImageListSource>("EuRoC sequence " + folder.string(), std::move(images));
 }
 
 Result<std::unique_ptr<FrameSource>> open_images_source(const SourceUri& uri) {

@@ -9,7 +9,11 @@
 namespace cairn {
 
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri);
+[[nodiscard]] Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri);
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_images_source(const SourceUri& uri);
+
+/// The camera's folder of an `euroc:` source, which holds data.csv, data/ and sensor.yaml.
+[[nodiscard]] std::filesystem::path euroc_camera_folder(const SourceUri& uri);
 
 /// Order of file names in which runs of digits count by value: frame2 < frame10. A strict total order.
 [[nodiscard]] bool natural_less(std::string_view a, std::string_view b);

@@ -1,8 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/v4l2_source.h"
 
+#include <fcntl.h>
+#include <linux/videodev2.h>
+#include <stdlib.h>  // NOLINT: setenv is POSIX
+#include <sys/ioctl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
@@ -11,10 +20,42 @@
 namespace cairn {
 namespace {
 
-struct Size {
-  int width = 0;
-  int height = 0;
-};
+constexpr const char* kPatienceSeconds = "2";
+
+/// What the system says of a device, told apart before OpenCV, which knows only that it cannot open it.
+Status check_device(const std::string& path) {
+  const auto no_camera = [&](const std::string& why) {
+    return fail(ErrorCode::kIo, path + ": " + why + "; `ls /dev/video* /dev/v4l/by-id` shows the cameras");
+  };
+  struct stat info {};
+  if (stat(path.c_str(), &info) != 0) {
+    return fail(ErrorCode::kNotFound,
+                path + ": no such camera; `ls /dev/video* /dev/v4l/by-id` shows what there is");
+  }
+  if (!S_ISCHR(info.st_mode)) return no_camera("not a device");
+  const int device = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  if (device < 0) {
+    const int error = errno;
+    if (error == EACCES || error == EPERM) {
+      return fail(ErrorCode::kIo,
+                  path + ": no right to open it; `sudo usermod -aG video $USER`, then log in again");
+    }
+    if (error == EBUSY) {
+      return fail(ErrorCode::kIo, path + ": in use by another program; `fuser -v " + path + "` names it");
+    }
+    return no_camera(std::string("cannot be opened: ") + std::strerror(error));
+  }
+  v4l2_capability capability{};
+  const bool answered = ioctl(device, VIDIOC_QUERYCAP, &capability) == 0;
+  close(device);
+  if (!answered) return no_camera("is not a camera");
+  const bool of_this_node = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
+  const auto abilities = of_this_node ? capability.device_caps : capability.capabilities;
+  if ((abilities & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0) {
+    return no_camera("gives no pictures (cameras also have a node for their metadata)");
+  }
+  return {};
+}
 
 /// A camera of the Linux kernel. Its stamps are of the monotonic clock; they are moved to the epoch by the
 /// difference of the clocks at the start, so that setting the wall clock in mid-run does not tear the motion
@@ -31,7 +72,8 @@ class V4l2Source final : public FrameSource {
     if (failures_ >= kMaxFailures) return std::nullopt;
     try {
       if (!capture_->read(pixels_) || pixels_.empty())
-        return failure("gives no picture; is it unplugged or in use?");
+        return failure("no picture for 2 s; is it unplugged, covered by its shutter or in use? `fuser -v " +
+                       path_ + "` names other users");
       if (pixels_.channels() == 3) {
         cv::cvtColor(pixels_, gray_, cv::COLOR_BGR2GRAY);
       } else {
@@ -46,6 +88,10 @@ class V4l2Source final : public FrameSource {
     return Frame{index_++, stamp(), std::move(image)};
   }
   std::optional<size_t> frame_count() const override { return std::nullopt; }
+  std::optional<PictureSize> picture_size() const override {
+    return PictureSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                       static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+  }
   std::string describe() const override {
     const auto property = [this](int id) { return std::to_string(static_cast<int>(capture_->get(id))); };
     return "camera " + path_ + ", " + property(cv::CAP_PROP_FRAME_WIDTH) + "x" +
@@ -54,7 +100,7 @@ class V4l2Source final : public FrameSource {
   bool is_live() const override { return true; }
 
  private:
-  static constexpr int kMaxFailures = 3;  ///< in a row; each takes up to OpenCV's time-out of 10 s
+  static constexpr int kMaxFailures = 3;  ///< in a row; each takes up to kPatienceSeconds
 
   tl::unexpected<Error> failure(const std::string& what) {
     ++failures_;
@@ -85,11 +131,11 @@ int parse_side(std::string_view text) {
 }
 
 /// "640x480".
-Result<Size> parse_size(const std::string& text) {
+Result<PictureSize> parse_size(const std::string& text) {
   const size_t cross = std::min(text.find('x'), text.size());
   const std::string_view view(text);
-  const Size size{parse_side(view.substr(0, cross)),
-                  parse_side(view.substr(std::min(cross + 1, text.size())))};
+  const PictureSize size{parse_side(view.substr(0, cross)),
+                         parse_side(view.substr(std::min(cross + 1, text.size())))};
   if (size.width == 0 || size.height == 0) {
     return fail(ErrorCode::kUsage, "source option size=" + text + ": not a size such as 640x480");
   }
@@ -105,16 +151,14 @@ Result<std::unique_ptr<FrameSource>> open_v4l2_source(const SourceUri& uri) {
   if (!size) return tl::unexpected(size.error());
   const auto fps = uri.positive_number("fps", 30.0);
   if (!fps) return tl::unexpected(fps.error());
-  std::error_code error;
-  if (!std::filesystem::exists(uri.path, error)) {
-    return fail(ErrorCode::kNotFound,
-                uri.path + ": no such camera; `ls /dev/video* /dev/v4l/by-id` shows what there is");
-  }
+  if (auto status = check_device(uri.path); !status) return tl::unexpected(status.error());
+  // OpenCV 4.6 takes its time-out for a picture from here only, when the first one is waited for.
+  setenv("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", kPatienceSeconds, 0);
   try {
     auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_V4L2);
     if (!capture->isOpened()) {
-      return fail(ErrorCode::kIo,
-                  uri.path + ": cannot be opened as a camera; in use, or no right (group video)?");
+      return fail(ErrorCode::kIo, uri.path + ": gives no format that OpenCV reads, or is in use; `fuser -v " +
+                                      uri.path + "` names other users");
     }
     capture->set(cv::CAP_PROP_FRAME_WIDTH, size->width);
     capture->set(cv::CAP_PROP_FRAME_HEIGHT, size->height);

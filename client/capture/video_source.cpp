@@ -45,6 +45,10 @@ class VideoSource final : public FrameSource {
   std::optional<size_t> frame_count() const override {
     return has_times() ? times_.size() : static_cast<size_t>(container_count_);
   }
+  std::optional<PictureSize> picture_size() const override {
+    return PictureSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                       static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+  }
   std::string describe() const override {
     return "video " + path_ + (has_times() ? ", times from " + times_path_ : "");
   }
