@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/topic.h"
 
+#include <algorithm>
+
 #include "common/wire/discovered_readers.h"
 #include "common/wire/internal/convert.h"
 #include "common/wire/internal/endpoint.h"
@@ -19,7 +21,7 @@ TopicDescription topic_of();
   TopicDescription topic_of<Message>() {                   \
     return {#Name, &cairn_##Name##_desc, QosClass::Class}; \
   }
-CAIRN_WIRE_TOPIC(CameraMessage, Camera, kState)
+CAIRN_WIRE_TOPIC(CameraMessage, Camera, kClaim)
 CAIRN_WIRE_TOPIC(MapSeed, MapSeed, kCommand)
 CAIRN_WIRE_TOPIC(KeyframeOffer, KeyframeOffer, kCommand)
 CAIRN_WIRE_TOPIC(TrackerStateMessage, TrackerState, kStream)
@@ -96,6 +98,14 @@ uint64_t ReaderBase::invalid() const {
 
 std::optional<std::string> ReaderBase::partition_of(PublicationHandle publication) const {
   return entity_->partition_of(publication.value);
+}
+
+std::optional<PeerId> ReaderBase::peer_of(PublicationHandle publication) const {
+  const auto key = entity_->participant_of(publication.value);
+  if (!key) return std::nullopt;
+  PeerId peer;
+  std::copy(std::begin(key->v), std::end(key->v), peer.bytes.begin());
+  return peer;
 }
 
 template <typename Message>

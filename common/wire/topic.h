@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -21,6 +22,13 @@ namespace cairn::wire {
 struct PublicationHandle {
   uint64_t value = 0;
   auto operator<=>(const PublicationHandle&) const = default;
+};
+
+/// Names the participant of a peer, that is, a process: the same for all that it publishes, and through
+/// interruptions of the network.
+struct PeerId {
+  std::array<uint8_t, 16> bytes{};
+  auto operator<=>(const PeerId&) const = default;
 };
 
 /// Why an instance is gone.
@@ -80,6 +88,8 @@ class ReaderBase {
   /// The one partition of a publication: with DDS Security on, its proven identity. Nothing when it has gone,
   /// or is in several partitions or in none.
   [[nodiscard]] std::optional<std::string> partition_of(PublicationHandle publication) const;
+  /// Whose publication it is; nothing when it has gone.
+  [[nodiscard]] std::optional<PeerId> peer_of(PublicationHandle publication) const;
 
   [[nodiscard]] const internal::ReaderEntity& entity() const { return *entity_; }
 

@@ -213,6 +213,35 @@ TEST_F(WireTest, APublicationProvesItsPartition) {
   EXPECT_EQ(received.partition_of(PublicationHandle{12345}), std::nullopt);
 }
 
+TEST_F(WireTest, TwoProcessesThatClaimOneCameraAreBothHeardAndToldApart) {
+  const Participant server = this->server();
+  auto received = reader<CameraMessage>(server, kEveryClient);
+  const Participant first = this->client();
+  const Participant second = this->client();
+  auto from_first = writer<CameraMessage>(first, client_partition("anna"));
+  auto from_second = writer<CameraMessage>(second, client_partition("anna"));
+  auto offers = writer<KeyframeOffer>(first, client_partition("anna"));
+  auto received_offers = reader<KeyframeOffer>(server, kEveryClient);
+  ASSERT_TRUE(eventually(
+      [&] { return from_first.matched() == 1 && from_second.matched() == 1 && offers.matched() == 1; }));
+  auto camera = random_.make<CameraMessage>();
+  camera.version = 1;
+  ASSERT_TRUE(from_first.write(camera));
+  camera.version = 2;  // the same instance
+  ASSERT_TRUE(from_second.write(camera));
+  ASSERT_TRUE(offers.write(random_.make<KeyframeOffer>()));
+  const auto offer = collect(&received_offers, 1);
+  const auto cameras = collect(&received, 2);
+  ASSERT_EQ(cameras.size(), 2U);
+  ASSERT_EQ(offer.size(), 1U);
+  const auto of_first = static_cast<size_t>(cameras[0].message->version == 1 ? 0 : 1);
+  const auto peer = received.peer_of(cameras[of_first].publication);
+  ASSERT_TRUE(peer.has_value());
+  EXPECT_EQ(received_offers.peer_of(offer[0].publication), peer);
+  EXPECT_NE(received.peer_of(cameras[1 - of_first].publication), peer);
+  EXPECT_EQ(received.peer_of(PublicationHandle{12345}), std::nullopt);
+}
+
 TEST_F(WireTest, WhatIsForOneClientDoesNotReachAnother) {
   const Participant server = this->server();
   const Participant alice = this->client();

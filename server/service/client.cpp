@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/client.h"
 
+#include <algorithm>
+
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -14,19 +16,38 @@ Result<ClientWriters> ClientWriters::create(const wire::Participant& participant
   return ClientWriters{std::move(status), std::move(maps), std::move(seeds), std::move(offers)};
 }
 
-bool CameraList::put(const wire::CameraMessage& message) {
-  if (!cameras_.contains(message.camera) && cameras_.size() >= kMaxCameras) return false;
+Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message) {
+  Cameras& cameras = cameras_of(process);
+  if (!cameras.contains(message.camera) && cameras.size() >= kMaxCameras) {
+    return fail(ErrorCode::kRefused, "one camera too many");
+  }
   Result<CameraPtr> camera = make_camera(message.parameters);
-  if (!camera) return false;
-  auto& versions = cameras_[message.camera];
-  versions.insert_or_assign(message.version, std::move(*camera));
+  if (!camera) return tl::unexpected(camera.error());
+  auto& versions = cameras[message.camera];
+  const auto [known, is_new] = versions.try_emplace(message.version, *camera);
+  if (!is_new && known->second->parameters() != message.parameters) {
+    return fail(ErrorCode::kRefused, "its version " + std::to_string(message.version) + " was another");
+  }
   while (versions.size() > kVersionsKept) versions.erase(versions.begin());
-  return true;
+  return {};
+}
+
+CameraList::Cameras& CameraList::cameras_of(wire::PeerId process) {
+  const auto known = std::find_if(processes_.begin(), processes_.end(),
+                                  [&](const auto& entry) { return entry.first == process; });
+  if (known != processes_.end()) return known->second;
+  if (processes_.size() >= kMaxProcesses) {
+    processes_.erase(processes_.begin() + (processes_.front().first == holder_ ? 1 : 0));
+  }
+  return processes_.emplace_back(process, Cameras()).second;
 }
 
 CameraPtr CameraList::find(uint32_t camera, uint32_t version) const {
-  const auto versions = cameras_.find(camera);
-  if (versions == cameras_.end()) return nullptr;
+  const auto process = std::find_if(processes_.begin(), processes_.end(),
+                                    [&](const auto& entry) { return entry.first == holder_; });
+  if (process == processes_.end()) return nullptr;
+  const auto versions = process->second.find(camera);
+  if (versions == process->second.end()) return nullptr;
   const auto found = versions->second.find(version);
   return found == versions->second.end() ? nullptr : found->second;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <map>
 #include <optional>
 #include <string>
@@ -25,19 +26,28 @@ struct ClientWriters {
                                                     const std::string& client);
 };
 
-/// Cameras as a client has announced them, few per client. Used from one thread.
+/// Cameras as announced under a client's name, few per process. Each process has its own: one that is refused
+/// the name announces its camera all the same. Used from one thread.
 class CameraList {
  public:
-  /// Takes the newest version of a camera; the one before stays for what is in flight. False: unusable, or
-  /// one too many.
-  bool put(const wire::CameraMessage& message);
-  /// Null when not announced (yet).
+  /// Takes a version of a camera; the one before stays for what is in flight. A version never changes. Error:
+  /// why it cannot be used.
+  Status put(wire::PeerId process, const wire::CameraMessage& message);
+  /// `process` holds the name: its cameras are meant from now on.
+  void set_holder(wire::PeerId process) { holder_ = process; }
+  /// A camera of the holder's; null when it has not announced it (yet).
   [[nodiscard]] CameraPtr find(uint32_t camera, uint32_t version) const;
 
  private:
+  static constexpr size_t kMaxProcesses = 8;
   static constexpr size_t kMaxCameras = 8;
   static constexpr size_t kVersionsKept = 2;
-  std::map<uint32_t, std::map<uint32_t, CameraPtr>> cameras_;
+  using Cameras = std::map<uint32_t, std::map<uint32_t, CameraPtr>>;
+
+  [[nodiscard]] Cameras& cameras_of(wire::PeerId process);
+
+  std::deque<std::pair<wire::PeerId, Cameras>> processes_;  ///< in the order of their first announcement
+  std::optional<wire::PeerId> holder_;
 };
 
 /// What the server keeps of one client name. The gates outlive the connection: the same process may come back

@@ -156,9 +156,11 @@ void Switchboard::take_messages() {
   for (const wire::DiscoveredReader& reader : readers_.discovered.take()) on_discovered(reader);
   take_all(readers_.cameras, [this](const auto& sample) {
     Client* client = identify(readers_.cameras, sample);
-    if (client == nullptr || !sample.message || client->cameras.put(*sample.message)) return;
-    log_->warn("{}: camera {} refused: unusable numbers, or one camera too many", client->name,
-               sample.message->camera);
+    const auto process = readers_.cameras.peer_of(sample.publication);
+    if (client == nullptr || !sample.message || !process) return;
+    const Status taken = client->cameras.put(*process, *sample.message);
+    if (!taken)
+      log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
   take_all(readers_.states, [this](const auto& sample) {
     if (!sample.message) return on_gone(sample.key.client);
@@ -317,6 +319,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
     case Presence::Standing::kHolder:
       break;
   }
+  if (const auto process = readers_.states.peer_of(publication)) client.cameras.set_holder(*process);
   const auto feed = client.feeds.find(message.map);
   if (feed != client.feeds.end()) feed->second.client_has(message.epoch, message.revision);
 }

@@ -35,9 +35,13 @@ class RawClient {
         status_(reader<wire::ServerStatus>()),
         seed_verdicts_(reader<wire::SeedVerdict>()),
         offer_verdicts_(reader<wire::OfferVerdict>()) {
+    announce(camera->parameters());
+  }
+
+  void announce(const CameraParameters& parameters) {
     wire::CameraMessage message;
     message.client = id;
-    message.parameters = camera->parameters();
+    message.parameters = parameters;
     (void)cameras_.write(message);
   }
 
@@ -213,6 +217,34 @@ TEST_F(ProtocolTest, AMessageThatClaimsToBeAnothersIsRefused) {
   (void)client_.seeds.write(forged);
   ASSERT_TRUE(client_.seed_until_decided(make_seed(1))) << "its own is judged";
   EXPECT_EQ(service_->maps().size(), 1U);
+}
+
+CameraPtr smaller_camera() {
+  return value_of(make_camera({CameraModel::kPinholeRadtan, 200, 150, {165, 165, 99.5, 74.5}}));
+}
+
+TEST_F(ProtocolTest, AProcessThatIsRefusedTheNameDoesNotChangeItsHoldersCamera) {
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(1))) << "so it holds the name";
+  RawClient impostor(options_.domain, "anna", smaller_camera());
+  impostor.session = SessionId{2002};
+  ASSERT_TRUE(eventually([&] {
+    client_.spin();
+    impostor.spin();
+    return impostor.offer_verdict && impostor.offer_verdict->session == impostor.session;
+  })) << "it is told that it is not wanted";
+  (void)client_.offers.write(make_offer(1, 4));
+  ASSERT_TRUE(client_.wait_decided(1));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
+      << client_.offer_verdict->recent.at(0).reason;
+}
+
+TEST_F(ProtocolTest, AVersionOfACameraNeverChanges) {
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  client_.announce(smaller_camera()->parameters());
+  (void)client_.offers.write(make_offer(1, 4));
+  ASSERT_TRUE(client_.wait_decided(1));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
+      << client_.offer_verdict->recent.at(0).reason;
 }
 
 TEST_F(ProtocolTest, AMapThatIsFedFromOutsideTakesNoKeyframes) {

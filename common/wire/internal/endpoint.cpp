@@ -14,6 +14,13 @@ Error endpoint_error(std::string_view what, std::string_view topic, dds_return_t
           std::string(what).append(" ").append(topic).append(": ").append(dds_strretcode(-code))};
 }
 
+using EndpointPtr = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
+
+/// Null when it has gone.
+EndpointPtr matched_publication(dds_entity_t reader, dds_instance_handle_t publication) {
+  return {dds_get_matched_publication_data(reader, publication), &dds_builtintopic_free_endpoint};
+}
+
 }  // namespace
 
 Result<std::unique_ptr<WriterEntity>> WriterEntity::create(std::shared_ptr<Context> context,
@@ -116,7 +123,7 @@ int ReaderEntity::alive_writers() const {
 }
 
 std::optional<std::string> ReaderEntity::partition_of(dds_instance_handle_t publication) const {
-  dds_builtintopic_endpoint_t* endpoint = dds_get_matched_publication_data(reader_.handle(), publication);
+  const EndpointPtr endpoint = matched_publication(reader_.handle(), publication);
   if (endpoint == nullptr) return std::nullopt;
   std::optional<std::string> partition;
   uint32_t count = 0;
@@ -126,8 +133,13 @@ std::optional<std::string> ReaderEntity::partition_of(dds_instance_handle_t publ
     for (uint32_t i = 0; i < count; ++i) dds_free(names[i]);
     dds_free(static_cast<void*>(names));
   }
-  dds_builtintopic_free_endpoint(endpoint);
   return partition;
+}
+
+std::optional<dds_guid_t> ReaderEntity::participant_of(dds_instance_handle_t publication) const {
+  const EndpointPtr endpoint = matched_publication(reader_.handle(), publication);
+  if (endpoint == nullptr) return std::nullopt;
+  return endpoint->participant_key;
 }
 
 }  // namespace cairn::wire::internal

@@ -45,6 +45,7 @@ class ReaderEntity {
   [[nodiscard]] int matched() const;
   [[nodiscard]] int alive_writers() const;
   [[nodiscard]] std::optional<std::string> partition_of(dds_instance_handle_t publication) const;
+  [[nodiscard]] std::optional<dds_guid_t> participant_of(dds_instance_handle_t publication) const;
   [[nodiscard]] uint64_t invalid() const { return invalid_; }
 
   void count_invalid() { ++invalid_; }

@@ -5,6 +5,7 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr dds_duration_t kServerLiveliness = DDS_SECS(1);
+constexpr int32_t kClaimDepth = 16;  ///< of an instance at the reader, between two takes
 constexpr dds_duration_t kTrackerLiveliness = DDS_SECS(3);
 
 QosPtr common_qos(QosClass qos_class) {
@@ -13,6 +14,7 @@ QosPtr common_qos(QosClass qos_class) {
     case QosClass::kStatus:
       dds_qset_liveliness(qos.get(), DDS_LIVELINESS_MANUAL_BY_TOPIC, kServerLiveliness);
       [[fallthrough]];
+    case QosClass::kClaim:
     case QosClass::kState:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_TRANSIENT_LOCAL);
@@ -48,6 +50,7 @@ QosPtr reader_qos(QosClass qos_class) {
   QosPtr qos = common_qos(qos_class);
   // Never resource limits: a full reader stops every reader of the process (reference/dds.md 3).
   if (qos_class == QosClass::kCommand) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
+  if (qos_class == QosClass::kClaim) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kClaimDepth);
   return qos;
 }
 

@@ -11,6 +11,7 @@ namespace cairn::wire::internal {
 
 enum class QosClass : uint8_t {
   kState,    ///< newest value of every key, also for those who come later
+  kClaim,    ///< state of a client: its key may be claimed by several processes, so readers keep each one's
   kStatus,   ///< state, whose writer must say at least once a second that it is not hung (MANUAL_BY_TOPIC)
   kCommand,  ///< every one, in order, once applied; the application bounds how many are in flight (credit)
   kStream,   ///< newest value, lost ones are not repeated; silent writers are seen within 3 s
