@@ -62,7 +62,10 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void start(SeedJob job, SeedDone done);
   void offer(OfferJob job, OfferDone done);
   /// Ends upkeep as soon as possible; what waits is dropped without an answer. Does not wait.
-  void stop() { stopping_ = true; }
+  void stop() {
+    stopping_ = true;
+    queue_.close();
+  }
 
  private:
   [[nodiscard]] Result<SeedResult> make_map(SeedJob job);

@@ -8,10 +8,18 @@ namespace cairn {
 void SerialQueue::post(const std::shared_ptr<State>& state, Task task) {
   {
     const std::scoped_lock lock(state->mutex);
+    if (state->closed) return;
     state->tasks.push_back(std::move(task));
     if (std::exchange(state->running, true)) return;
   }
   state->pool.submit([state] { run_one(state); });
+}
+
+void SerialQueue::close() {
+  std::deque<Task> dropped;
+  const std::scoped_lock lock(state_->mutex);
+  state_->closed = true;
+  dropped.swap(state_->tasks);
 }
 
 void SerialQueue::run_one(const std::shared_ptr<State>& state) {
@@ -27,6 +35,7 @@ void SerialQueue::run_one(const std::shared_ptr<State>& state) {
   Task task;
   {
     const std::scoped_lock lock(state->mutex);
+    if (state->tasks.empty()) return;  // closed meanwhile
     task = std::move(state->tasks.front());
     state->tasks.pop_front();
   }

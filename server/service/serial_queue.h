@@ -15,9 +15,11 @@ class SerialQueue {
  public:
   explicit SerialQueue(WorkerPool& pool) : state_(std::make_shared<State>(pool)) {}
 
-  /// Tasks may post to their own queue. What is posted outlives this handle until it has run (or the pool
-  /// goes).
+  /// Tasks may post to their own queue. What is posted outlives this handle until it has run or the queue is
+  /// closed; dropped once that has happened.
   void post(Task task) { post(state_, std::move(task)); }
+  /// Drops the tasks that wait: they may hold what holds this queue. One that runs goes on.
+  void close();
 
  private:
   struct State {
@@ -26,6 +28,7 @@ class SerialQueue {
     std::mutex mutex;
     std::deque<Task> tasks;
     bool running = false;  ///< a task of this queue is with the pool
+    bool closed = false;
   };
   static void post(const std::shared_ptr<State>& state, Task task);
   static void run_one(const std::shared_ptr<State>& state);

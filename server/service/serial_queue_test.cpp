@@ -122,6 +122,54 @@ TEST(WorkerPool, TheBackgroundLaneDoesNotHoldUpTheOther) {
   EXPECT_TRUE(background_end.wait());
 }
 
+TEST(SerialQueue, AClosedQueueLetsGoOfWhatWaitsInIt) {
+  WorkerPool pool(1, 0, null_logger());
+  // As a map does: its tasks hold it, and it holds the queue.
+  struct Map {
+    explicit Map(WorkerPool& p) : queue(p) {}
+    SerialQueue queue;
+  };
+  auto map = std::make_shared<Map>(pool);
+  const std::weak_ptr<Map> observed = map;
+  Done inside;
+  Done release;
+  map->queue.post([&] {
+    inside.set();
+    (void)release.wait();
+  });
+  ASSERT_TRUE(inside.wait());
+  map->queue.post([map] {});
+  pool.submit([&map] { map->queue.post([map] {}); });
+  map->queue.close();
+  map->queue.post([map] {});
+  release.set();
+  pool.stop();
+  map.reset();
+  EXPECT_TRUE(observed.expired());
+}
+
+TEST(WorkerPool, LanesThatSubmitToEachOtherMayBeStoppedInAnyOrder) {
+  for (int round = 0; round < 50; ++round) {
+    WorkerPool urgent(2, 0, null_logger());
+    WorkerPool background(1, 0, null_logger());
+    std::atomic<int> turns{0};
+    std::function<void()> there;
+    std::function<void()> back = [&] { urgent.submit(there); };
+    there = [&] {
+      ++turns;
+      background.submit(back);
+    };
+    urgent.submit(there);
+    while (turns < 10) std::this_thread::yield();
+    (round % 2 == 0 ? urgent : background).stop();
+    (round % 2 == 0 ? background : urgent).stop();
+    const int at_end = turns;
+    urgent.submit(there);
+    background.submit(back);
+    EXPECT_EQ(turns, at_end) << "nothing runs after stop()";
+  }
+}
+
 TEST(WorkerPool, LoadIsTheShareOfBusyTime) {
   WorkerPool pool(1, 0, null_logger());
   Done done;

@@ -24,12 +24,14 @@ void name_this_start(ServiceOptions* options) {
       static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
 }
 
-/// In order of destruction: the switchboard takes nothing more, the lanes end (running work may still call
-/// it), then it goes.
+/// In order: the switchboard takes nothing more, both lanes end (running work may still call it and the other
+/// lane), then all go.
 struct Service::State {
   State(int workers, const Logger& log) : urgent(workers, 0, log), background(1, kBackgroundNice, log) {}
   ~State() {
     if (switchboard) switchboard->stop();
+    urgent.stop();
+    background.stop();
   }
   std::unique_ptr<Switchboard> switchboard;
   WorkerPool urgent;

@@ -17,11 +17,12 @@ WorkerPool::WorkerPool(int threads, int nice_value, Logger log)
   for (int i = 0; i < threads; ++i) threads_.emplace_back([this, nice_value] { run(nice_value); });
 }
 
-WorkerPool::~WorkerPool() {
+void WorkerPool::stop() {
+  std::deque<Task> dropped;  // what they hold goes outside the lock
   {
     const std::scoped_lock lock(mutex_);
-    stopping_ = true;
-    tasks_.clear();
+    if (std::exchange(stopping_, true)) return;
+    dropped.swap(tasks_);
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();

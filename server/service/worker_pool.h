@@ -24,13 +24,15 @@ class WorkerPool {
  public:
   /// `nice_value` is added to the priority of the threads (0..19, larger is lower).
   WorkerPool(int threads, int nice_value, Logger log);
-  /// Lets running tasks end; those that wait are dropped.
-  ~WorkerPool();
+  ~WorkerPool() { stop(); }
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  /// A task that throws is logged and ends alone: no peer's data may stop the server.
+  /// A task that throws is logged and ends alone: no peer's data may stop the server. Dropped after stop().
   void submit(Task task);
+  /// Lets running tasks end, drops those that wait, ends the threads. Pools whose tasks submit to each other
+  /// are all stopped before any of them is destroyed.
+  void stop();
 
   /// Share of thread time spent in tasks since the last call (or the start), 0..1.
   [[nodiscard]] float take_load();
