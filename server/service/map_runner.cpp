@@ -2,6 +2,7 @@
 #include "server/service/map_runner.h"
 
 #include <cstring>
+#include <exception>
 #include <utility>
 
 #include "common/io/image_file.h"
@@ -12,6 +13,8 @@ namespace {
 /// Rounds of "upkeep, then global adjustment" after which a lockstep job is answered even if the map maker
 /// wants more: the same number on every run, so the answer is still reproducible.
 constexpr int kMaxLockstepRounds = 8;
+
+constexpr const char* kInternalError = "internal error; the server's log says more";
 
 wire::OfferDecision to_decision(KeyframeVerdict verdict) {
   switch (verdict) {
@@ -63,13 +66,27 @@ MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, Changed change
 void MapRunner::start(SeedJob job, SeedDone done) {
   queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     const bool lockstep = job.lockstep;
-    Result<SeedResult> result = self->make_map(std::move(job));
-    if (!result) return done(std::move(result), nullptr);
-    if (lockstep) self->finish_all_work();
-    self->publish();
-    done(std::move(result), self->published_);
-    if (!lockstep) self->schedule_upkeep();
+    Result<SeedResult> result = fail(ErrorCode::kInternal, kInternalError);
+    self->guarded([&] {
+      Result<SeedResult> made = self->make_map(std::move(job));
+      if (made && lockstep) self->finish_all_work();
+      if (made) self->publish();
+      result = std::move(made);
+    });
+    const bool made = result.has_value();
+    done(std::move(result), made ? self->published_ : nullptr);
+    if (made && !lockstep) self->schedule_upkeep();
   });
+}
+
+void MapRunner::guarded(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const std::exception& problem) {
+    // What is half done cannot be undone: the published state stays, and is all that there will be.
+    log_->error("internal error in a map's work, the map is frozen: {}", problem.what());
+    frozen_ = true;
+  }
 }
 
 Result<SeedResult> MapRunner::make_map(SeedJob job) {
@@ -93,10 +110,15 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
-    OfferJudgement judgement = self->judge(std::move(job));
+    OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
+    self->guarded([&] {
+      OfferJudgement judged = self->judge(std::move(job));
+      const bool taken = judged.decision == wire::OfferDecision::kAccepted;
+      if (taken && lockstep) self->finish_all_work();
+      if (taken) self->publish();
+      judgement = std::move(judged);
+    });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
-    if (accepted && lockstep) self->finish_all_work();
-    if (accepted) self->publish();
     if (self->published_ != nullptr) judgement.revision = self->published_->revision;
     done(std::move(judgement));
     if (accepted && !lockstep) self->schedule_upkeep();
@@ -106,6 +128,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
 OfferJudgement MapRunner::judge(OfferJob job) {
   using wire::OfferDecision;
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
+  if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
   if (job.epoch != published_->epoch) {
     return {OfferDecision::kStale, "the map has entered another epoch since the frame was taken", {}, {}};
   }
@@ -120,13 +143,13 @@ OfferJudgement MapRunner::judge(OfferJob job) {
 }
 
 void MapRunner::schedule_upkeep() {
-  if (stopping_ || std::exchange(upkeep_scheduled_, true)) return;
-  queue_.post([self = shared_from_this()] { self->do_upkeep(); });
+  if (stopping_ || frozen_ || std::exchange(upkeep_scheduled_, true)) return;
+  queue_.post([self = shared_from_this()] { self->guarded([&] { self->do_upkeep(); }); });
 }
 
 void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
-  if (stopping_) return;
+  if (stopping_ || frozen_) return;
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report = maker_->step([this] { return stopping_ || waiting_offers_ > 0; });
   if (report.changed) publish();
@@ -141,13 +164,21 @@ void MapRunner::begin_global_adjustment() {
   adjusting_globally_ = true;
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
   background_.submit([self = shared_from_this(), problem = std::move(problem)] {
-    solve(
-        problem.get(), [&self] { return self->stopping_.load(); }, 1);
-    self->queue_.post([self, problem] {
+    bool solved = false;
+    try {
+      solve(
+          problem.get(), [&self] { return self->stopping_.load(); }, 1);
+      solved = true;
+    } catch (const std::exception& error) {
+      self->log_->error("internal error in a global adjustment, passed over: {}", error.what());
+    }
+    self->queue_.post([self, problem, solved] {
       self->adjusting_globally_ = false;
-      if (self->stopping_) return;
-      if (self->maker_->adopt(*problem).changed) self->publish();
-      self->schedule_upkeep();
+      if (!solved || self->stopping_ || self->frozen_) return;
+      self->guarded([&] {
+        if (self->maker_->adopt(*problem).changed) self->publish();
+        self->schedule_upkeep();
+      });
     });
   });
 }
@@ -168,8 +199,8 @@ void MapRunner::finish_all_work() {
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
+  changed_(snapshot, maker_->statistics());
   published_ = std::move(snapshot);
-  changed_(published_, maker_->statistics());
 }
 
 }  // namespace cairn

@@ -43,7 +43,8 @@ struct OfferJudgement {
 /// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
 /// them); global adjustments run on a copy in the other lane and are adopted on the queue. Callbacks are made
 /// on the queue. A lockstep job is answered only when the work it causes, global adjustment included, is
-/// finished on the queue's thread. Thread-safe; tasks keep it alive.
+/// finished on the queue's thread. Every job is answered, whatever happens in it, unless stop() comes first.
+/// Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {
@@ -70,6 +71,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
  private:
   [[nodiscard]] Result<SeedResult> make_map(SeedJob job);
   [[nodiscard]] OfferJudgement judge(OfferJob job);
+  /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map.
+  void guarded(const std::function<void()>& work);
   void schedule_upkeep();
   void do_upkeep();
   void begin_global_adjustment();
@@ -89,6 +92,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   MapSnapshotPtr published_;
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
+  bool frozen_ = false;  ///< its work has failed: it is served as last published and takes no keyframes
 };
 
 }  // namespace cairn

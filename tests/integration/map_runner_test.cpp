@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: Apache-2.0
+// A map at work whose work fails: every job is answered all the same.
+#include "server/service/map_runner.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+#include <new>
+
+#include "client/session/image_encoder.h"
+#include "tests/integration/two_views.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr std::chrono::seconds kDeadline{60};
+
+/// The answer to one job.
+template <typename Answer>
+Answer value_of(std::future<Answer> answer) {
+  if (answer.wait_for(kDeadline) != std::future_status::ready) throw std::runtime_error("no answer");
+  return answer.get();
+}
+
+class MapRunnerTest : public ::testing::Test {
+ protected:
+  MapRunnerTest()
+      : runner_(std::make_shared<MapRunner>(
+            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
+            [this](const MapSnapshotPtr&, const MapStatistics&) {
+              if (++published_ == fails_at_) throw std::bad_alloc();
+            },
+            null_logger())) {}
+  ~MapRunnerTest() override {
+    runner_->stop();
+    urgent_.stop();
+    background_.stop();
+  }
+
+  std::pair<Result<SeedResult>, MapSnapshotPtr> start() {
+    const SeedProposal proposal = testing::make_seed(scene_);
+    SeedJob job;
+    job.input.map = MapId{{1}};
+    job.input.epoch = {1};
+    job.input.camera = scene_.camera();
+    job.input.trails = proposal.trails;
+    job.input.second_from_first = proposal.second_from_first;
+    job.first_image = encode_image(*proposal.first_image, wire::ImageEncoding::kRaw);
+    job.second_image = encode_image(*proposal.second_image, wire::ImageEncoding::kRaw);
+    job.lockstep = true;
+    auto answered = std::make_shared<std::promise<std::pair<Result<SeedResult>, MapSnapshotPtr>>>();
+    auto answer = answered->get_future();
+    runner_->start(std::move(job), [answered](Result<SeedResult> result, MapSnapshotPtr snapshot) {
+      answered->set_value({std::move(result), std::move(snapshot)});
+    });
+    return value_of(std::move(answer));
+  }
+
+  OfferJudgement offer(const MapSnapshot& map, int step) {
+    const testing::Frame frame = testing::make_offer(scene_, map, step);
+    OfferJob job;
+    job.input.camera = scene_.camera();
+    job.input.reference = frame.proposal.reference;
+    job.input.camera_from_reference = frame.proposal.camera_from_reference;
+    job.input.measurements = frame.proposal.measurements;
+    job.epoch = map.epoch;
+    job.image = encode_image(*frame.image, wire::ImageEncoding::kRaw);
+    job.lockstep = true;
+    auto answered = std::make_shared<std::promise<OfferJudgement>>();
+    auto answer = answered->get_future();
+    runner_->offer(std::move(job),
+                   [answered](OfferJudgement judgement) { answered->set_value(std::move(judgement)); });
+    return value_of(std::move(answer));
+  }
+
+  testing::Scene scene_{11};
+  std::atomic<int> published_{0};
+  std::atomic<int> fails_at_{0};
+  WorkerPool urgent_{1, 0, null_logger()};
+  WorkerPool background_{1, 0, null_logger()};
+  std::shared_ptr<MapRunner> runner_;
+};
+
+TEST_F(MapRunnerTest, ASeedWhoseWorkFailsIsAnswered) {
+  fails_at_ = 1;
+  const auto [result, snapshot] = start();
+  ASSERT_FALSE(result);
+  EXPECT_EQ(result.error().code, ErrorCode::kInternal);
+  EXPECT_THAT(result.error().message, HasSubstr("internal error"));
+  EXPECT_EQ(snapshot, nullptr);
+}
+
+TEST_F(MapRunnerTest, AnOfferWhoseWorkFailsIsAnsweredAndTheMapStaysAsPublished) {
+  const auto [result, snapshot] = start();
+  ASSERT_TRUE(result) << result.error().message;
+  fails_at_ = published_ + 1;
+  for (const int step : {4, 6}) {
+    const OfferJudgement judgement = offer(*snapshot, step);
+    EXPECT_EQ(judgement.decision, wire::OfferDecision::kDamaged);
+    EXPECT_THAT(judgement.reason, HasSubstr("internal error"));
+    EXPECT_EQ(judgement.revision, snapshot->revision);
+  }
+  EXPECT_EQ(published_.load(), fails_at_.load()) << "frozen: nothing came after";
+}
+
+}  // namespace
+}  // namespace cairn
