@@ -15,6 +15,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
+#include "common/image/limits.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -125,9 +126,8 @@ class V4l2Source final : public FrameSource {
 
 /// A side in pixels, 0 if the text is not one.
 int parse_side(std::string_view text) {
-  constexpr double kMaxSide = 8192;
   const double side = parse_number(text).value_or(0);
-  return side >= 1 && side <= kMaxSide && side == std::floor(side) ? static_cast<int>(side) : 0;
+  return side >= 1 && side <= kMaxImageSide && side == std::floor(side) ? static_cast<int>(side) : 0;
 }
 
 /// "640x480".

@@ -15,7 +15,7 @@ bool is_loopback(const std::string& host) {
   return host == "localhost" || host == "127.0.0.1";
 }
 
-Result<wire::Participant> join(const SessionOptions& options, const std::string& profile) {
+Result<wire::Participant> join(const SessionOptions& options, const std::string& profile, const Logger& log) {
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain)) {
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
   }
@@ -25,6 +25,7 @@ Result<wire::Participant> join(const SessionOptions& options, const std::string&
   participant.server_host = options.server;
   participant.profile = profile;
   participant.loss_per_mille = options.xmit_loss_permille;
+  participant.log = log;
   return wire::Participant::create(participant);
 }
 
@@ -57,7 +58,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   const std::string profile = !options.profile.empty()      ? options.profile
                               : is_loopback(options.server) ? "loopback"
                                                             : "wifi";
-  Result<wire::Participant> participant = join(options, profile);
+  Result<wire::Participant> participant = join(options, profile, log);
   if (!participant) return tl::unexpected(participant.error());
   auto state = std::make_unique<State>(options, std::move(*participant));
   auto receiver = Receiver::start(state->shared, state->participant, options.name, log);

@@ -7,11 +7,9 @@
 
 #include "common/base/result.h"
 #include "common/image/image.h"
+#include "common/image/limits.h"
 
 namespace cairn {
-
-/// No side of an image may be longer: keeps a forged header from taking the machine's memory.
-inline constexpr int kMaxImageSide = 8192;
 
 /// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey; the orientation tag of phones is ignored, because
 /// calibrations are of the sensor's rows and columns. Error kDamaged (without a file name) for anything that

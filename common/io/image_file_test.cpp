@@ -6,6 +6,7 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <random>
+#include <string>
 
 #include "common/io/image_header.h"
 #include "common/io/test_directory.h"
@@ -107,10 +108,10 @@ TEST(ImageHeader, AForgedSizeIsRefusedBeforeMemoryIsTaken) {
   png[16] = 0x7F;  // width 2^31 - ...
   const auto decoded = decode_gray_image(png);
   ASSERT_FALSE(decoded);
-  EXPECT_THAT(decoded.error().message, HasSubstr("8192"));
-  const std::string pgm = "P5\n# big\n8193 2\n255\n";
+  EXPECT_THAT(decoded.error().message, HasSubstr(std::to_string(kMaxImageSide)));
+  const std::string pgm = "P5\n# big\n" + std::to_string(kMaxImageSide + 1) + " 2\n255\n";
   EXPECT_THAT(decode_gray_image({reinterpret_cast<const uint8_t*>(pgm.data()), pgm.size()}).error().message,
-              HasSubstr("8193x2"));
+              HasSubstr(std::to_string(kMaxImageSide + 1) + "x2"));
 }
 
 TEST(ImageFileErrors, NameTheFileAndTheTrouble) {

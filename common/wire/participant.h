@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "common/base/log.h"
 #include "common/base/result.h"
 
 namespace cairn::wire {
@@ -25,6 +26,7 @@ struct ParticipantOptions {
   std::string tag = "cairn";         ///< of the site; peers with another tag are not heard
   std::chrono::milliseconds lease{30000};  ///< silence after which a peer is taken as gone
   int loss_per_mille = 0;                  ///< outgoing packets dropped on purpose; for tests
+  Logger log = null_logger();              ///< is told of samples that are dropped as unfit
 };
 
 /// UDP port at which the server of a domain listens for clients.

@@ -126,7 +126,7 @@ std::vector<Sample<Message>> Reader<Message>::take() {
       if (Result<Message> message = internal::decode<Message>(sample)) {
         samples.push_back({*std::move(message), {}, {}, publication});
       } else {
-        entity_->count_invalid();
+        entity_->report_unfit(info.publication_handle, message.error().message);
       }
     }
     // The end of an instance comes as a sample without data or, when its last value has not been taken yet,

@@ -106,7 +106,7 @@ class Reader : public ReaderBase {
   [[nodiscard]] static Result<Reader> create(const Participant& participant, std::string_view partition);
 
   /// Removes and returns what has come, at most a few hundred samples at a time: call again until empty. In
-  /// the order of writing per writer. Samples that fail validation are dropped and counted.
+  /// the order of writing per writer. Samples that fail validation are dropped, counted and logged.
   [[nodiscard]] std::vector<Sample<Message>> take();
 
  private:

@@ -6,6 +6,7 @@
 #include <spdlog/sinks/ostream_sink.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <fstream>
 #include <functional>
@@ -43,8 +44,10 @@ bool eventually(const std::function<bool()>& predicate, std::chrono::millisecond
 class WireTest : public ::testing::Test {
  protected:
   /// A server in a domain that nobody else uses at this moment.
-  Participant server(int loss_per_mille = 0, const std::string& profile = "loopback") {
+  Participant server(int loss_per_mille = 0, const std::string& profile = "loopback",
+                     Logger log = null_logger()) {
     ParticipantOptions options;
+    options.log = std::move(log);
     options.role = Role::kServer;
     options.profile = profile;
     options.loss_per_mille = loss_per_mille;
@@ -409,23 +412,30 @@ TEST_F(WireTest, EverythingArrivesThroughHeavyLoss) {
   for (uint64_t i = 0; i < kOffers; ++i) EXPECT_EQ(received[i].message->command.seq, i + 1);
 }
 
-TEST_F(WireTest, UnfitSamplesAreDroppedAndCounted) {
-  const Participant server = this->server();
+TEST_F(WireTest, UnfitSamplesAreDroppedCountedAndLoggedOnce) {
+  std::ostringstream text;
+  const Participant server = this->server(
+      0, "loopback",
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text)));
   const Participant client = this->client();
   auto received = reader<TrackerStateMessage>(server, kEveryClient);
   auto state = writer<TrackerStateMessage>(client, client_partition("a"));
   ASSERT_TRUE(eventually([&] { return state.matched() == 1 && received.matched() == 1; }));
   auto message = random_.make<TrackerStateMessage>();
   message.quality = std::numeric_limits<float>::quiet_NaN();
-  ASSERT_TRUE(state.write(message));
-  ASSERT_TRUE(eventually([&] {
-    EXPECT_TRUE(received.take().empty());
-    return received.invalid() == 1;
-  }));
+  for (uint64_t count = 1; count <= 2; ++count) {
+    ASSERT_TRUE(state.write(message));
+    ASSERT_TRUE(eventually([&] {
+      EXPECT_TRUE(received.take().empty());
+      return received.invalid() == count;
+    }));
+  }
+  EXPECT_THAT(text.str(), HasSubstr("a TrackerState from partition 'client.a' is dropped: quality"));
+  EXPECT_EQ(std::count(text.str().begin(), text.str().end(), '\n'), 1) << text.str();
   message.quality = 1;
   ASSERT_TRUE(state.write(message));
   EXPECT_EQ(collect(&received, 1).size(), 1U);
-  EXPECT_EQ(received.invalid(), 1U);
+  EXPECT_EQ(received.invalid(), 2U);
 }
 
 TEST_F(WireTest, MessagesBeyondTheBoundsOfTheWireAreRefusedAtTheWriter) {

@@ -59,6 +59,7 @@ struct Client {
   SeedGate seed_gate;
   bool seed_in_work = false;
   CameraList cameras;
+  std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
   int status_readers = 0;                ///< discovered; 0: not connected
   std::optional<ClientWriters> writers;  ///< while connected

@@ -5,11 +5,30 @@
 
 /// Seeds and offers on their way from the wire to the queue of a map and back.
 namespace cairn {
+namespace {
+
+using std::chrono::steady_clock;
+
+constexpr std::chrono::seconds kCameraGrace{3};  ///< commands and cameras are not in order with each other
+
+/// Whether a command whose camera is not known should be left until it is sent again.
+bool may_yet_come(Client& client) {
+  const MonotonicTime now = steady_clock::now();
+  if (!client.camera_missed_at) client.camera_missed_at = now;
+  return now - *client.camera_missed_at < kCameraGrace;
+}
+
+std::string unknown_camera(uint32_t camera, uint32_t version) {
+  return "camera " + std::to_string(camera) + " in version " + std::to_string(version) +
+         " is not known here: not announced, or refused (the server's log says why)";
+}
+
+}  // namespace
 
 void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
   const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
-  if (camera == nullptr || client.seed_in_work) return;
+  if (client.seed_in_work || (camera == nullptr && may_yet_come(client))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
     case SeedGate::Admission::kNew:
       break;
@@ -19,6 +38,15 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
     case SeedGate::Admission::kSuperseded:
       return;
   }
+  wire::SeedVerdict verdict;
+  verdict.client = client.id;
+  verdict.command = message.command;
+  const auto refuse = [&](std::string reason) {
+    on_seed_decided(client.name, verdict, fail(ErrorCode::kRefused, std::move(reason)), nullptr);
+  };
+  if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
+  client.camera_missed_at.reset();
+
   client.seed_in_work = true;
   SeedJob job;
   job.input.map = maps_.next_id();
@@ -42,9 +70,6 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   auto runner = std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background},
                                             options_.mapping, std::move(changed), log_);
   maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
-  wire::SeedVerdict verdict;
-  verdict.client = client.id;
-  verdict.command = message.command;
   verdict.map = map;
   runner->start(std::move(job),
                 [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
@@ -83,14 +108,14 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
 void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   if (!presence_.holds(client.name, message.command.session)) return;
   const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
-  if (camera == nullptr) return;
+  if (camera == nullptr && may_yet_come(client)) return;
   wire::OfferOutcome outcome;
   outcome.seq = message.command.seq;
   outcome.map = message.map;
   const SessionId session = message.command.session;
-  const auto refuse = [&](wire::OfferDecision decision, const char* reason) {
+  const auto refuse = [&](wire::OfferDecision decision, std::string reason) {
     outcome.decision = decision;
-    outcome.reason = reason;
+    outcome.reason = std::move(reason);
     on_offer_decided(client.name, session, outcome);
   };
   switch (client.offer_gate.admit(outcome.seq)) {
@@ -104,6 +129,10 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     case OfferGate::Admission::kGap:
       return;
   }
+  if (camera == nullptr) {
+    return refuse(wire::OfferDecision::kDamaged, unknown_camera(message.camera, message.camera_version));
+  }
+  client.camera_missed_at.reset();
   const MapEntry* entry = maps_.find(message.map);
   if (entry == nullptr || entry->snapshot == nullptr) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");

@@ -44,6 +44,7 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   joining.listen = options.listen;
   joining.profile = options.profile;
   joining.loss_per_mille = options.loss_per_mille;
+  joining.log = log;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
   auto discovered = wire::DiscoveredReaders::create(*participant);
@@ -314,6 +315,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
     case Presence::Standing::kNewHolder:
       client.offer_gate.enter_session(message.session);
       client.seed_gate.enter_session(message.session);
+      client.camera_missed_at.reset();
       write_verdicts(client);
       break;
     case Presence::Standing::kHolder:

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The service against clients that repeat themselves, are impatient or lie: written on the wire itself.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <optional>
@@ -14,6 +15,7 @@ namespace cairn {
 namespace {
 
 using testing::eventually;
+using ::testing::HasSubstr;
 
 template <typename T>
 T value_of(Result<T> result) {
@@ -217,6 +219,25 @@ TEST_F(ProtocolTest, AMessageThatClaimsToBeAnothersIsRefused) {
   (void)client_.seeds.write(forged);
   ASSERT_TRUE(client_.seed_until_decided(make_seed(1))) << "its own is judged";
   EXPECT_EQ(service_->maps().size(), 1U);
+}
+
+TEST_F(ProtocolTest, ACommandWithAnUnknownCameraIsRefusedWithItsReason) {
+  wire::MapSeed seed = make_seed(1);
+  seed.camera = 7;
+  ASSERT_TRUE(client_.seed_until_decided(seed));
+  EXPECT_FALSE(client_.seed_verdict->accepted);
+  EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("camera 7"));
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(2)));
+  ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
+  wire::KeyframeOffer offer = make_offer(1, 4);
+  offer.camera_version = 9;
+  ASSERT_TRUE(eventually([&] {
+    (void)client_.offers.write(offer);
+    client_.spin();
+    return client_.offer_verdict && client_.offer_verdict->last_decided == 1;
+  }));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kDamaged);
+  EXPECT_THAT(client_.offer_verdict->recent.at(0).reason, HasSubstr("version 9"));
 }
 
 CameraPtr smaller_camera() {

@@ -18,6 +18,8 @@ namespace {
 constexpr dds_domainid_t kDomainStride = 1000;
 constexpr int kMaxParticipants = 1000;
 
+constexpr std::chrono::minutes kUnfitInterval{1};  ///< a peer that sends rubbish cannot fill the disk
+
 Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const std::string& configuration) {
   dds_entity_t created = DDS_RETCODE_PRECONDITION_NOT_MET;
   dds_domainid_t id = first;
@@ -68,7 +70,7 @@ Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& optio
     return tl::unexpected(explain(
         options, {ErrorCode::kInternal, std::string("DDS participant: ") + dds_strretcode(-participant)}));
   }
-  return std::shared_ptr<Context>(new Context(std::move(domain->first), participant));
+  return std::shared_ptr<Context>(new Context(std::move(domain->first), participant, options.log));
 }
 
 Result<dds_entity_t> Context::topic(const TopicDescription& description) {
@@ -82,6 +84,21 @@ Result<dds_entity_t> Context::topic(const TopicDescription& description) {
   }
   topics_.emplace(description.name, created);
   return created;
+}
+
+void Context::report_unfit(const char* topic, const std::string& partition, const std::string& reason) {
+  const std::lock_guard lock(mutex_);
+  const auto now = std::chrono::steady_clock::now();
+  const auto [it, is_new] = unfit_.try_emplace(topic);
+  Unfit& unfit = it->second;
+  if (!is_new && now - unfit.logged_at < kUnfitInterval) {
+    ++unfit.passed_over;
+    return;
+  }
+  log_->warn(
+      "a {} from partition '{}' is dropped: {}{}", topic, partition, reason,
+      unfit.passed_over == 0 ? "" : " (" + std::to_string(unfit.passed_over) + " more since the last line)");
+  unfit = {now, 0};
 }
 
 }  // namespace cairn::wire::internal

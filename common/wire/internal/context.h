@@ -2,10 +2,12 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <map>
 #include <mutex>
 #include <string>
 
+#include "common/base/log.h"
 #include "common/wire/internal/entity.h"
 #include "common/wire/internal/qos.h"
 #include "common/wire/participant.h"
@@ -28,16 +30,26 @@ class Context {
   /// Made when first asked for; lives as long as the context.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
 
+  /// Logs that samples of a topic are dropped, at most once a minute for each topic.
+  void report_unfit(const char* topic, const std::string& partition, const std::string& reason);
+
   std::atomic<uint64_t> bytes_sent{0};
   std::atomic<uint64_t> bytes_received{0};
 
  private:
-  Context(Entity domain, dds_entity_t participant) : domain_(std::move(domain)), participant_(participant) {}
+  Context(Entity domain, dds_entity_t participant, Logger log)
+      : domain_(std::move(domain)), participant_(participant), log_(std::move(log)) {}
 
   Entity domain_;  ///< owns the rest
   dds_entity_t participant_ = 0;
   std::mutex mutex_;
   std::map<std::string, dds_entity_t, std::less<>> topics_;
+  struct Unfit {
+    std::chrono::steady_clock::time_point logged_at;
+    int passed_over = 0;  ///< since then
+  };
+  Logger log_;
+  std::map<std::string, Unfit, std::less<>> unfit_;  ///< by topic
 };
 
 }  // namespace cairn::wire::internal

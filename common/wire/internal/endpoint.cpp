@@ -66,7 +66,7 @@ Result<std::unique_ptr<ReaderEntity>> ReaderEntity::create(std::shared_ptr<Conte
                                                            std::string_view partition) {
   const auto topic_entity = context->topic(topic);
   if (!topic_entity) return tl::unexpected(topic_entity.error());
-  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context)));
+  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context), topic.name));
   auto subscriber = checked(dds_create_subscriber(made->context_->participant(),
                                                   partition_qos(std::string(partition)).get(), nullptr),
                             "subscriber");
@@ -81,7 +81,7 @@ Result<std::unique_ptr<ReaderEntity>> ReaderEntity::create(std::shared_ptr<Conte
 
 Result<std::unique_ptr<ReaderEntity>> ReaderEntity::create_built_in(std::shared_ptr<Context> context,
                                                                     dds_entity_t topic) {
-  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context)));
+  std::unique_ptr<ReaderEntity> made(new ReaderEntity(std::move(context), "built-in"));
   const Status adopted =
       made->adopt(dds_create_reader(made->context_->participant(), topic, nullptr, nullptr),
                   "reader of a built-in topic");
@@ -108,6 +108,11 @@ void ReaderEntity::take(const std::function<void(const void*, const dds_sample_i
     dds_return_loan(reader_.handle(), samples.data(), count);
     taken += count;
   }
+}
+
+void ReaderEntity::report_unfit(dds_instance_handle_t publication, const std::string& reason) {
+  ++invalid_;
+  context_->report_unfit(topic_, partition_of(publication).value_or("unknown"), reason);
 }
 
 int ReaderEntity::matched() const {

@@ -48,16 +48,19 @@ class ReaderEntity {
   [[nodiscard]] std::optional<dds_guid_t> participant_of(dds_instance_handle_t publication) const;
   [[nodiscard]] uint64_t invalid() const { return invalid_; }
 
-  void count_invalid() { ++invalid_; }
+  /// Counts a sample that is dropped, and says so in the log.
+  void report_unfit(dds_instance_handle_t publication, const std::string& reason);
   void count_received(size_t bytes) { context_->bytes_received += bytes; }
   [[nodiscard]] Context& context() const { return *context_; }
   /// Triggers while there is anything to take.
   [[nodiscard]] dds_entity_t condition() const { return condition_; }
 
  private:
-  explicit ReaderEntity(std::shared_ptr<Context> context) : context_(std::move(context)) {}
+  ReaderEntity(std::shared_ptr<Context> context, const char* topic)
+      : context_(std::move(context)), topic_(topic) {}
   Status adopt(dds_entity_t reader, const std::string& what);
   std::shared_ptr<Context> context_;
+  const char* topic_;
   Entity subscriber_;
   Entity reader_;
   dds_entity_t condition_ = 0;  ///< child of reader_
