@@ -39,8 +39,10 @@ void MapFeed::work(MonotonicTime now) {
     progress_.reset();
   }
   if (!written) {
-    log_->error("a revision of a map could not be written: {}", written.error().message);
+    log_->error("a revision of a map could not be written, it will be tried again: {}",
+                written.error().message);
     progress_.reset();
+    publisher_.failed(now);
   }
 }
 

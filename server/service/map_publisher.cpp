@@ -40,7 +40,7 @@ bool MapPublisher::has_caught_up() const {
 
 std::optional<MonotonicTime> MapPublisher::deadline() const {
   if (is_up_to_date()) return std::nullopt;
-  if (sent_ == nullptr) return MonotonicTime::min();
+  if (sent_ == nullptr) return retry_at_;
   if (!has_caught_up()) return sent_at_ + kCatchUpLimit;
   return has_grown(*sent_, *newest_) ? MonotonicTime::min() : sent_at_ + kAdjustmentInterval;
 }
@@ -52,6 +52,13 @@ std::optional<Burst> MapPublisher::next(MonotonicTime now) {
   sent_ = newest_;
   sent_at_ = now;
   return burst;
+}
+
+void MapPublisher::failed(MonotonicTime now) {
+  sent_ = nullptr;
+  sent_points_.clear();
+  sent_keyframes_.clear();
+  retry_at_ = now + kRetryInterval;
 }
 
 Burst MapPublisher::make_burst() {

@@ -33,6 +33,7 @@ class MapPublisher {
  public:
   static constexpr std::chrono::milliseconds kAdjustmentInterval{200};
   static constexpr std::chrono::milliseconds kCatchUpLimit{500};
+  static constexpr std::chrono::seconds kRetryInterval{2};
 
   /// The newest snapshot of the map; revisions in between are skipped.
   void update(MapSnapshotPtr newest) { newest_ = std::move(newest); }
@@ -41,6 +42,8 @@ class MapPublisher {
 
   /// The burst that is due now, counted as written; nothing if there is none.
   [[nodiscard]] std::optional<Burst> next(MonotonicTime now);
+  /// The last burst could not be written to its end: everything is due again, after kRetryInterval.
+  void failed(MonotonicTime now);
   /// When next() would have something if nothing else happens; nothing when the client is up to date.
   [[nodiscard]] std::optional<MonotonicTime> deadline() const;
 
@@ -56,6 +59,7 @@ class MapPublisher {
   MapSnapshotPtr newest_;
   MapSnapshotPtr sent_;  ///< of the last burst; null before the first
   MonotonicTime sent_at_;
+  MonotonicTime retry_at_ = MonotonicTime::min();  ///< after a failure
   Epoch client_epoch_;
   Revision client_revision_;
   std::map<uint32_t, BlockVersions> sent_points_;

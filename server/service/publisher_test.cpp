@@ -132,6 +132,25 @@ TEST_F(MapPublisherTest, TheNextBurstWaitsForTheClientButNotLongerThanHalfASecon
   EXPECT_TRUE(publisher_.next(now_ + milliseconds(500)).has_value());
 }
 
+TEST_F(MapPublisherTest, AfterAFailureEverythingIsSentAgainInAWhile) {
+  map_.grow();
+  settle();
+  map_.adjust({0});
+  publisher_.update(map_.snapshot());
+  now_ += MapPublisher::kAdjustmentInterval;
+  ASSERT_TRUE(publisher_.next(now_).has_value());
+  publisher_.failed(now_);
+  EXPECT_EQ(publisher_.deadline(), now_ + MapPublisher::kRetryInterval);
+  map_.grow();
+  publisher_.update(map_.snapshot());
+  EXPECT_FALSE(publisher_.next(now_ + MapPublisher::kRetryInterval - milliseconds(1))) << "rate-limited";
+  const auto burst = publisher_.next(now_ + MapPublisher::kRetryInterval);
+  ASSERT_TRUE(burst.has_value());
+  EXPECT_EQ(burst->patches.size(), 3U);
+  EXPECT_EQ(burst->positions.size(), 3U);
+  EXPECT_EQ(burst->keyframes.size(), 1U);
+}
+
 TEST_F(MapPublisherTest, ANewEpochSendsEverythingAgain) {
   map_.grow();
   settle();
