@@ -130,7 +130,7 @@ TEST(Validation, MapSeed) {
   seed.refuses("no number", [](auto& m) { m.command.seq = 0; });
   seed.refuses("NaN pixel", [](auto& m) { m.trails.back().second.y() = kNan; });
   seed.refuses("far pixel", [](auto& m) { m.trails.back().first.x() = 1e9F; });
-  seed.refuses("too many trails", [](auto& m) { m.trails.resize(8193, m.trails[0]); });
+  seed.refuses("too many trails", [](auto& m) { m.trails.resize(kMaxTrails + 1, m.trails[0]); });
   seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
   seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
 }
@@ -258,9 +258,12 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   Scratch scratch;
   EXPECT_LT(internal::payload_bytes<PointPatches>(encode(patches, &scratch)), 64'000U);
   MapCommit commit;
-  commit.points.resize(internal::kMaxBlocks);
-  commit.keyframe_versions.resize(internal::kMaxBlocks / 16);
+  commit.points.resize(kMaxBlocks);
+  commit.keyframe_versions.resize(kMaxBlocks / 16);
   EXPECT_LT(internal::payload_bytes<MapCommit>(encode(commit, &scratch)), 64'000U);
+  SeedVerdict verdict;
+  verdict.points.resize(kMaxTrails);
+  EXPECT_LT(internal::payload_bytes<SeedVerdict>(encode(verdict, &scratch)), 64U * 1024);
   EXPECT_LT(internal::payload_bytes<TrackerStateMessage>(encode(TrackerStateMessage{}, &scratch)), 1300U);
 }
 

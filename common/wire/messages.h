@@ -10,6 +10,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/map/ids.h"
+#include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
 
@@ -58,9 +59,9 @@ struct MapSeed {
   Timestamp second_time;
   ImageMessage first_image;
   ImageMessage second_image;
-  std::vector<Trail> trails;
-  SE3 second_from_first;  ///< as the tracker sees it, |translation| = 1
-  std::string map_name;   ///< wished for; empty = the server names it
+  std::vector<Trail> trails;  ///< at most kMaxTrails
+  SE3 second_from_first;      ///< as the tracker sees it, |translation| = 1
+  std::string map_name;       ///< wished for; empty = the server names it
 };
 
 /// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.

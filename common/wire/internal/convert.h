@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/image/limits.h"
+#include "common/map/limits.h"
 #include "common/wire/messages.h"
 
 /// Between the value types of messages.h and the generated structs. decode() believes nothing: what it lets
@@ -16,7 +17,6 @@
 /// within bounds, printable texts, and lists that agree with each other. Pure; thread-safe.
 namespace cairn::wire::internal {
 
-constexpr uint32_t kMaxBlocks = 2048;  ///< of a map: 131 072 points
 constexpr double kMaxLength = 1e6;     ///< [map unit] of coordinates and distances
 constexpr size_t kMaxNameBytes = 128;  ///< of a map's name
 constexpr size_t kMaxReasonBytes = 1024;

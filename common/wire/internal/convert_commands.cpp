@@ -7,9 +7,7 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr size_t kMaxCameraValues = 32;
-constexpr size_t kMaxTrails = 8192;
 constexpr size_t kMaxMeasurements = 8192;
-constexpr size_t kMaxSeedPoints = 4000;
 constexpr size_t kMaxOutcomes = 16;
 
 }  // namespace
@@ -296,7 +294,7 @@ Result<SeedVerdict> decode<SeedVerdict>(const cairn_SeedVerdict& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.text(sample.reason, kMaxReasonBytes);
-  check.count(sample.points, kMaxSeedPoints);
+  check.count(sample.points, kMaxTrails);
   if (!check.passed()) return unfit(check.what());
   SeedVerdict message = decode_key<SeedVerdict>(sample);
   message.command = decode_command(sample.command);

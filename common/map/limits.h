@@ -1,0 +1,14 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+/// What a map maker and the wire must agree on.
+namespace cairn {
+
+/// Of points, and of keyframes, in a map: 131 072 of each.
+inline constexpr size_t kMaxBlocks = 2048;
+/// Of a two-view start: the answer names a point for each, and stays below 64 kB.
+inline constexpr size_t kMaxTrails = 4000;
+
+}  // namespace cairn
