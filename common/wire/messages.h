@@ -183,6 +183,7 @@ enum class OfferDecision : uint8_t {
   kUnknownMap = 5,  ///< e.g. the server restarted without it
   kDamaged = 6,     ///< image or numbers unusable
   kBusy = 7,        ///< more offers in flight than the credit allows
+  kFull = 8,        ///< the map has all the points it may have, or the server all the memory
 };
 
 struct OfferOutcome {

@@ -48,11 +48,19 @@ struct MapMaker::State {
   bool upkeep_due = false;
   bool global_adjustment_due = false;
 
+  [[nodiscard]] bool is_full() const;
   StepReport make_points(const std::function<bool()>& should_yield);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
 };
+
+bool MapMaker::State::is_full() const {
+  const size_t keyframes_to_come = wanting_points.size() + 1;
+  const size_t points_to_come = keyframes_to_come * static_cast<size_t>(options.max_points_per_keyframe);
+  return map.points().size() + points_to_come > options.max_points ||
+         map.keyframes().size() >= kMaxBlocks * kBlockSlots;
+}
 
 StepReport MapMaker::State::make_points(const std::function<bool()>& should_yield) {
   StepReport report{.work = MapWork::kNewPoints};
@@ -146,6 +154,9 @@ MapMaker::~MapMaker() = default;
 
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
+  if (s.is_full()) {
+    return {KeyframeVerdict::kFull, "map is full: " + std::to_string(s.map.points().size()) + " points", {}};
+  }
   KeyframeDecision decision = integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;

@@ -15,6 +15,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/map/ids.h"
+#include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
 
@@ -35,6 +36,7 @@ struct MapMakerOptions {
   int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
   int local_keyframes =
       4;  ///< nearest keyframes that move in a local adjustment, beside the newest (ptam.md 10)
+  size_t max_points = kMaxBlocks * kBlockSlots;  ///< ever made: removed points keep their slot
   uint64_t seed = 1;
 };
 
@@ -70,7 +72,7 @@ struct KeyframeInput {
   std::vector<PointMeasurement> measurements;
 };
 
-enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged };
+enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged, kFull };
 
 struct KeyframeDecision {
   KeyframeVerdict verdict = KeyframeVerdict::kAccepted;
@@ -119,6 +121,7 @@ class MapMaker {
 
   /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe and
   /// measurements of known points are in the map on return, the rest is work for step(). A few milliseconds.
+  /// Refused as kFull while there is still room for the points of all keyframes taken before.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
 
   /// Does the most urgent unit of work: new points for the newest keyframe, local adjustment, re-finding of

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/mapping/map_maker.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -17,6 +18,7 @@
 namespace cairn {
 namespace {
 
+using ::testing::HasSubstr;
 using testing::Scene;
 
 constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
@@ -142,7 +144,7 @@ class MapMakerTest : public ::testing::Test {
   }
 
   void start() {
-    auto started = MapMaker::start(input_, {});
+    auto started = MapMaker::start(input_, options_);
     ASSERT_TRUE(started) << started.error().message;
     maker_ = std::move(started->first);
     seed_ = std::move(started->second);
@@ -180,6 +182,7 @@ class MapMakerTest : public ::testing::Test {
 
   Scene scene_;
   SeedInput input_;
+  MapMakerOptions options_;
   std::unique_ptr<MapMaker> maker_;
   SeedResult seed_;
   std::vector<int> steps_{0, kSecondStep};  ///< Scene::pose() of each keyframe
@@ -280,6 +283,22 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   EXPECT_EQ(maker_->statistics().keyframes, 2U);
   EXPECT_EQ(maker_->snapshot(), s);
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
+}
+
+TEST_F(MapMakerTest, AFullMapRefusesKeyframesBeforeItsSlotsEnd) {
+  start();
+  const auto slots = [this] {
+    size_t count = 0;
+    for (const auto& block : maker_->snapshot()->point_blocks) count += static_cast<size_t>(block->count);
+    return count;
+  };
+  options_.max_points = slots() + static_cast<size_t>(options_.max_points_per_keyframe);
+  start();
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  const KeyframeDecision decision = offer(8);
+  EXPECT_EQ(decision.verdict, KeyframeVerdict::kFull);
+  EXPECT_THAT(decision.reason, HasSubstr("map is full: " + std::to_string(slots()) + " points"));
+  EXPECT_LE(slots(), options_.max_points);
 }
 
 TEST_F(MapMakerTest, ReoptimisesThePoseBeforeItJudges) {

@@ -13,6 +13,12 @@ bool by_point(const Measurement& m, PointId id) {
 }
 
 template <typename Container, typename Id>
+void erase_sorted(Container* ids, Id id) {
+  const auto it = std::lower_bound(ids->begin(), ids->end(), id);
+  if (it != ids->end() && *it == id) ids->erase(it);
+}
+
+template <typename Container, typename Id>
 void insert_sorted(Container* ids, Id id) {
   const auto it = std::lower_bound(ids->begin(), ids->end(), id);
   if (it == ids->end() || *it != id) ids->insert(it, id);
@@ -56,11 +62,6 @@ size_t MapState::live_keyframes() const {
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
 }
 
-size_t MapState::live_points() const {
-  return static_cast<size_t>(
-      std::count_if(points_.begin(), points_.end(), [](const MapPoint& p) { return p.live; }));
-}
-
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {
   keyframe.id = KeyframeId{keyframes_.size() + 1};
   keyframes_.push_back(std::move(keyframe));
@@ -72,6 +73,7 @@ PointId MapState::add_point(const PointSource& source, const Eigen::Vector3d& po
   point.source = source;
   point.source.id = PointId{points_.size()};
   point.position = position;
+  live_points_.push_back(point.source.id);
   return point.source.id;
 }
 
@@ -111,6 +113,8 @@ void MapState::remove_point(PointId id) {
     if (it != all.end() && it->point == id) all.erase(it);
   }
   p.observers = {};
+  for (MapKeyframe& k : keyframes_) erase_sorted(&k.given_up, id);
+  erase_sorted(&live_points_, id);
 }
 
 void MapState::remove_keyframe(KeyframeId id) {

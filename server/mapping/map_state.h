@@ -81,7 +81,8 @@ class MapState {
   }
   [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
   [[nodiscard]] size_t live_keyframes() const;
-  [[nodiscard]] size_t live_points() const;
+  [[nodiscard]] size_t live_points() const { return live_points_.size(); }
+  [[nodiscard]] const std::vector<PointId>& live_point_ids() const { return live_points_; }  ///< ascending
 
   /// Takes in a keyframe without measurements; its id is set here.
   KeyframeId add_keyframe(MapKeyframe keyframe);
@@ -112,6 +113,7 @@ class MapState {
  private:
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
+  std::vector<PointId> live_points_;  ///< ascending
 };
 
 }  // namespace cairn

@@ -46,6 +46,7 @@ void expect_consistent(const MapState& map) {
       const auto& observers = map.point(m.point).observers;
       EXPECT_TRUE(std::binary_search(observers.begin(), observers.end(), k.id));
     }
+    for (const PointId point : k.given_up) EXPECT_TRUE(map.is_live(point));
   }
   for (const MapPoint& p : map.points()) {
     if (!p.live) {
@@ -54,6 +55,11 @@ void expect_consistent(const MapState& map) {
     EXPECT_TRUE(std::is_sorted(p.observers.begin(), p.observers.end()));
     for (const KeyframeId id : p.observers) EXPECT_NE(map.find_measurement(id, p.source.id), nullptr);
   }
+  std::vector<PointId> live;
+  for (const MapPoint& p : map.points()) {
+    if (p.live) live.push_back(p.source.id);
+  }
+  EXPECT_EQ(map.live_point_ids(), live);
 }
 
 TEST(MapState, JoinsStayConsistentUnderRandomChanges) {

@@ -44,7 +44,7 @@ bool refind(MapState* map, KeyframeId keyframe_id, PointId point_id) {
 
 int refind_all(MapState* map, KeyframeId keyframe_id) {
   const size_t before = map->keyframe(keyframe_id).measurements.size();
-  for (size_t i = 0; i < map->points().size(); ++i) refind(map, keyframe_id, PointId{i + 1});
+  for (const PointId point : map->live_point_ids()) refind(map, keyframe_id, point);
   return static_cast<int>(map->keyframe(keyframe_id).measurements.size() - before);
 }
 

@@ -46,6 +46,10 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   };
   if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
+  if (maps_.all().size() >= options_.max_maps) {
+    return refuse("the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)");
+  }
+  if (std::string why = why_memory_is_full(); !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
   SeedJob job;
@@ -138,6 +142,9 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
+  if (std::string why = why_memory_is_full(); !why.empty()) {
+    return refuse(wire::OfferDecision::kFull, std::move(why));
+  }
 
   OfferJob job;
   job.input.camera = camera;
@@ -187,6 +194,13 @@ void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, cons
       open_wanted_feeds(client);
     }
   }
+}
+
+std::string Switchboard::why_memory_is_full() const {
+  constexpr size_t kMegabyte = 1'000'000;
+  const size_t bytes = maps_.bytes();
+  if (bytes < options_.max_memory_bytes) return {};
+  return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
 }
 
 void Switchboard::write_verdicts(Client& client) {

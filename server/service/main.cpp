@@ -35,6 +35,8 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.profile = options.profile;
   service.seed = options.seed;
   service.mapping.adjuster = options.adjuster;
+  service.max_maps = options.max_maps;
+  service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
   auto running = cairn::Service::start(service, log);

@@ -52,6 +52,12 @@ size_t MapArray::live_count() const {
       maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.snapshot != nullptr; }));
 }
 
+size_t MapArray::bytes() const {
+  size_t sum = 0;
+  for (const auto& [map, entry] : maps_) sum += entry.statistics.bytes;
+  return sum;
+}
+
 wire::MapInfo make_map_info(MapId map, const MapEntry& entry) {
   wire::MapInfo info;
   info.map = map;

@@ -40,6 +40,8 @@ class MapArray {
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
   /// Those that have been made.
   [[nodiscard]] size_t live_count() const;
+  /// Memory of all maps, as they were last published.
+  [[nodiscard]] size_t bytes() const;
 
  private:
   [[nodiscard]] bool is_free(const std::string& name) const;

@@ -26,6 +26,8 @@ wire::OfferDecision to_decision(KeyframeVerdict verdict) {
       return wire::OfferDecision::kTooFewPoints;
     case KeyframeVerdict::kStale:
       return wire::OfferDecision::kStale;
+    case KeyframeVerdict::kFull:
+      return wire::OfferDecision::kFull;
     case KeyframeVerdict::kDamaged:
       break;
   }

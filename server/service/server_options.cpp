@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/server_options.h"
 
+#include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
 #include <CLI/CLI.hpp>
@@ -19,6 +20,7 @@ namespace {
 
 constexpr int kUsageExit = 2;
 constexpr int kConfigurationExit = 3;
+constexpr uint64_t kMostMegabytes = uint64_t{1} << 40;
 
 constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
@@ -45,6 +47,8 @@ constexpr OptionRow kOptions[] = {
     {"seed", "N", "makes all ids reproducible; 0: random [0]", true},
     {"adjuster", "own|ceres", "solver of bundle adjustment; ceres is the slow, independent check [own]",
      true},
+    {"max-maps", "N", "maps at most [1000]", true},
+    {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
     {"store", "DIR", "keeps maps across restarts", false},
     {"security", "DIR", "DDS Security files", false},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
@@ -119,6 +123,16 @@ Result<ServerOptions> translate(const Words& words) {
     } else if (name == "adjuster") {
       if (value != "own" && value != "ceres") return refuse("expected own or ceres");
       options.adjuster = value == "own" ? Adjuster::kOwn : Adjuster::kCeres;
+    } else if (name == "max-maps") {
+      const auto maps = to_number<size_t>(value);
+      if (!maps || *maps == 0) return refuse("expected a number from 1 on");
+      options.max_maps = *maps;
+    } else if (name == "max-memory") {
+      const auto megabytes = to_number<uint64_t>(value);
+      if (!megabytes || *megabytes == 0 || *megabytes > kMostMegabytes) {
+        return refuse("expected a number of megabytes from 1 on");
+      }
+      options.max_memory_mb = *megabytes;
     } else if (name == "listen") {
       options.listen = value;
     } else if (name == "profile") {
@@ -162,6 +176,12 @@ EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
 }
 
 }  // namespace
+
+uint64_t half_of_memory_mb() {
+  const auto pages = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PHYS_PAGES)));
+  const auto page_bytes = static_cast<uint64_t>(std::max(0L, sysconf(_SC_PAGESIZE)));
+  return std::max<uint64_t>(1, pages * page_bytes / 2 / 1'000'000);
+}
 
 std::variant<ServerOptions, EarlyExit> parse_server_options(std::vector<std::string> arguments) {
   CLI::App app(kDescription, "cairn-server");

@@ -11,6 +11,9 @@
 
 namespace cairn {
 
+/// Half of the machine's memory [MB].
+[[nodiscard]] uint64_t half_of_memory_mb();
+
 /// The command line of cairn-server (DESIGN 10) merged with its configuration file; the command line wins.
 struct ServerOptions {
   int domain = 0;
@@ -18,6 +21,8 @@ struct ServerOptions {
   std::string profile = "loopback";
   uint64_t seed = 0;  ///< 0: ids are random
   Adjuster adjuster = Adjuster::kOwn;
+  size_t max_maps = 1000;
+  uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   int verbosity = 0;
 };
 

@@ -44,6 +44,18 @@ TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
   EXPECT_EQ(options.domain, 0);
   EXPECT_EQ(options.profile, "loopback");
   EXPECT_EQ(options.seed, 0U);
+  EXPECT_EQ(options.max_maps, 1000U);
+  EXPECT_GT(options.max_memory_mb, 0U);
+}
+
+TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
+  const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512"});
+  EXPECT_EQ(options.max_maps, 3U);
+  EXPECT_EQ(options.max_memory_mb, 512U);
+  for (const char* none : {"0", "-1", "many"}) {
+    EXPECT_EQ(refused({"--max-maps", none}).code, 2);
+    EXPECT_EQ(refused({"--max-memory", none}).code, 2);
+  }
 }
 
 TEST_F(ServerOptionsTest, TheCommandLineWinsOverTheFile) {
@@ -91,7 +103,7 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
   for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
-                           "--security", "--http", "--seed"}) {
+                           "--security", "--http", "--seed", "--max-maps", "--max-memory"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

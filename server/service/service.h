@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -21,6 +22,8 @@ struct ServiceOptions {
   ServerId server;           ///< new with every start (there is no store)
   uint64_t start_count = 1;  ///< larger with every start: the epoch of the maps made in it
   int workers = 2;           ///< of the urgent lane
+  size_t max_maps = 1000;
+  size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   MapMakerOptions mapping;
   int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };

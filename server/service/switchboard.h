@@ -88,6 +88,8 @@ class Switchboard {
   void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
+  /// Why no map may grow; empty when it may.
+  [[nodiscard]] std::string why_memory_is_full() const;
   void write_verdicts(Client& client);
   void tell_all(const wire::MapInfo& info);
   void report(const Status& written, const char* what);

@@ -115,8 +115,10 @@ class RawClient {
 
 class ProtocolTest : public ::testing::Test {
  protected:
-  ProtocolTest()
-      : service_(testing::start_service(&options_)), client_(options_.domain, "anna", scene_.camera()) {}
+  explicit ProtocolTest(const ServiceOptions& options = {})
+      : options_(options),
+        service_(testing::start_service(&options_)),
+        client_(options_.domain, "anna", scene_.camera()) {}
 
   wire::MapSeed make_seed(uint64_t seq) {
     const SeedProposal proposal = testing::make_seed(scene_);
@@ -266,6 +268,29 @@ TEST_F(ProtocolTest, AVersionOfACameraNeverChanges) {
   ASSERT_TRUE(client_.wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
       << client_.offer_verdict->recent.at(0).reason;
+}
+
+class FullServerTest : public ProtocolTest {
+ protected:
+  static ServiceOptions limited() {
+    ServiceOptions options;
+    options.max_maps = 1;
+    options.max_memory_bytes = 1000;  // less than the first map
+    return options;
+  }
+  FullServerTest() : ProtocolTest(limited()) {}
+};
+
+TEST_F(FullServerTest, RefusesMapsAndKeyframesWithItsReason) {
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
+  (void)client_.offers.write(make_offer(1, 4));
+  ASSERT_TRUE(client_.wait_decided(1));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kFull);
+  EXPECT_THAT(client_.offer_verdict->recent.at(0).reason, HasSubstr("--max-memory"));
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(2)));
+  EXPECT_FALSE(client_.seed_verdict->accepted);
+  EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("1 maps (--max-maps)"));
 }
 
 TEST_F(ProtocolTest, AMapThatIsFedFromOutsideTakesNoKeyframes) {

@@ -361,7 +361,7 @@ Result<OfferVerdict> decode<OfferVerdict>(const cairn_OfferVerdict& sample) {
   message.recent.reserve(sample.recent._length);
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_OfferOutcome& outcome = sample.recent._buffer[i];
-    check.require(outcome.decision <= static_cast<uint8_t>(OfferDecision::kBusy), "unknown decision");
+    check.require(outcome.decision <= static_cast<uint8_t>(OfferDecision::kFull), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
     message.recent.push_back({outcome.seq,
                               static_cast<OfferDecision>(outcome.decision),
