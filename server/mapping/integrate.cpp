@@ -41,14 +41,16 @@ bool is_sound(const KeyframeInput& input) {
          input.image->height() == input.camera->height() && input.camera_from_reference.is_finite();
 }
 
-/// The pose on the measurements of points that still live; its inliers.
+/// The pose on the measurements of points that still live, each point counted once; its inliers.
 std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input) {
   std::vector<PointObservation> observations;
   std::vector<PointMeasurement> known;
+  std::vector<bool> measured(map.points().size(), false);
   for (const PointMeasurement& m : input.measurements) {
     const bool sound =
         map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
-    if (!sound) continue;
+    if (!sound || measured[m.id.value - 1]) continue;
+    measured[m.id.value - 1] = true;
     known.push_back(m);
     observations.push_back(
         {map.point(m.id).position, m.pixel.cast<double>(), static_cast<double>(1 << m.level)});

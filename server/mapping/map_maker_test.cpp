@@ -285,6 +285,19 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
 }
 
+TEST_F(MapMakerTest, APointThatIsMeasuredTwiceCountsOnce) {
+  start();
+  KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 5);
+  ASSERT_GT(input.measurements.size(), 10U);
+  input.measurements.resize(10);
+  for (int copies = 0; copies < 9; ++copies) {
+    for (size_t i = 0; i < 10; ++i) input.measurements.push_back(PointMeasurement(input.measurements[i]));
+  }
+  const KeyframeDecision decision = maker_->add_keyframe(input);
+  EXPECT_EQ(decision.verdict, KeyframeVerdict::kTooFewPoints);
+  EXPECT_THAT(decision.reason, HasSubstr("10 good"));
+}
+
 TEST_F(MapMakerTest, AFullMapRefusesKeyframesBeforeItsSlotsEnd) {
   start();
   const auto slots = [this] {

@@ -13,9 +13,21 @@ void OfferGate::enter_session(SessionId session) {
 OfferGate::Admission OfferGate::admit(uint64_t seq) {
   if (seq <= last_decided_ || decided_ahead_.contains(seq)) return Admission::kRepeated;
   if (seq <= last_admitted_) return Admission::kInFlight;
-  if (seq != last_admitted_ + 1) return Admission::kGap;
+  if (seq != last_admitted_ + 1 && !is_resumed(seq)) return Admission::kGap;
+  if (seq > last_decided_ + kMaxAhead) return Admission::kGap;
   last_admitted_ = seq;
   return seq > last_decided_ + kCredit ? Admission::kNoCredit : Admission::kNew;
+}
+
+bool OfferGate::is_resumed(uint64_t seq) {
+  if (last_admitted_ != 0) return false;
+  if (times_seen_ == 0 || seq < lowest_seen_) {
+    lowest_seen_ = seq;
+    times_seen_ = 0;
+  }
+  if (seq != lowest_seen_ || ++times_seen_ < kSentAgain) return false;
+  last_decided_ = seq - 1;
+  return true;
 }
 
 void OfferGate::decide(SessionId session, wire::OfferOutcome outcome) {

@@ -11,17 +11,21 @@ namespace cairn {
 
 /// Sees to it that each offer of a client is judged once, in order, and that no client has more of them in
 /// flight than its credit. Clients send again what has no decision; the middleware may repeat a history or
-/// lose what was sent before both sides had matched. Pure. One per client; used from one thread.
+/// lose what was sent before both sides had matched. A gate that was made anew in mid-session (the server has
+/// forgotten the client) goes on with the lowest number that the client sends, once it has sent it again and
+/// again: nothing before that is wanted. Pure. One per client; used from one thread.
 class OfferGate {
  public:
   static constexpr uint32_t kCredit = 4;
-  static constexpr size_t kRecent = 16;  ///< decisions kept in the verdict
+  static constexpr uint32_t kMaxAhead = 4 * kCredit;  ///< beyond the last decided: no more are taken in
+  static constexpr int kSentAgain = 3;                ///< times, before a number is believed to be the lowest
+  static constexpr size_t kRecent = 16;               ///< decisions kept in the verdict
 
   enum class Admission : uint8_t {
     kNew,       ///< to be judged; exactly one decide() must follow
     kRepeated,  ///< already decided: the verdict should be written again
     kInFlight,  ///< being judged
-    kGap,       ///< an earlier one has not come: the client will send both again
+    kGap,       ///< an earlier one has not come, or too many wait: the client will send it again
     kNoCredit,  ///< counts as new, to be decided as busy
   };
 
@@ -38,7 +42,12 @@ class OfferGate {
   [[nodiscard]] wire::OfferVerdict verdict(ClientId client) const;
 
  private:
+  /// Whether a fresh gate should begin with `seq` rather than with 1.
+  [[nodiscard]] bool is_resumed(uint64_t seq);
+
   SessionId session_;
+  uint64_t lowest_seen_ = 0;  ///< by a gate that has admitted none
+  int times_seen_ = 0;        ///< the lowest
   uint64_t last_admitted_ = 0;
   uint64_t last_decided_ = 0;
   std::map<uint64_t, wire::OfferOutcome> decided_ahead_;  ///< while an earlier one is being judged

@@ -24,8 +24,9 @@ TEST(OfferGate, AppliesEachOfferOnceInOrderHoweverTheyAreRepeatedAndDecided) {
   SCOPED_TRACE(testing::Message() << "seed " << kSeed);
   OfferGate gate;
   gate.enter_session(kSession);
-  std::vector<uint64_t> judged;
-  std::vector<uint64_t> in_work;
+  ASSERT_EQ(gate.admit(1), OfferGate::Admission::kNew);  // 1 repeatedly left out: a forgotten client, below
+  std::vector<uint64_t> judged{1};
+  std::vector<uint64_t> in_work{1};
   while (gate.verdict({}).last_decided < 200) {
     const uint64_t decided = gate.verdict({}).last_decided;
     const uint64_t seq = std::uniform_int_distribution<uint64_t>(decided > 3 ? decided - 3 : 0,
@@ -75,6 +76,38 @@ TEST(OfferGate, ANewSessionCountsAnewAndForgetsLateDecisions) {
   gate.enter_session(SessionId{43});
   EXPECT_EQ(gate.admit(1), OfferGate::Admission::kInFlight)
       << "entering the same session again changes nothing";
+}
+
+TEST(OfferGate, WhatWaitsIsBoundedHoweverManyAreSent) {
+  OfferGate gate;
+  gate.enter_session(kSession);
+  ASSERT_EQ(gate.admit(1), OfferGate::Admission::kNew);  // in work all the time
+  uint64_t seq = 2;
+  while (seq < 1000) {
+    const auto admission = gate.admit(seq);
+    if (admission == OfferGate::Admission::kGap) break;
+    gate.decide(kSession, outcome(seq++));
+  }
+  EXPECT_EQ(seq, OfferGate::kMaxAhead + 1);
+  gate.decide(kSession, outcome(1));
+  EXPECT_EQ(gate.verdict({}).last_decided, OfferGate::kMaxAhead);
+  EXPECT_EQ(gate.admit(seq), OfferGate::Admission::kNew) << "sent again when there is room";
+}
+
+TEST(OfferGate, AForgottenClientGoesOnWithWhatItSendsAgain) {
+  OfferGate gate;
+  gate.enter_session(kSession);
+  EXPECT_EQ(gate.admit(58), OfferGate::Admission::kGap) << "57 may be on its way";
+  for (int times = 1; times < OfferGate::kSentAgain; ++times) {
+    EXPECT_EQ(gate.admit(57), OfferGate::Admission::kGap);
+    EXPECT_EQ(gate.admit(58), OfferGate::Admission::kGap);
+  }
+  EXPECT_EQ(gate.admit(57), OfferGate::Admission::kNew);
+  EXPECT_EQ(gate.admit(58), OfferGate::Admission::kNew);
+  EXPECT_EQ(gate.verdict({}).last_decided, 56U);
+  gate.decide(kSession, outcome(57));
+  EXPECT_EQ(gate.verdict({}).last_decided, 57U);
+  EXPECT_EQ(gate.admit(57), OfferGate::Admission::kRepeated);
 }
 
 TEST(SeedGate, JudgesTheNewestOnceAndRepeatsItsVerdict) {

@@ -164,7 +164,11 @@ void Switchboard::take_messages() {
       log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
   take_all(readers_.states, [this](const auto& sample) {
-    if (!sample.message) return on_gone(sample.key.client);
+    if (!sample.message) {
+      // No tracker disposes; anybody may under any key. That no writer of a key is left, the middleware says.
+      if (sample.gone == wire::Gone::kNoWriters) on_gone(sample.key.client);
+      return;
+    }
     if (Client* client = identify(readers_.states, sample))
       on_state(*client, sample.publication, *sample.message);
   });

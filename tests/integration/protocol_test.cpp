@@ -69,6 +69,12 @@ class RawClient {
       return false;
     });
   }
+  /// As if the tracker of that name had ended in good order.
+  void dispose_state_of(ClientId who) {
+    wire::TrackerStateMessage key;
+    key.client = who;
+    (void)states_.dispose(key);
+  }
   [[nodiscard]] bool wait_decided(uint64_t seq) {
     return eventually([&] {
       spin();
@@ -240,6 +246,29 @@ TEST_F(ProtocolTest, ACommandWithAnUnknownCameraIsRefusedWithItsReason) {
   }));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kDamaged);
   EXPECT_THAT(client_.offer_verdict->recent.at(0).reason, HasSubstr("version 9"));
+}
+
+TEST_F(ProtocolTest, NobodyTakesANameFromItsHolderByDisposingOfIt) {
+  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  RawClient thief(options_.domain, "anna", scene_.camera());
+  thief.session = SessionId{2002};
+  RawClient eve(options_.domain, "eve", scene_.camera());
+  int refusals = 0;
+  ASSERT_TRUE(eventually([&] {
+    eve.dispose_state_of(client_.id);
+    thief.offer_verdict.reset();
+    thief.spin();
+    client_.spin();
+    const auto& verdict = thief.offer_verdict;
+    if (verdict && verdict->session == thief.session) {
+      const bool refused = !verdict->recent.empty() && verdict->recent.at(0).seq == 0;
+      EXPECT_TRUE(refused) << "the thief is served";
+      if (refused) ++refusals;
+      return !refused || refusals == 3;
+    }
+    return false;
+  }));
+  EXPECT_EQ(refusals, 3);
 }
 
 CameraPtr smaller_camera() {
