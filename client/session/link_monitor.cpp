@@ -5,14 +5,12 @@
 
 namespace cairn {
 
-LinkMonitor::Event LinkMonitor::heard(ServerId server, uint64_t start_count) {
+LinkMonitor::Event LinkMonitor::heard(ServerId server) {
   const ServerLink before = std::exchange(link_, ServerLink::kConnected);
   if (server != server_) {
     const bool first = !server_;
     server_ = server;
-    start_count_ = start_count;
-    // MapInfo may come before or after the status; the epochs tell which server a map was listed by.
-    std::erase_if(maps_, [start_count](const auto& entry) { return entry.second.value < start_count; });
+    std::erase_if(maps_, [server](const auto& entry) { return entry.second != server; });
     return first ? Event::kConnected : Event::kRestarted;
   }
   return before == ServerLink::kGone ? Event::kReturned : Event::kNone;
@@ -22,10 +20,6 @@ LinkMonitor::Event LinkMonitor::alive(bool is_alive) {
   if (is_alive || link_ != ServerLink::kConnected) return Event::kNone;
   link_ = ServerLink::kGone;
   return Event::kGone;
-}
-
-void LinkMonitor::map_listed(MapId map, Epoch epoch) {
-  if (epoch.value >= start_count_) maps_[map] = epoch;
 }
 
 }  // namespace cairn

@@ -20,14 +20,20 @@ class LinkMonitor {
     kRestarted,  ///< another server, or the same started anew: it knows nothing of us
   };
 
-  /// A ServerStatus came. `start_count` is the least epoch that the maps of this server can have.
-  Event heard(ServerId server, uint64_t start_count);
+  /// A ServerStatus came.
+  Event heard(ServerId server);
   /// Whether the writer of ServerStatus is alive, as the middleware sees it.
   Event alive(bool is_alive);
 
-  void map_listed(MapId map, Epoch epoch);
+  /// May come before the first status of the server that lists it.
+  void map_listed(MapId map, ServerId by) { maps_[map] = by; }
   void map_removed(MapId map) { maps_.erase(map); }
-  [[nodiscard]] bool knows(MapId map) const { return maps_.contains(map); }
+  [[nodiscard]] bool knows(MapId map) const {
+    const auto listed = maps_.find(map);
+    return listed != maps_.end() && listed->second == server_;
+  }
+  /// The one heard last; none before the first.
+  [[nodiscard]] ServerId server() const { return server_; }
 
   /// kConnecting, kConnected or kGone.
   [[nodiscard]] ServerLink link() const { return link_; }
@@ -35,8 +41,7 @@ class LinkMonitor {
  private:
   ServerLink link_ = ServerLink::kConnecting;
   ServerId server_;
-  uint64_t start_count_ = 0;
-  std::map<MapId, Epoch> maps_;
+  std::map<MapId, ServerId> maps_;
 };
 
 }  // namespace cairn

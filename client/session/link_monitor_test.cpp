@@ -16,27 +16,27 @@ TEST(LinkMonitor, SaysEachChangeOnce) {
   LinkMonitor monitor;
   EXPECT_EQ(monitor.link(), ServerLink::kConnecting);
   EXPECT_EQ(monitor.alive(false), Event::kNone) << "a server that was never there cannot go";
-  EXPECT_EQ(monitor.heard(kFirst, 10), Event::kConnected);
-  EXPECT_EQ(monitor.heard(kFirst, 10), Event::kNone);
+  EXPECT_EQ(monitor.heard(kFirst), Event::kConnected);
+  EXPECT_EQ(monitor.heard(kFirst), Event::kNone);
   EXPECT_EQ(monitor.alive(true), Event::kNone);
   EXPECT_EQ(monitor.alive(false), Event::kGone);
   EXPECT_EQ(monitor.alive(false), Event::kNone);
   EXPECT_EQ(monitor.link(), ServerLink::kGone);
-  EXPECT_EQ(monitor.heard(kFirst, 10), Event::kReturned);
-  EXPECT_EQ(monitor.heard(kSecond, 11), Event::kRestarted) << "also without a silence between";
+  EXPECT_EQ(monitor.heard(kFirst), Event::kReturned);
+  EXPECT_EQ(monitor.heard(kSecond), Event::kRestarted) << "also without a silence between";
   EXPECT_EQ(monitor.link(), ServerLink::kConnected);
 }
 
 TEST(LinkMonitor, ARestartedServerHasOnlyTheMapsItListsItself) {
   LinkMonitor monitor;
-  (void)monitor.heard(kFirst, 10);
-  monitor.map_listed(kMap, Epoch{10});
+  (void)monitor.heard(kFirst);
+  monitor.map_listed(kMap, kFirst);
   EXPECT_TRUE(monitor.knows(kMap));
-  (void)monitor.heard(kSecond, 11);
+  (void)monitor.heard(kSecond);
   EXPECT_FALSE(monitor.knows(kMap));
-  monitor.map_listed(kMap, Epoch{10});  // a late listing by the old server
+  monitor.map_listed(kMap, kFirst);  // a late listing by the old server
   EXPECT_FALSE(monitor.knows(kMap));
-  monitor.map_listed(kMap, Epoch{12});
+  monitor.map_listed(kMap, kSecond);
   EXPECT_TRUE(monitor.knows(kMap));
   monitor.map_removed(kMap);
   EXPECT_FALSE(monitor.knows(kMap));
@@ -44,9 +44,9 @@ TEST(LinkMonitor, ARestartedServerHasOnlyTheMapsItListsItself) {
 
 TEST(LinkMonitor, AListingThatComesBeforeTheStatusCounts) {
   LinkMonitor monitor;
-  (void)monitor.heard(kFirst, 10);
-  monitor.map_listed(kMap, Epoch{11});
-  (void)monitor.heard(kSecond, 11);
+  (void)monitor.heard(kFirst);
+  monitor.map_listed(kMap, kSecond);
+  (void)monitor.heard(kSecond);
   EXPECT_TRUE(monitor.knows(kMap));
 }
 

@@ -85,12 +85,12 @@ void Receiver::take_server_messages() {
   take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
     if (!sample.message) return;
     const std::scoped_lock lock(state_.mutex);
-    act_on(state_.monitor.heard(sample.message->server, sample.message->start_count));
+    act_on(state_.monitor.heard(sample.message->server));
   });
   take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
     const std::scoped_lock lock(state_.mutex);
     if (sample.message) {
-      state_.monitor.map_listed(sample.message->map, sample.message->epoch);
+      state_.monitor.map_listed(sample.message->map, sample.message->server);
     } else if (sample.gone == wire::Gone::kDisposed) {
       state_.monitor.map_removed(sample.key.map);
     }
@@ -137,7 +137,7 @@ void Receiver::act_on(const wire::SeedVerdict& verdict) {
         SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
         {}};
     state_.choose_map(verdict.map);
-    state_.monitor.map_listed(verdict.map, verdict.epoch);
+    state_.monitor.map_listed(verdict.map, state_.monitor.server());
     state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
   } else {
     state_.seed_reply = SeedReply{std::nullopt, verdict.reason};

@@ -122,6 +122,7 @@ struct MapInfo {
   bool plane_aligned = false;  ///< Z = 0 is the dominant plane
   bool metric = false;
   MapRight right = MapRight::kWrite;
+  ServerId server;  ///< who lists it: what a server lists is nothing to its successor
 };
 
 /// A block and the least version of it that belongs to a revision.

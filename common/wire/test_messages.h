@@ -35,7 +35,7 @@ CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m)
 CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
-CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k)
+CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(PointPatches, a, b, c)
 CAIRN_MEMBERS(PointPositions, a, b, c)
 CAIRN_MEMBERS(KeyframePoses, a, b, c)
@@ -182,7 +182,8 @@ inline MapInfo RandomMessages::make() {
           vector(5) + Eigen::Vector3f::Constant(20),
           coin(),
           coin(),
-          static_cast<MapRight>(number(0, 2))};
+          static_cast<MapRight>(number(0, 2)),
+          id<ServerId>()};
 }
 template <>
 inline PointPatches RandomMessages::make() {

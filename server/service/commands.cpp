@@ -96,7 +96,7 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
     entry->plane_aligned = result->plane_aligned;
     log_->info("{}: {} made, {} points{}", client_name, entry->name, snapshot->point_count(),
                result->plane_aligned ? ", on its plane" : "");
-    tell_all(make_map_info(verdict.map, *entry));
+    tell_all(make_map_info(options_.server, verdict.map, *entry));
   } else {
     verdict.reason = result.error().message;
     log_->info("{}: no map made: {}", client_name, verdict.reason);

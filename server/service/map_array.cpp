@@ -58,7 +58,7 @@ size_t MapArray::bytes() const {
   return sum;
 }
 
-wire::MapInfo make_map_info(MapId map, const MapEntry& entry) {
+wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry) {
   wire::MapInfo info;
   info.map = map;
   info.name = entry.name;
@@ -71,6 +71,7 @@ wire::MapInfo make_map_info(MapId map, const MapEntry& entry) {
   info.plane_aligned = entry.plane_aligned;
   info.metric = entry.snapshot->metric;
   info.right = wire::MapRight::kWrite;
+  info.server = server;
   return info;
 }
 

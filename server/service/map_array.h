@@ -51,6 +51,6 @@ class MapArray {
 };
 
 /// What clients are told of a map that has been made.
-[[nodiscard]] wire::MapInfo make_map_info(MapId map, const MapEntry& entry);
+[[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry);
 
 }  // namespace cairn

@@ -205,7 +205,7 @@ void Switchboard::tick(MonotonicTime now) {
   }
   if (++ticks_ % kTicksPerMapInfo != 0) return;
   for (const auto& [map, due] : std::exchange(info_due_, {})) {
-    if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(map, *entry));
+    if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(options_.server, map, *entry));
   }
 }
 
@@ -265,7 +265,8 @@ void Switchboard::connect(Client& client) {
   next_tick_ = steady_clock::now();  // the newcomer learns at once who serves it
   write_verdicts(client);
   for (const auto& [map, entry] : maps_.all()) {
-    if (entry.snapshot) report(client.writers->maps.write(make_map_info(map, entry)), "MapInfo");
+    if (entry.snapshot)
+      report(client.writers->maps.write(make_map_info(options_.server, map, entry)), "MapInfo");
   }
 }
 

@@ -145,6 +145,7 @@ cairn_MapInfo encode(const MapInfo& message, Scratch*) {
   sample.plane_aligned = message.plane_aligned;
   sample.metric = message.metric;
   sample.right = static_cast<uint8_t>(message.right);
+  put_id(message.server.bytes, sample.server_id);
   return sample;
 }
 
@@ -177,6 +178,7 @@ Result<MapInfo> decode<MapInfo>(const cairn_MapInfo& sample) {
   message.plane_aligned = sample.plane_aligned;
   message.metric = sample.metric;
   message.right = static_cast<MapRight>(sample.right);
+  message.server = get_id<ServerId>(sample.server_id);
   return checked_message(check, std::move(message));
 }
 
