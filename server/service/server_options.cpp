@@ -101,16 +101,17 @@ Result<Words> read_configuration(const std::string& path) {
   return words;
 }
 
-/// `words` has only names of kOptions.
+/// `words` has only names of kOptions. Errors: kConfiguration for a value, kUsage for what is not to be had
+/// at all.
 Result<ServerOptions> translate(const Words& words) {
   ServerOptions options;
   for (const auto& [name, value] : words) {
     const auto refuse = [&name = name, &value = value](const std::string& why) {
-      return fail(ErrorCode::kUsage, name + " '" + value + "': " + why);
+      return fail(ErrorCode::kConfiguration, name + " '" + value + "': " + why);
     };
     const auto row = std::find_if(std::begin(kOptions), std::end(kOptions),
                                   [&name = name](const OptionRow& r) { return name == r.name; });
-    if (!row->available) return refuse("not available yet");
+    if (!row->available) return fail(ErrorCode::kUsage, name + ": not available yet");
     if (value.empty()) return refuse("needs a value");
     if (name == "domain") {
       const auto domain = to_number<uint32_t>(value);
@@ -150,8 +151,7 @@ std::variant<ServerOptions, EarlyExit> merge(const Words& from_line, const std::
     if (!from_file) return complaint(kConfigurationExit, from_file.error().message);
     // Judged by itself, so that the complaint tells where the mistake is.
     if (const auto judged = translate(*from_file); !judged) {
-      const bool unavailable = judged.error().message.find("not available yet") != std::string::npos;
-      return complaint(unavailable ? kUsageExit : kConfigurationExit, config + ": " + judged.error().message);
+      return complaint(exit_code(judged.error().code), config + ": " + judged.error().message);
     }
     words = std::move(*from_file);
   }

@@ -81,6 +81,7 @@ TEST_F(ServerOptionsTest, MistakesInTheFileNameLineAndRemedy) {
   EXPECT_EQ(unknown.code, 3);
   EXPECT_THAT(unknown.text, HasSubstr(":2: unknown key 'profil'; did you mean profile?"));
   EXPECT_EQ(refused({"--config", configuration("domain: x\n")}).code, 3);
+  EXPECT_EQ(refused({"--config", configuration("domain: not available yet\n")}).code, 3);
   EXPECT_EQ(refused({"--config", configuration("domain: [1]\n")}).code, 3);
   EXPECT_EQ(refused({"--config", configuration("- domain\n")}).code, 3);
   EXPECT_EQ(refused({"--config", configuration("domain: {\n")}).code, 3);
