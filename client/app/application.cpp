@@ -32,6 +32,8 @@ constexpr int kInterruptedExit = 130;
 constexpr milliseconds kServerPatience(10'000);  ///< to be seen at the start of a recording
 constexpr milliseconds kPatienceSlice(100);      ///< how long a request to stop may go unheard
 constexpr milliseconds kLastVerdicts(2'000);     ///< for offers undecided at the end
+/// A crashed process holds its name at the server for 3 s of silence: its successor may be refused that long.
+constexpr milliseconds kNameGrace(4'000);
 constexpr size_t kPreloadBytes = size_t{512} << 20;
 constexpr int kFrameThreadNice = -10;
 
@@ -60,7 +62,15 @@ std::unique_ptr<FrameSource> decode_ahead(std::unique_ptr<FrameSource> source, c
   const auto count = source->frame_count();
   if (options.pace == Pace::kRealtime && count && *count <= kPreloadBytes / frame_bytes) {
     log->info("decoding {} frames before the clock starts", *count);
-    return std::make_unique<MemorySource>(*source, stop_requested);
+    const auto report_progress = [&, done = size_t{0}, told = std::chrono::steady_clock::now()]() mutable {
+      if (const auto now = std::chrono::steady_clock::now(); now - told >= std::chrono::seconds(1)) {
+        log->info("decoded {} of {} frames", done, *count);
+        told = now;
+      }
+      ++done;
+      return stop_requested();
+    };
+    return std::make_unique<MemorySource>(*source, report_progress);
   }
   return std::make_unique<DecodeAhead>(std::move(source));
 }
@@ -79,8 +89,8 @@ SessionOptions session_options(const TrackOptions& options) {
   session.domain = options.domain;
   session.profile = options.profile;
   session.name = options.name;
+  if (!options.makes_maps()) session.follow_map = options.map;
   session.lockstep = options.pace == Pace::kLockstep;
-  session.seed = session.lockstep ? options.seed : 0;
   return session;
 }
 
@@ -132,12 +142,12 @@ Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatu
   return status;
 }
 
-/// Whether the server was seen before the first frame. A live camera does not wait; a recording would be
-/// over.
-bool await_server(Session& session, const std::function<bool()>& stop_requested) {
-  for (auto waited = milliseconds(0); waited < kServerPatience && !stop_requested();
-       waited += kPatienceSlice) {
-    if (session.wait_for_server(kPatienceSlice)) return true;
+/// Whether what a recording needs came before its first frame. A live camera does not wait; a recording would
+/// be over.
+bool await(const std::function<bool(milliseconds)>& is_there, milliseconds patience,
+           const std::function<bool()>& stop_requested) {
+  for (auto waited = milliseconds(0); waited < patience && !stop_requested(); waited += kPatienceSlice) {
+    if (is_there(kPatienceSlice)) return true;
   }
   return false;
 }
@@ -165,15 +175,14 @@ int report_error(const Error& error, const Logger& log) {
 struct Run {
   const TrackOptions& options;
   const Logger& log;
-  const std::function<bool()>& stop_requested;
+  const RunSignals& signals;
   CameraPtr camera;
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   Outputs outputs;
 };
 
-Result<Run> prepare(const TrackOptions& options, const Logger& log,
-                    const std::function<bool()>& stop_requested) {
+Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
   auto source = open_source(options.source);
   if (!source) return tl::unexpected(source.error());
   auto camera = find_camera(options, **source);
@@ -183,21 +192,16 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log,
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   auto session = Session::open(session_options(options), *camera, log);
   if (!session) return tl::unexpected(session.error());
-  auto ahead = decode_ahead(std::move(*source), options, **camera, log, stop_requested);
-  return Run{options,
-             log,
-             stop_requested,
-             std::move(*camera),
-             std::move(ahead),
-             std::move(*session),
-             std::move(*outputs)};
+  auto ahead = decode_ahead(std::move(*source), options, **camera, log, signals.stop_requested);
+  return Run{
+      options, log, signals, std::move(*camera), std::move(ahead), std::move(*session), std::move(*outputs)};
 }
 
 int track(Run& run) {
   TrackerAdapter tracker(run.camera, tracker_options(run.options));
   SessionAdapter link(*run.session);
   SteadyClock clock;
-  RunStats stats;
+  RunStats stats(run.options.stats ? RunStats::FrameList::kKept : RunStats::FrameList::kLeftOut);
   Narrator narrator(run.log, clock, run.source->frame_count());
   std::vector<FrameObserver*> observers = {&stats};
   if (run.outputs.trajectory) observers.push_back(run.outputs.trajectory.get());
@@ -209,13 +213,15 @@ int track(Run& run) {
   loop_options.width = run.camera->width();
   loop_options.height = run.camera->height();
   loop_options.make_maps = run.options.makes_maps();
+  loop_options.lost_patience = std::chrono::seconds(run.options.lost_patience);
+  loop_options.new_map_requested = run.signals.new_map_requested;
   FrameLoop loop(*run.source, tracker, link, clock, loop_options, observers);
   prefer_this_thread(run.log);
   // A process under a name in use is refused until the other one is gone: a camera goes on, a recording would
   // be in vain.
   const auto finished = loop.run([&] {
     const bool in_vain = run.options.pace != Pace::kRealtime && link.status().link == ServerLink::kRefused;
-    return in_vain || run.stop_requested();
+    return in_vain || run.signals.stop_requested();
   });
   if (finished && *finished) {
     (void)link.wait_until_settled(kLastVerdicts);
@@ -240,16 +246,27 @@ int track(Run& run) {
 
 }  // namespace
 
-int run_tracker(const TrackOptions& options, const Logger& log, const std::function<bool()>& stop_requested) {
+int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
   const wire::LogRedirect middleware_log(log);
-  auto run = prepare(options, log, stop_requested);
+  auto run = prepare(options, log, signals);
   if (!run) return report_error(run.error(), log);
   if (!options.headless)
     log->info("the viewer's window is not available yet: running headless; --video shows the same");
-  if (!run->source->is_live() && !await_server(*run->session, stop_requested) && !stop_requested()) {
+  const auto& stop = signals.stop_requested;
+  Session& session = *run->session;
+  const auto server_is_there = [&](milliseconds slice) { return session.wait_for_server(slice); };
+  if (!run->source->is_live() && !await(server_is_there, kServerPatience, stop) && !stop()) {
     if (options.pace != Pace::kRealtime)
       return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
     log->warn("{}; following the camera without maps until it comes", no_server_text(options));
+  }
+  const auto name_is_ours = [&](milliseconds slice) { return session.wait_for_name(slice); };
+  if (!run->source->is_live()) (void)await(name_is_ours, kNameGrace, stop);
+  const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
+  if (!run->source->is_live() && !options.makes_maps() && !await(map_is_there, kServerPatience, stop) &&
+      !stop()) {
+    log->warn("the server lists no map {}to track in; going on until it does",
+              options.map.empty() ? "" : "'" + options.map + "' ");
   }
   return track(*run);
 }

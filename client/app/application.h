@@ -8,9 +8,14 @@
 
 namespace cairn {
 
-/// Runs `cairn-track` on the caller's thread until the source ends or `stop_requested`; all files are
+/// What the user asks for while it runs. Called on the thread of run_tracker().
+struct RunSignals {
+  std::function<bool()> stop_requested;
+  std::function<bool()> new_map_requested;
+};
+
+/// Runs `cairn-track` on the caller's thread until the source ends or a stop is requested; all files are
 /// complete when it returns. Result: exit code of DESIGN 10; what went wrong is logged.
-[[nodiscard]] int run_tracker(const TrackOptions& options, const Logger& log,
-                              const std::function<bool()>& stop_requested);
+[[nodiscard]] int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals& signals);
 
 }  // namespace cairn

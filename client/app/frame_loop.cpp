@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/frame_loop.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace cairn {
@@ -8,12 +9,11 @@ namespace {
 
 /// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the
 /// tracker's state.
-FrameState frame_state(const FrameResult& result, bool had_map) {
+FrameState frame_state(const FrameResult& result) {
   const bool measured = result.pose_measured && result.map;
   if (measured && result.state == TrackingState::kTracking) return FrameState::kTracking;
   if (measured && result.state == TrackingState::kPoor) return FrameState::kPoor;
-  if (result.state == TrackingState::kStarting || !had_map) return FrameState::kStarting;
-  return FrameState::kLost;
+  return result.state == TrackingState::kStarting ? FrameState::kStarting : FrameState::kLost;
 }
 
 std::string size_text(int width, int height) {
@@ -65,8 +65,9 @@ Status FrameLoop::handle(TakenFrame&& taken) {
     return {};
   }
   const auto cpu_start = thread_cpu_time();
-  deliver_replies();
+  // In this order: the tracker has heard of its seed's map before it sees it.
   const auto snapshot = link_.snapshot();
+  deliver_replies();
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
   const bool sent = send_proposals(result, frame);
@@ -75,13 +76,13 @@ Status FrameLoop::handle(TakenFrame&& taken) {
 
   const auto status = link_.status();
   observe_status(status);
-  const auto state = frame_state(result, had_map_);
-  had_map_ = had_map_ || is_tracked(state);
+  const auto state = frame_state(result);
+  count_lost_time(state, frame.time);
   const auto stages = stages_.take();
   notify(&FrameObserver::on_frame,
          FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
   if (sent && options_.pace == Pace::kLockstep) settle();
-  start_over_if_stranded(status, state);
+  start_over_if_needed(status, state);
   ++frames_seen_;
   ++frames_tracked_on_;
   return {};
@@ -127,14 +128,40 @@ void FrameLoop::settle() {
   if (!link_.wait_until_settled(options_.settle_timeout)) notify(&FrameObserver::on_unsettled, frames_seen_);
 }
 
+/// By stamps, so that a run in lockstep is repeatable; a cut in a recording is no long wait.
+void FrameLoop::count_lost_time(FrameState state, Timestamp time) {
+  constexpr std::chrono::nanoseconds kLongestStep = std::chrono::seconds(1);
+  if (state != FrameState::kLost) {
+    lost_for_ = {};
+    lost_at_.reset();
+    return;
+  }
+  if (lost_at_) lost_for_ += std::clamp(time - *lost_at_, std::chrono::nanoseconds(0), kLongestStep);
+  lost_at_ = time;
+}
+
 /// A server that came back without the map will never answer for it: as long as the tracker holds, the
-/// replica serves; once lost, a new map is the only way on.
-void FrameLoop::start_over_if_stranded(const SessionStatus& status, FrameState state) {
-  if (status.map_known || state != FrameState::kLost || !options_.make_maps) return;
-  notify(&FrameObserver::on_start_over, frames_seen_);
+/// replica serves; once lost, another map is the only way on.
+std::optional<std::string> FrameLoop::reason_to_start_over(const SessionStatus& status,
+                                                           FrameState state) const {
+  if (options_.new_map_requested()) return "as asked";
+  if (state != FrameState::kLost) return std::nullopt;
+  if (!status.map_known) return "lost, and the server does not know the map";
+  if (options_.make_maps && lost_for_ >= options_.lost_patience) {
+    return "lost for " + std::to_string(std::chrono::duration_cast<std::chrono::seconds>(lost_for_).count()) +
+           " s";
+  }
+  return std::nullopt;
+}
+
+void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState state) {
+  const auto reason = reason_to_start_over(status, state);
+  if (!reason) return;
+  notify(&FrameObserver::on_start_over, StartOverReport{frames_seen_, *reason, options_.make_maps});
   link_.leave_map();
   tracker_.start_over();
-  had_map_ = false;
+  lost_for_ = {};
+  lost_at_.reset();
 }
 
 template <typename Event, typename Report>

@@ -19,7 +19,9 @@ struct FrameLoopOptions {
   Pace pace = Pace::kRealtime;
   int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
-  bool make_maps = true;  ///< may leave a map that the server has lost, to begin another
+  bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
+  std::chrono::nanoseconds lost_patience = std::chrono::seconds(10);  ///< by the frames' stamps
+  std::function<bool()> new_map_requested = [] { return false; };     ///< asked once a frame
   /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
   std::chrono::milliseconds settle_timeout{120'000};
 };
@@ -47,7 +49,11 @@ class FrameLoop {
   void observe_status(const SessionStatus& status);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
-  void start_over_if_stranded(const SessionStatus& status, FrameState state);
+  /// Why the map in use is to be left; nothing: it is not.
+  [[nodiscard]] std::optional<std::string> reason_to_start_over(const SessionStatus& status,
+                                                                FrameState state) const;
+  void count_lost_time(FrameState state, Timestamp time);
+  void start_over_if_needed(const SessionStatus& status, FrameState state);
   template <typename Event, typename Report>
   void notify(Event event, const Report& report);
 
@@ -62,7 +68,8 @@ class FrameLoop {
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
-  bool had_map_ = false;
+  std::chrono::nanoseconds lost_for_{0};
+  std::optional<Timestamp> lost_at_;  ///< stamp of the frame before, if it was lost
 };
 
 }  // namespace cairn

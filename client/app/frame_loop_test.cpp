@@ -67,7 +67,7 @@ class Notes final : public FrameObserver {
   }
   void on_status(const SessionStatus& status) override { words.push_back(status.text); }
   void on_unsettled(size_t) override { words.emplace_back("unsettled"); }
-  void on_start_over(size_t) override { words.emplace_back("start over"); }
+  void on_start_over(const StartOverReport& report) override { words.push_back(report.reason); }
 
   std::vector<std::string> states;
   std::vector<size_t> numbers;
@@ -112,7 +112,7 @@ TEST(FrameLoop, AStateWithoutAMeasuredPoseIsNotTracked) {
   };
   Rig rig({unmeasured, tracking, unmeasured});
   ASSERT_TRUE(rig.run());
-  EXPECT_THAT(rig.notes.states, ElementsAre("starting", "tracking", "lost"));
+  EXPECT_THAT(rig.notes.states, ElementsAre("lost", "tracking", "lost"));
 }
 
 TEST(FrameLoop, ProposalsAreSentAndOnlyLockstepWaitsForThem) {
@@ -170,11 +170,50 @@ TEST(FrameLoop, AMapThatTheServerLostIsKeptWhileTrackedAndLeftWhenLost) {
   reader.link.session_status.map_known = false;
   reader.options.make_maps = false;
   ASSERT_TRUE(reader.run());
-  EXPECT_THAT(reader.tracker.words, IsEmpty());
+  EXPECT_THAT(reader.link.sent, ::testing::Contains("leave")) << "for another map of the server's";
 
   Rig known({tracking, lost, lost});
   ASSERT_TRUE(known.run());
   EXPECT_THAT(known.tracker.words, IsEmpty());
+}
+
+TEST(FrameLoop, ABuilderThatStaysLostBeginsANewMapAndAReaderDoesNot) {
+  std::vector<ScriptedTracker::Step> script(8, lost);
+  script[3] = tracking;  // the wait begins anew
+  for (const bool makes_maps : {true, false}) {
+    Rig rig(script, regular_frames(8, 500));
+    rig.options.make_maps = makes_maps;
+    rig.options.lost_patience = std::chrono::milliseconds(1500);
+    ASSERT_TRUE(rig.run());
+    if (makes_maps) {
+      EXPECT_THAT(rig.tracker.words, ElementsAre("start over"));
+      EXPECT_THAT(rig.notes.words, ElementsAre("", "lost for 1 s"));
+    } else {
+      EXPECT_THAT(rig.tracker.words, IsEmpty());
+    }
+  }
+}
+
+TEST(FrameLoop, ACutInTheRecordingIsNotALongLoss) {
+  auto items = regular_frames(2, 30);
+  items.emplace_back(make_frame(2, at_ms(100'000)));
+  Rig rig({tracking, lost, lost}, std::move(items));
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, IsEmpty());
+}
+
+TEST(FrameLoop, ANewMapIsBegunWhenAskedFor) {
+  Rig rig({tracking, tracking, tracking});
+  rig.options.new_map_requested = [&rig] { return rig.tracker.times.size() == 2; };
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, ElementsAre("start over"));
+  EXPECT_THAT(rig.link.sent, ElementsAre("leave"));
+}
+
+TEST(FrameLoop, AMapNeverTrackedInIsALossAndNotAStart) {
+  Rig rig({starting, lost, lost});
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.notes.states, ElementsAre("starting", "lost", "lost"));
 }
 
 TEST(FrameLoop, EveryFrameOfTheSourceIsNumberedOnce) {

@@ -46,6 +46,12 @@ struct UndecodableReport {
   const std::string& reason;  ///< names the file
 };
 
+struct StartOverReport {
+  size_t number = 0;
+  const std::string& reason;
+  bool makes_map = true;
+};
+
 /// Hears what happens in the frame loop, in order, on its thread: must return at once.
 class FrameObserver {
  public:
@@ -60,8 +66,8 @@ class FrameObserver {
   virtual void on_status(const SessionStatus&) {}
   /// Lockstep: the server did not settle; the run goes on without.
   virtual void on_unsettled(size_t /*frame_number*/) {}
-  /// The map was left because the server does not know it and the tracker is lost.
-  virtual void on_start_over(size_t /*frame_number*/) {}
+  /// The map is left; the next frames begin another, or look for one of the server's.
+  virtual void on_start_over(const StartOverReport&) {}
 };
 
 }  // namespace cairn

@@ -25,7 +25,8 @@ int main(int argc, char** argv) {
     }
     const auto& options = std::get<cairn::TrackOptions>(parsed);
     const auto log = cairn::make_logger("cairn-track", options.verbosity);
-    return cairn::run_tracker(options, log, [&stop] { return stop.requested(); });
+    return cairn::run_tracker(
+        options, log, {[&stop] { return stop.requested(); }, [&stop] { return stop.new_map_requested(); }});
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cairn-track: internal error: %s\n", error.what());
     return 1;

@@ -35,6 +35,7 @@ void Narrator::on_frame(const FrameReport& report) {
   number_ = report.number;
   tell_map(report);
   tell_tracking(report);
+  map_seen_ = map_seen_ || report.snapshot;
   if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
   const auto now = clock_.now();
   if (last_progress_ && now - *last_progress_ < kProgressPeriod) return;
@@ -47,8 +48,9 @@ void Narrator::tell_map(const FrameReport& report) {
   if (map_) {
     log_->info("frame {}: now in map {}", report.number, map_text(report));
   } else {
-    log_->info("map {} started at frame {}: {} of {} points found", map_text(report), report.number,
-               report.result.found, report.result.attempted);
+    log_->info("map {} {} at frame {}: {} of {} points found", map_text(report),
+               made_map_ ? "started" : "entered", report.number, report.result.found,
+               report.result.attempted);
   }
   map_ = report.result.map;
 }
@@ -101,6 +103,7 @@ void Narrator::on_undecodable(const UndecodableReport& report) {
 }
 
 void Narrator::on_seed_reply(const SeedReply& reply) {
+  made_map_ = made_map_ || reply.answer;
   if (reply.answer) {
     log_->info("the server made map {} from our two views: {} points",
                to_hex(reply.answer->map.bytes).substr(0, 8), reply.answer->points.size());
@@ -133,15 +136,17 @@ void Narrator::on_unsettled(size_t frame_number) {
       frame_number);
 }
 
-void Narrator::on_start_over(size_t frame_number) {
-  log_->info("frame {}: lost, and the server does not know the map: starting a new one", frame_number);
+void Narrator::on_start_over(const StartOverReport& report) {
+  log_->info("frame {}: {}: {}", report.number, report.reason,
+             report.makes_map ? "starting a new map" : "looking for another map");
   map_ = {};
   lost_since_.reset();
 }
 
 void Narrator::finish() {
   if (on_terminal_ && last_progress_) std::fputs("\r\x1b[K", stderr);
-  if (!map_ && !why_no_map_.empty()) log_->warn("no map: {}", why_no_map_);
+  if (map_ || why_no_map_.empty()) return;
+  log_->warn("{}: {}", map_seen_ ? "in a map, never tracked" : "no map", why_no_map_);
 }
 
 }  // namespace cairn

@@ -28,7 +28,7 @@ class Narrator final : public FrameObserver {
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_status(const SessionStatus& status) override;
   void on_unsettled(size_t frame_number) override;
-  void on_start_over(size_t frame_number) override;
+  void on_start_over(const StartOverReport& report) override;
 
   /// Ends the progress line. After a run without a map: says why, as far as the tracker and the server told.
   void finish();
@@ -51,6 +51,8 @@ class Narrator final : public FrameObserver {
   size_t dropped_ = 0;
   MapId map_;
   std::optional<size_t> lost_since_;
+  bool made_map_ = false;  ///< of our own views
+  bool map_seen_ = false;  ///< tracked in or not
   std::string why_no_map_;
 };
 

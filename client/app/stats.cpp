@@ -26,10 +26,10 @@ double rounded_ms(double ms) {
   return std::round(ms * 1e3) / 1e3;
 }
 
-Json percentiles(const std::vector<double>& samples) {
-  return {{"p50", rounded_ms(percentile(samples, 0.50))},
-          {"p95", rounded_ms(percentile(samples, 0.95))},
-          {"p99", rounded_ms(percentile(samples, 0.99))}};
+Json percentiles(const Histogram& times) {
+  return {{"p50", rounded_ms(times.percentile(0.50))},
+          {"p95", rounded_ms(times.percentile(0.95))},
+          {"p99", rounded_ms(times.percentile(0.99))}};
 }
 
 double share(size_t part, size_t whole) {
@@ -64,26 +64,25 @@ StageTimes StageClock::take() {
   return std::exchange(times_, StageTimes{});
 }
 
-double percentile(std::vector<double> samples, double p) {
-  if (samples.empty()) return 0;
-  std::sort(samples.begin(), samples.end());
-  const double rank = std::clamp(p, 0.0, 1.0) * static_cast<double>(samples.size() - 1);
-  const auto below = static_cast<size_t>(rank);
-  const size_t above = std::min(below + 1, samples.size() - 1);
-  return std::lerp(samples[below], samples[above], rank - static_cast<double>(below));
+void RunStats::add(const FrameRow& row) {
+  ++frames_total_;
+  ++counts_[static_cast<size_t>(row.state)];
+  on_time_ += row.state != FrameState::kDropped && row.wall_ms <= kOnTimeMs ? 1 : 0;
+  last_time_ = row.time;
+  if (list_ == FrameList::kKept) frames_.push_back(row);
 }
 
 void RunStats::on_frame(const FrameReport& report) {
   const auto& result = report.result;
   FrameRow row{report.frame.time, report.state,      {}, result.found, result.attempted,
                to_ms(report.cpu), to_ms(report.wall)};
+  if (!first_map_frame_ && report.state != FrameState::kStarting) first_map_frame_ = frames_total_;
   if (is_tracked(report.state)) {
     row.map = result.map;
-    if (!first_map_frame_) first_map_frame_ = frames_.size();
     if (current_map_ && current_map_ != result.map) ++switches_;
     current_map_ = result.map;
-    for (size_t s = 0; s < kStageCount; ++s) stage_ms_[s].push_back(to_ms(report.stages[s]));
-    stage_ms_[kStageCount].push_back(row.cpu_ms);
+    for (size_t s = 0; s < kStageCount; ++s) stage_ms_[s].add(to_ms(report.stages[s]));
+    stage_ms_[kStageCount].add(row.cpu_ms);
     squared_error_sum_ += result.reprojection_rms * result.reprojection_rms * result.found;
     inlier_sum_ += static_cast<size_t>(std::max(0, result.found));
   }
@@ -91,19 +90,19 @@ void RunStats::on_frame(const FrameReport& report) {
     map_points_ = report.snapshot->point_count();
     map_keyframes_ = report.snapshot->keyframe_count();
   }
-  frames_.push_back(row);
+  add(row);
 }
 
 void RunStats::on_dropped(const DroppedReport& report) {
   FrameRow row;
   row.time = report.time;
-  frames_.push_back(row);
+  add(row);
 }
 
 void RunStats::on_undecodable(const UndecodableReport&) {
   FrameRow row;
-  if (!frames_.empty()) row.time = frames_.back().time;
-  frames_.push_back(row);
+  row.time = last_time_;
+  add(row);
   ++undecodable_;
 }
 
@@ -115,24 +114,16 @@ void RunStats::on_offer_replies(const std::vector<OfferReply>& replies) {
   for (const auto& reply : replies) ++(reply.accepted ? offers_accepted_ : offers_refused_);
 }
 
-size_t RunStats::count(FrameState state) const {
-  return static_cast<size_t>(std::count_if(frames_.begin(), frames_.end(),
-                                           [state](const FrameRow& row) { return row.state == state; }));
-}
-
 double RunStats::tracked_share() const {
-  return first_map_frame_ ? share(tracked(), frames_.size() - *first_map_frame_) : 0.0;
+  return first_map_frame_ ? share(tracked(), frames_total_ - *first_map_frame_) : 0.0;
 }
 
 double RunStats::on_time_share() const {
-  const auto on_time = std::count_if(frames_.begin(), frames_.end(), [](const FrameRow& row) {
-    return row.state != FrameState::kDropped && row.wall_ms <= kOnTimeMs;
-  });
-  return share(static_cast<size_t>(on_time), frames_.size());
+  return share(on_time_, frames_total_);
 }
 
 std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) const {
-  Json json{{"frames_total", frames_.size()},
+  Json json{{"frames_total", frames_total_},
             {"tracked", tracked()},
             {"dropped", count(FrameState::kDropped)},
             {"lost", count(FrameState::kLost)},
@@ -173,10 +164,14 @@ std::vector<std::string> RunStats::summary_lines() const {
   const size_t dropped = count(FrameState::kDropped) - undecodable_;
   lines.push_back(
       fmt::format("{} frames: {} tracked, {} poor, {} lost, {} starting, {} dropped, {} undecodable",
-                  frames_.size(), count(FrameState::kTracking), count(FrameState::kPoor),
+                  frames_total_, count(FrameState::kTracking), count(FrameState::kPoor),
                   count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
   if (!first_map_frame_) {
     lines.emplace_back("no map was started");
+    return lines;
+  }
+  if (tracked() == 0) {
+    lines.push_back(fmt::format("in a map from frame {}, never tracked", *first_map_frame_));
     return lines;
   }
   const auto& total = stage_ms_[kStageCount];
@@ -187,7 +182,7 @@ std::vector<std::string> RunStats::summary_lines() const {
   lines.push_back(fmt::format(
       "processor time per tracked frame: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms; "
       "{:.1f} % of all frames on time",
-      percentile(total, 0.50), percentile(total, 0.95), percentile(total, 0.99), 100 * on_time_share()));
+      total.percentile(0.50), total.percentile(0.95), total.percentile(0.99), 100 * on_time_share()));
   return lines;
 }
 

@@ -11,6 +11,7 @@
 
 #include "client/app/frame_observer.h"
 #include "client/tracking/tracker.h"
+#include "common/base/histogram.h"
 #include "common/base/time.h"
 #include "common/map/ids.h"
 
@@ -36,29 +37,30 @@ class StageClock final : public StageProbe {
   StageTimes times_{};
 };
 
-/// Value below which the share `p` (0..1) of the samples lies, interpolated between neighbours (as
-/// numpy.percentile does); 0 for no samples.
-[[nodiscard]] double percentile(std::vector<double> samples, double p);
-
 /// Collects what `--stats` writes (DESIGN 10). Used from the thread of the frame loop.
 class RunStats final : public FrameObserver {
  public:
+  /// The list of frames grows with the run, all else does not: without it a camera may run for months.
+  enum class FrameList : uint8_t { kKept, kLeftOut };
+  explicit RunStats(FrameList list) : list_(list) {}
+
   void on_frame(const FrameReport& report) override;
   void on_dropped(const DroppedReport& report) override;
   void on_undecodable(const UndecodableReport& report) override;
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
 
-  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame` counts all frames of the
-  /// source from 0, null without a map. An undecodable frame is listed as dropped, with the stamp of the
-  /// frame before it (its own is not known). `summary` has what the contract does not ask for.
+  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame`, of all frames of the
+  /// source from 0, is the first that had a map to be tracked in, whether it was or not; null without a map.
+  /// An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not known).
+  /// `summary` has what the contract does not ask for.
   [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
 
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.
   [[nodiscard]] std::vector<std::string> summary_lines() const;
 
-  [[nodiscard]] size_t frames_total() const { return frames_.size(); }
-  [[nodiscard]] size_t frames_decoded() const { return frames_.size() - undecodable_; }
+  [[nodiscard]] size_t frames_total() const { return frames_total_; }
+  [[nodiscard]] size_t frames_decoded() const { return frames_total_ - undecodable_; }
   [[nodiscard]] std::optional<size_t> first_map_frame() const { return first_map_frame_; }
 
  private:
@@ -72,14 +74,19 @@ class RunStats final : public FrameObserver {
     double wall_ms = 0;
   };
 
-  [[nodiscard]] size_t count(FrameState state) const;
+  void add(const FrameRow& row);
+  [[nodiscard]] size_t count(FrameState state) const { return counts_[static_cast<size_t>(state)]; }
   [[nodiscard]] size_t tracked() const { return count(FrameState::kTracking) + count(FrameState::kPoor); }
   [[nodiscard]] double tracked_share() const;
   [[nodiscard]] double on_time_share() const;
 
+  const FrameList list_;
   std::vector<FrameRow> frames_;
-  std::array<std::vector<double>, kStageCount + 1>
-      stage_ms_;  ///< of tracked frames; the last is the whole frame
+  size_t frames_total_ = 0;
+  std::array<size_t, 5> counts_{};  ///< by FrameState
+  size_t on_time_ = 0;
+  Timestamp last_time_;
+  std::array<Histogram, kStageCount + 1> stage_ms_;  ///< of tracked frames; the last is the whole frame
   std::optional<size_t> first_map_frame_;
   MapId current_map_;
   size_t switches_ = 0;

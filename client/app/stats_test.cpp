@@ -17,21 +17,6 @@ using std::chrono::milliseconds;
 using testing::at_ms;
 using testing::make_frame;
 
-TEST(Percentile, OfAnEvenRampIsTheRampAndOrderDoesNotMatter) {
-  std::vector<double> ramp(101);
-  for (size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<double>(i);
-  std::mt19937 random(1);
-  std::shuffle(ramp.begin(), ramp.end(), random);
-  for (const double p : {0.0, 0.25, 0.5, 0.95, 0.99, 1.0})
-    EXPECT_NEAR(percentile(ramp, p), 100 * p, 1e-9) << p;
-}
-
-TEST(Percentile, LiesBetweenNeighboursAndOfNothingIsZero) {
-  EXPECT_DOUBLE_EQ(percentile({10, 20}, 0.5), 15);
-  EXPECT_DOUBLE_EQ(percentile({7}, 0.99), 7);
-  EXPECT_DOUBLE_EQ(percentile({}, 0.5), 0);
-}
-
 /// Feeds frames as the loop would.
 class StatsTest : public ::testing::Test {
  protected:
@@ -48,7 +33,7 @@ class StatsTest : public ::testing::Test {
   void drop() { stats_.on_dropped({number_, at_ms(static_cast<int64_t>(number_) * 33)}), ++number_; }
   nlohmann::json json() { return nlohmann::json::parse(stats_.to_json(1234, 5678)); }
 
-  RunStats stats_;
+  RunStats stats_{RunStats::FrameList::kKept};
   size_t number_ = 0;
   FrameResult result_;
   MapSnapshotPtr snapshot_;
@@ -98,13 +83,13 @@ TEST_F(StatsTest, AFrameHasTheContractsFields) {
 
 TEST_F(StatsTest, PercentilesAreOverTrackedFramesOnly) {
   add(FrameState::kStarting, {}, milliseconds(900));
-  for (int i = 0; i <= 100; ++i) add(FrameState::kTracking, desk_, milliseconds(i));
+  for (int i = 1; i <= 100; ++i) add(FrameState::kTracking, desk_, milliseconds(i));
   add(FrameState::kLost, desk_, milliseconds(900));
   const auto stages = json()["stages_ms"];
-  EXPECT_NEAR(stages["total"]["p50"].get<double>(), 50, 1e-9);
-  EXPECT_NEAR(stages["total"]["p95"].get<double>(), 95, 1e-9);
-  EXPECT_NEAR(stages["total"]["p99"].get<double>(), 99, 1e-9);
-  EXPECT_NEAR(stages[to_string(Stage::kFine)]["p50"].get<double>(), 25, 1e-9);
+  EXPECT_NEAR(stages["total"]["p50"].get<double>(), 50, 0.3);
+  EXPECT_NEAR(stages["total"]["p95"].get<double>(), 95, 0.5);
+  EXPECT_NEAR(stages["total"]["p99"].get<double>(), 99, 0.5);
+  EXPECT_NEAR(stages[to_string(Stage::kFine)]["p50"].get<double>(), 25, 0.15);
   EXPECT_EQ(stages.size(), kStageCount + 1);
 }
 
@@ -132,6 +117,37 @@ TEST_F(StatsTest, WithoutAMapThereIsNoFirstMapFrame) {
   add(FrameState::kStarting);
   EXPECT_TRUE(json()["first_map_frame"].is_null());
   EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("no map was started"));
+}
+
+TEST_F(StatsTest, AMapThatWasNeverTrackedInIsNoSuccess) {
+  add(FrameState::kStarting);
+  add(FrameState::kLost);
+  add(FrameState::kLost);
+  EXPECT_EQ(json()["first_map_frame"], 1);
+  EXPECT_EQ(json()["summary"]["tracked_share"], 0);
+  EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("in a map from frame 1, never tracked"));
+}
+
+TEST_F(StatsTest, WithoutTheListTheFiguresAreTheSame) {
+  RunStats counts(RunStats::FrameList::kLeftOut);
+  const Frame frame = make_frame(0, at_ms(0));
+  const auto add_to_both = [&](FrameState state) {
+    counts.on_frame(
+        {0, frame, result_, state, snapshot_, status_, stages_, milliseconds(5), milliseconds(8)});
+    stats_.on_frame(
+        {0, frame, result_, state, snapshot_, status_, stages_, milliseconds(5), milliseconds(8)});
+  };
+  for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kLost}) {
+    add_to_both(state);
+  }
+  auto kept = json();
+  auto left_out = nlohmann::json::parse(counts.to_json(1234, 5678));
+  EXPECT_EQ(kept["frames"].size(), 3U);
+  EXPECT_TRUE(left_out["frames"].empty());
+  kept.erase("frames");
+  left_out.erase("frames");
+  EXPECT_EQ(kept, left_out);
+  EXPECT_EQ(stats_.summary_lines(), counts.summary_lines());
 }
 
 TEST(StageClock, CountsTheThreadsProcessorTimeOfAStageAndStartsAgain) {

@@ -10,6 +10,9 @@ StopSignal::StopSignal() {
   sigaddset(&signals_, SIGINT);
   sigaddset(&signals_, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals_, &mask_before_);
+  sigemptyset(&new_map_signal_);
+  sigaddset(&new_map_signal_, SIGUSR1);
+  pthread_sigmask(SIG_BLOCK, &new_map_signal_, nullptr);
 }
 
 StopSignal::~StopSignal() {
@@ -24,6 +27,11 @@ bool StopSignal::requested() {
   // From here on a second signal has its default effect: an end at once, also out of a blocking call.
   pthread_sigmask(SIG_UNBLOCK, &signals_, nullptr);
   return true;
+}
+
+bool StopSignal::new_map_requested() {
+  const timespec no_wait{};
+  return sigtimedwait(&new_map_signal_, nullptr, &no_wait) > 0;
 }
 
 }  // namespace cairn

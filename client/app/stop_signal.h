@@ -5,9 +5,9 @@
 
 namespace cairn {
 
-/// SIGINT and SIGTERM as a question instead of an interruption. The signals are blocked for the thread that
-/// makes the object and all threads begun later, so make it first; the second signal ends the process at
-/// once.
+/// SIGINT and SIGTERM (stop) and SIGUSR1 (a new map) as questions instead of interruptions. The signals are
+/// blocked for the thread that makes the object and all threads begun later, so make it first; the second
+/// signal to stop ends the process at once.
 class StopSignal {
  public:
   StopSignal();
@@ -15,11 +15,15 @@ class StopSignal {
   StopSignal(const StopSignal&) = delete;
   StopSignal& operator=(const StopSignal&) = delete;
 
-  /// Whether a signal has come. To be asked by the thread that made the object.
+  /// Whether a signal to stop has come. To be asked by the thread that made the object.
   [[nodiscard]] bool requested();
+
+  /// Whether a new map was asked for since the last call.
+  [[nodiscard]] bool new_map_requested();
 
  private:
   sigset_t signals_{};
+  sigset_t new_map_signal_{};
   sigset_t mask_before_{};
   bool requested_ = false;
 };

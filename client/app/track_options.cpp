@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cctype>
+#include <charconv>
 #include <map>
 #include <utility>
 
@@ -25,6 +26,7 @@ constexpr const char* kDescription =
 constexpr const char* kFooter =
     "Sources: tum:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
+    "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
     "Exit codes: 0 ok, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
     "Examples:\n"
     "  cairn-track --source v4l2:/dev/video0 --calibration camera.txt --video desk.mp4\n"
@@ -60,6 +62,14 @@ std::string check_name(const std::string& name) {
   return is_valid_name(name) ? "" : "'" + name + "' is not a name: 1 to 32 of a-z, 0-9 and '-'";
 }
 
+/// CLI11 takes -1 and what overflows for other numbers.
+std::string check_seed(const std::string& text) {
+  uint64_t seed = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+  const bool is_number = error == std::errc() && end == text.data() + text.size();
+  return is_number ? "" : "'" + text + "' is not a number from 0 to 18446744073709551615";
+}
+
 void declare(CLI::App& app, Words& words) {
   auto& options = words.options;
   app.add_option("--source", options.source, "where frames come from (see below)")
@@ -85,13 +95,18 @@ void declare(CLI::App& app, Words& words) {
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
+  app.add_option("--map", options.map, "for who makes no maps: the map to track in [the newest]")
+      ->check(check_name)
+      ->type_name("NAME");
+  app.add_option("--lost-patience", options.lost_patience, "a builder lost that long begins a new map")
+      ->check(CLI::Range(1, 3600))
+      ->type_name("SECONDS")
+      ->capture_default_str();
   app.add_option("--pace", words.pace,
                  "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
       ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
       ->capture_default_str();
-  app.add_option("--seed", options.seed, "of all random choices")
-      ->check(CLI::NonNegativeNumber)
-      ->capture_default_str();
+  app.add_option("--seed", options.seed, "of all random choices")->check(check_seed)->capture_default_str();
   app.add_flag("--headless", options.headless, "without a window");
   app.add_option("--trajectory", words.trajectory, "writes TUM rows")->type_name("FILE");
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
@@ -118,8 +133,11 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
         "--calibration auto: calibrating while tracking is not available yet; pass a calibration file");
   }
   TrackOptions options = std::move(words.options);
-  options.calibration = path_or_nothing(words.calibration);
   options.reader = words.role == "reader";
+  if (!options.map.empty() && options.makes_maps()) {
+    return usage("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");
+  }
+  options.calibration = path_or_nothing(words.calibration);
   options.pace = kPaces.at(words.pace);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);

@@ -106,6 +106,8 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
   EXPECT_THAT(wrong({"--domain", "231"}), HasSubstr("230"));
   EXPECT_THAT(wrong({"--name", "Desk 1"}), HasSubstr("a-z"));
   EXPECT_THAT(wrong({"--seed", "-1"}), HasSubstr("--seed"));
+  EXPECT_THAT(wrong({"--seed", "18446744073709551616"}), HasSubstr("--seed")) << "overflow";
+  EXPECT_THAT(wrong({"--map", "desk"}), HasSubstr("--map")) << "a builder's map is its own";
 }
 
 TEST(TrackOptions, WhatIsNotThereYetSaysSo) {

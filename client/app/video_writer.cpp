@@ -7,7 +7,7 @@
 #include <fstream>
 #include <utility>
 
-#include "client/app/stats.h"
+#include "common/base/time.h"
 
 namespace cairn {
 namespace {
@@ -38,7 +38,10 @@ double rate_of(const std::vector<OverlayFrame>& frames) {
     const double step = seconds_between(frames[i].time, frames[i - 1].time);
     if (step > 0) steps.push_back(step);
   }
-  return steps.empty() ? kDefaultRate : std::clamp(1.0 / percentile(steps, 0.5), 1.0, 120.0);
+  if (steps.empty()) return kDefaultRate;
+  const auto median = steps.begin() + static_cast<ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), median, steps.end());
+  return std::clamp(1.0 / *median, 1.0, 120.0);
 }
 
 }  // namespace

@@ -75,9 +75,13 @@ void Receiver::run() {
       const std::scoped_lock lock(state_.mutex);
       if (state_.stopping) return;
     }
-    take_server_messages();
-    follow_map_in_use();
-    take_map_messages();
+    try {
+      take_server_messages();
+      follow_map_in_use();
+      take_map_messages();
+    } catch (const std::exception& error) {  // nothing that a peer sends may end the tracker
+      if (warning_.due()) log_->error("what the server sent could not be used: {}", error.what());
+    }
   }
 }
 
@@ -91,8 +95,10 @@ void Receiver::take_server_messages() {
     const std::scoped_lock lock(state_.mutex);
     if (sample.message) {
       state_.monitor.map_listed(sample.message->map, sample.message->server);
+      directory_.listed(sample.message->map, sample.message->name);
     } else if (sample.gone == wire::Gone::kDisposed) {
       state_.monitor.map_removed(sample.key.map);
+      directory_.removed(sample.key.map);
     }
   });
   take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
@@ -104,6 +110,9 @@ void Receiver::take_server_messages() {
   const bool is_alive = server_.status.alive_writers() > 0;
   const std::scoped_lock lock(state_.mutex);
   act_on(state_.monitor.alive(is_alive));
+  if (state_.options.follow_map && !state_.map_in_use) {
+    state_.choose_map(directory_.find(*state_.options.follow_map, state_.monitor));
+  }
 }
 
 void Receiver::act_on(LinkMonitor::Event event) {
@@ -158,6 +167,7 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
     state_.seed.resend();  // what went unheard while we were refused
     state_.spool.resend_all();
   }
+  state_.name_held = refusal.empty();
   for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
   if (!verdict.recent.empty() && verdict.recent.back().revision) {
     const wire::OfferOutcome& newest = verdict.recent.back();
@@ -179,8 +189,10 @@ void Receiver::follow_map_in_use() {
   channel_.reset();
   if (wanted) {
     Result<MapChannel> channel = open_channel(wanted);
-    if (!channel)
-      return log_->error("the map cannot be received: {}", channel.error().message);  // tried again soon
+    if (!channel) {  // tried again soon
+      if (warning_.due()) log_->error("the map cannot be received: {}", channel.error().message);
+      return;
+    }
     channel_ = std::move(*channel);
   }
   channel_choice_ = choice;

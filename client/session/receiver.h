@@ -7,9 +7,11 @@
 #include <string>
 #include <thread>
 
+#include "client/session/map_directory.h"
 #include "client/session/replica.h"
 #include "client/session/session_state.h"
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
@@ -62,9 +64,11 @@ class Receiver {
   wire::Participant participant_;
   std::string client_name_;
   ServerReaders server_;
+  MapDirectory directory_;
   std::optional<MapChannel> channel_;
   uint64_t channel_choice_ = 0;  ///< state_.map_choice that the channel belongs to
   wire::Waiter waiter_;
+  RateLimit warning_;
   Logger log_;
   std::thread thread_;
 };

@@ -46,8 +46,13 @@ void Sender::run() {
   std::unique_lock lock(state_.mutex);
   while (!state_.stopping) {
     const MonotonicTime now = std::chrono::steady_clock::now();
-    send_tracker_state(lock, now);
-    send_commands(lock, now);
+    try {
+      send_tracker_state(lock, now);
+      send_commands(lock, now);
+    } catch (const std::exception& error) {  // what can not be sent must not end the tracker
+      if (warning_.due()) log_->error("sending failed: {}", error.what());
+      if (!lock.owns_lock()) lock.lock();
+    }
     if (state_.stopping) return;
     // A change that came while the mutex was free for writing is seen within the least interval.
     const auto wait = state_.tracker_changed ? kLeastStateInterval : kMostStateInterval;
@@ -118,7 +123,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
 }
 
 void Sender::report(const Status& written, const char* what) {
-  if (!written) log_->warn("{} could not be sent: {}", what, written.error().message);
+  if (!written && warning_.due()) log_->warn("{} could not be sent: {}", what, written.error().message);
 }
 
 }  // namespace cairn

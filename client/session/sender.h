@@ -6,6 +6,7 @@
 
 #include "client/session/session_state.h"
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
 
@@ -45,6 +46,7 @@ class Sender {
   Writers writers_;
   wire::ImageEncoding encoding_;
   Logger log_;
+  RateLimit warning_;
   MonotonicTime state_sent_{};
   std::thread thread_;
 };

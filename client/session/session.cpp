@@ -169,6 +169,18 @@ bool Session::wait_for_server(std::chrono::milliseconds timeout) {
                                      [&] { return shared.monitor.link() == ServerLink::kConnected; });
 }
 
+bool Session::wait_for_name(std::chrono::milliseconds timeout) {
+  SessionState& shared = state_->shared;
+  std::unique_lock lock(shared.mutex);
+  return shared.for_waiters.wait_for(lock, timeout, [&] { return shared.name_held; });
+}
+
+bool Session::wait_for_map(std::chrono::milliseconds timeout) {
+  SessionState& shared = state_->shared;
+  std::unique_lock lock(shared.mutex);
+  return shared.for_waiters.wait_for(lock, timeout, [&] { return shared.snapshot != nullptr; });
+}
+
 bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
   SessionState& shared = state_->shared;
   std::unique_lock lock(shared.mutex);

@@ -28,7 +28,9 @@ struct SessionOptions {
   std::string name;     ///< [a-z0-9-]{1,32}
   bool lockstep = false;
   size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
-  uint64_t seed = 0;        ///< session id in lockstep; 0: random
+  /// For those who make no maps: while no map is in use, the one of this name, or with an empty name the one
+  /// heard of last, becomes it.
+  std::optional<std::string> follow_map;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
 };
 
@@ -84,6 +86,11 @@ class Session {
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.
   [[nodiscard]] bool wait_for_server(std::chrono::milliseconds timeout);
+  /// Waits until the server serves this process under its name (false on time-out): it refuses one whose
+  /// predecessor has just crashed, or lives. For start-up and tests.
+  [[nodiscard]] bool wait_for_name(std::chrono::milliseconds timeout);
+  /// Waits until a whole revision of the map in use is there (false on time-out). For start-up and tests.
+  [[nodiscard]] bool wait_for_map(std::chrono::milliseconds timeout);
   /// Lockstep: waits until every command sent is decided and the revision named by the decision is swapped
   /// in. False when the server was lost meanwhile or on time-out.
   [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);

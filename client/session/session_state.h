@@ -47,6 +47,7 @@ struct SessionState {
   SessionId session_id;
   LinkMonitor monitor;
   bool restarted = false;  ///< the server in sight is not the one that the map in use came from
+  bool name_held = false;  ///< the server has said that it serves this process
   std::string refusal;     ///< why the server does not serve us; empty: it does
 
   Spool spool;

@@ -27,6 +27,10 @@ constexpr int kEnoughForKeyframe =
     80;  // points found: the pose is sound although most of the map is out of sight
 constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
+constexpr int kProofFrames = 3;               // in a row, for a pose that was found by trying keyframes
+constexpr size_t kKeyframesTried = 3;         // in a frame
+constexpr size_t kTriesBeforeKeyframes = 30;  // frames in which the places remembered did not help
+constexpr double kLookAside = 0.12;           // [rad] between successive rounds over the keyframes
 constexpr int kFewestFromTrails = 20;
 constexpr double kMinSquaredCutoff =
     1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
@@ -88,6 +92,8 @@ struct Tracker::State {
   size_t lost_frames = 0;
   int since_keyframe = 0;
   int most_found = 0;  ///< points found in a frame since the last keyframe was proposed
+  int unproven = 0;    ///< frames that must still confirm the pose before it is reported
+  size_t keyframes_tried = 0;
 
   std::vector<VisiblePoint> visible;
   std::vector<PointObservation> observations;
@@ -111,6 +117,7 @@ struct Tracker::State {
     float fine_radius;
     float fine_radius_after_coarse;
     double max_squared_cutoff;  ///< of the pose's M-estimator, in units of sigma
+    bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
   };
   [[nodiscard]] Effort normal_effort() const;
   [[nodiscard]] Effort wide_effort() const;
@@ -122,6 +129,12 @@ struct Tracker::State {
 
   void track_map(Timestamp time);
   void recover(Timestamp time);
+  [[nodiscard]] bool found_from(const SE3& start, const Effort& effort, Timestamp time);
+  void look_from_keyframes(Timestamp time);
+  void join_map(const MapSnapshotPtr& snapshot);
+  [[nodiscard]] bool is_sure() const {
+    return result.found >= kFewestRecovered && result.quality >= kRecoveredQuality;
+  }
   void accept(const SE3& camera_from_map, Timestamp time, Verdict verdict);
   void propose_keyframe();
   void report_points();
@@ -154,6 +167,10 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
 
 void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
   const ScopedStage stage(probe, Stage::kTrails);
+  if (!options.make_maps && !awaited) {
+    result.note = "no map to track in yet";
+    return;
+  }
   trails.follow(image, time, now(), previous(), seen);
   if (options.make_maps && !awaited) result.seed = trails.propose(image, time, now());
   trails.lines(&result.trails);
@@ -204,9 +221,25 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   result.note.clear();
 }
 
+/// A map that others made: nothing is known of where the camera is in it.
+void Tracker::State::join_map(const MapSnapshotPtr& snapshot) {
+  adopt_revision(snapshot);
+  bad_frames = options.lost_after_bad_frames;
+  starting = false;
+  most_found = 0;
+  trails.restart();
+  result.trails.clear();
+  result.note.clear();
+}
+
 void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
   if (map == snapshot) return;
   const bool same = map && map->map == snapshot->map && map->epoch == snapshot->epoch;
+  if (map && map->map != snapshot->map) {
+    bad_frames = options.lost_after_bad_frames;
+    unproven = 0;
+    reference = {};
+  }
   if (!same) places.clear();
   map = snapshot;
   search.use_map(map);
@@ -288,6 +321,10 @@ std::optional<SE3> Tracker::State::locate(const SE3& start, const Effort& effort
   const auto coarse = coarse_stage(start, effort);
   if (!coarse) {
     for (VisiblePoint& p : visible) p.found = false;
+    if (effort.needs_coarse) {
+      result.found = 0;
+      return std::nullopt;
+    }
   }
   const auto pose = fine_stage(coarse.value_or(start), effort,
                                coarse ? effort.fine_radius_after_coarse : effort.fine_radius);
@@ -329,7 +366,13 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, Verdict 
     reference = nearest->id;
     camera_from_reference = camera_from_map * nearest->camera_from_map.inverse();
   }
+  if (unproven > 0 && --unproven > 0) {
+    result.state = TrackingState::kLost;
+    result.note = "lost: proving a pose found from a keyframe";
+    return;
+  }
   result.state = verdict == Verdict::kGood ? TrackingState::kTracking : TrackingState::kPoor;
+  result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
   if (verdict == Verdict::kGood) places.remember(now(), reference, camera_from_reference, mean_depth);
@@ -370,12 +413,17 @@ void Tracker::State::track_map(Timestamp time) {
     pose = locate(turn * model.last(), wide_effort());
     verdict = pose ? judge() : Verdict::kBad;
   }
-  if (verdict != Verdict::kBad) {
+  const bool is_refuted = unproven > 0 && !(pose && is_sure());
+  if (verdict != Verdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);
     return;
   }
   model.missed();
   ++bad_frames;
+  if (is_refuted) {
+    unproven = 0;
+    bad_frames = options.lost_after_bad_frames;
+  }
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", result.found, result.attempted);
 }
@@ -396,12 +444,43 @@ void Tracker::State::recover(Timestamp time) {
   }
   ++lost_frames;
   for (const SE3& start : starts) {
-    const auto pose = locate(start, wide_effort());
-    if (!pose || result.found < kFewestRecovered || result.quality < kRecoveredQuality) continue;
-    model.reset(*pose, time);
-    accept(*pose, time, Verdict::kGood);
-    return;
+    if (found_from(start, wide_effort(), time)) return;
   }
+  if (places.size() == 0 || lost_frames > kTriesBeforeKeyframes) look_from_keyframes(time);
+}
+
+/// Whether the camera is found near `start`; it is followed from there on.
+bool Tracker::State::found_from(const SE3& start, const Effort& effort, Timestamp time) {
+  const auto pose = locate(start, effort);
+  if (!pose || !is_sure()) return false;
+  model.reset(*pose, time);
+  accept(*pose, time, Verdict::kGood);
+  return true;
+}
+
+/// For a camera of which nothing is remembered: a few keyframes a frame, round after round, each round turned
+/// another way, since a camera that stands still would never come nearer to a keyframe's direction. Whoever
+/// looks everywhere finds something somewhere: such a pose has to be proven.
+void Tracker::State::look_from_keyframes(Timestamp time) {
+  result.note = "lost: looking from the map's keyframes";
+  std::vector<const KeyframePose*> keyframes;
+  for (const auto& block : map->keyframe_blocks) {
+    for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {
+      if ((block->live >> slot & 1) != 0) keyframes.push_back(&block->keyframes[slot]);
+    }
+  }
+  static const std::array<Eigen::Vector3d, 5> kTurns = {Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitY(),
+                                                        -Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitX(),
+                                                        -Eigen::Vector3d::UnitX()};
+  Effort effort = wide_effort();
+  effort.needs_coarse = true;
+  for (size_t i = 0; i < std::min(kKeyframesTried, keyframes.size()); ++i, ++keyframes_tried) {
+    const SE3& pose = keyframes[keyframes_tried % keyframes.size()]->camera_from_map;
+    const Eigen::Vector3d turn = kLookAside * kTurns[keyframes_tried / keyframes.size() % kTurns.size()];
+    unproven = kProofFrames;
+    if (found_from(SE3(so3_exp(turn), Eigen::Vector3d::Zero()) * pose, effort, time)) return;
+  }
+  unproven = 0;
 }
 
 void Tracker::State::report_points() {
@@ -425,7 +504,11 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
 
   if (s.starting) {
     s.follow_trails(image, time);
-    if (map && s.awaited && map->map == s.awaited->map) s.begin_map(map, time);
+    if (map && s.awaited && map->map == s.awaited->map) {
+      s.begin_map(map, time);
+    } else if (map && !s.awaited) {
+      s.join_map(map);
+    }
   }
   if (!s.starting && map) {
     s.adopt_revision(map);
@@ -461,6 +544,8 @@ void Tracker::start_over() {
   s.map.reset();
   s.bad_frames = 0;
   s.lost_frames = 0;
+  s.unproven = 0;
+  s.keyframes_tried = 0;
 }
 
 }  // namespace cairn

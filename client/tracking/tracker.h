@@ -132,8 +132,9 @@ class Tracker {
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
 
-  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). `image` is
-  /// kept as long as a seed may need it. The result is valid until the next call.
+  /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). A map that no
+  /// seed of ours is the beginning of is one that others made: the camera is looked for from its keyframes.
+  /// `image` is kept as long as a seed may need it. The result is valid until the next call.
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
 

@@ -186,6 +186,55 @@ TEST_F(OnMap, SameFramesSameBytes) {
   }
 }
 
+/// A map made by others, of which nothing is known but its keyframes.
+TEST_F(OnMap, AStrangerFindsItsPoseFromTheKeyframesAndProvesItOverThreeFrames) {
+  for (const double turn : {0.0, 0.15}) {  // nearly as the keyframe looks, and aside of it
+    Tracker stranger(camera, options());
+    EXPECT_EQ(stranger.track(scene.render(looking_down(0, 0)), {0}, nullptr).state, TrackingState::kStarting);
+    const SE3 aside(so3_exp({0, turn, 0}), Eigen::Vector3d::Zero());
+    const auto image_at = [&](int i) { return scene.render(aside * looking_down(0.04 + 0.002 * i, 0.01)); };
+    int first = 0;
+    while (first < 20) {
+      const FrameResult& result = stranger.track(image_at(first), {(first + 1) * kFrame}, map);
+      EXPECT_EQ(result.map, map->map);
+      if (result.pose_measured) break;
+      EXPECT_EQ(result.state, TrackingState::kLost);
+      EXPECT_FALSE(result.note.empty());
+      ++first;
+    }
+    ASSERT_LT(first, 20);
+    EXPECT_GE(first, 2) << "not before the third frame";
+    const FrameResult& next = stranger.track(image_at(first + 1), {(first + 2) * kFrame}, map);
+    EXPECT_EQ(next.state, TrackingState::kTracking);
+    EXPECT_LT(center_distance(next.camera_from_map, aside * looking_down(0.04 + 0.002 * (first + 1), 0.01)),
+              2e-3);
+  }
+}
+
+TEST_F(OnMap, AStrangerElsewhereStaysLost) {
+  const test::PlaneScene elsewhere(99, camera);
+  Tracker stranger(camera, options());
+  for (int i = 0; i < 30; ++i) {
+    const FrameResult& result =
+        stranger.track(elsewhere.render(looking_down(0.005 * i, 0)), {i * kFrame}, map);
+    ASSERT_EQ(result.state, TrackingState::kLost) << "frame " << i;
+  }
+}
+
+/// The map comes when the trails that began it are long dead and the camera has moved on.
+TEST_F(OnMap, AMapThatComesLateIsFoundFromItsKeyframes) {
+  Tracker late(camera, options());
+  SeedAnswer answer;
+  answer.map = map->map;
+  answer.second_keyframe = KeyframeId{1};
+  late.seed_accepted(answer);
+  bool found = false;
+  const SE3 pose = SE3(so3_exp({-0.14, 0, 0}), Eigen::Vector3d::Zero()) * looking_down(0.05, 0.02);
+  for (int i = 0; i < 20 && !found; ++i)
+    found = late.track(scene.render(pose), {i * kFrame}, map).pose_measured;
+  EXPECT_TRUE(found);
+}
+
 TEST(PointSearch, PointsSeenFromElsewhereAreNotExpected) {
   const auto camera = test_camera();
   const test::PlaneScene scene(5, camera);

@@ -5,6 +5,7 @@
 #include <regex>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/base/result.h"
 #include "common/base/suggestion.h"
 #include "common/base/time.h"
@@ -47,6 +48,15 @@ TEST(DidYouMean, NamesTheNearestWordWithinHalfTheLength) {
   EXPECT_EQ(did_you_mean("--xyzzy-xyzzy", valid), "");
   EXPECT_EQ(did_you_mean("--name", {}), "");
   EXPECT_EQ(did_you_mean("", valid), "");
+}
+
+TEST(RateLimit, IsDueOnceInAnInterval) {
+  const RateLimit::TimePoint start{};
+  RateLimit limit(std::chrono::milliseconds(100));
+  EXPECT_TRUE(limit.due(start));
+  EXPECT_FALSE(limit.due(start + std::chrono::milliseconds(99)));
+  EXPECT_TRUE(limit.due(start + std::chrono::milliseconds(100)));
+  EXPECT_FALSE(limit.due(start + std::chrono::milliseconds(150)));
 }
 
 TEST(Version, IsTheProjectsAndTheCommits) {

@@ -53,7 +53,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
 
   client.seed_in_work = true;
   SeedJob job;
-  job.input.map = maps_.next_id();
+  job.input.map = message.lockstep ? maps_.repeatable_id(message) : maps_.next_id();
   job.input.map_name = maps_.free_name(message.map_name);
   job.input.epoch = {options_.start_count};
   job.input.camera = camera;

@@ -2,6 +2,7 @@
 #include "server/service/map_array.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace cairn {
 namespace {
@@ -13,16 +14,46 @@ std::mt19937_64 make_generator(uint64_t seed) {
   return std::mt19937_64(sequence);
 }
 
-}  // namespace
-
-MapArray::MapArray(uint64_t seed) : random_(make_generator(seed)) {}
-
-MapId MapArray::next_id() {
+MapId draw_id(std::mt19937_64& generator) {
   MapId id;
   for (size_t half = 0; half < 2; ++half) {
-    const uint64_t bits = random_();
+    const uint64_t bits = generator();
     for (size_t i = 0; i < 8; ++i) id.bytes[8 * half + i] = static_cast<uint8_t>(bits >> (8 * i));
   }
+  return id;
+}
+
+/// FNV-1a of times and trails.
+uint64_t digest(const wire::MapSeed& seed) {
+  uint64_t hash = 0xcbf29ce484222325;
+  const auto mix = [&hash](uint64_t word) {
+    for (int byte = 0; byte < 8; ++byte) {
+      hash = (hash ^ (word >> (8 * byte) & 0xff)) * 0x100000001b3;
+    }
+  };
+  mix(static_cast<uint64_t>(seed.first_time.nanoseconds));
+  mix(static_cast<uint64_t>(seed.second_time.nanoseconds));
+  for (const Trail& trail : seed.trails) {
+    for (const float coordinate : {trail.first.x(), trail.first.y(), trail.second.x(), trail.second.y()}) {
+      mix(std::bit_cast<uint32_t>(coordinate));
+    }
+  }
+  return hash;
+}
+
+}  // namespace
+
+MapArray::MapArray(uint64_t seed) : seeded_(seed != 0), random_(make_generator(seed)) {}
+
+MapId MapArray::next_id() {
+  return draw_id(random_);
+}
+
+MapId MapArray::repeatable_id(const wire::MapSeed& seed) {
+  if (seeded_) return next_id();
+  std::mt19937_64 generator(digest(seed));
+  MapId id = draw_id(generator);
+  while (maps_.contains(id)) id = draw_id(generator);
   return id;
 }
 

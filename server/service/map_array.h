@@ -28,6 +28,9 @@ class MapArray {
   explicit MapArray(uint64_t seed);
 
   [[nodiscard]] MapId next_id();
+  /// For a seed in lockstep: without a seed of our own, a digest of what the tracker saw (its times and
+  /// trails), so that runs on fresh servers are equal to the byte. Another one if that is taken.
+  [[nodiscard]] MapId repeatable_id(const wire::MapSeed& seed);
   /// The wished name if it is valid (is_valid_name) and free, else that with a number, else the first free of
   /// map-1, map-2, ...
   [[nodiscard]] std::string free_name(const std::string& wish) const;
@@ -46,6 +49,7 @@ class MapArray {
  private:
   [[nodiscard]] bool is_free(const std::string& name) const;
 
+  const bool seeded_;
   std::mt19937_64 random_;
   std::map<MapId, MapEntry> maps_;
 };

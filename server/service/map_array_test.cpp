@@ -27,6 +27,28 @@ TEST(MapArray, IdsFollowTheSeedAndAreRandomWithout) {
   }
 }
 
+TEST(MapArray, InLockstepIdsFollowWhatTheTrackerSaw) {
+  wire::MapSeed seed;
+  seed.lockstep = true;
+  seed.first_time = {1};
+  seed.second_time = {2};
+  seed.trails = {{TrailId{1}, {10, 20}, {11, 20}}};
+  wire::MapSeed other = seed;
+  other.trails[0].second.x() = 12;
+
+  MapArray first(0);
+  MapArray second(0);
+  const MapId id = first.repeatable_id(seed);
+  EXPECT_EQ(id, second.repeatable_id(seed));
+  EXPECT_NE(id, second.repeatable_id(other));
+  first.add(id, MapEntry{"map-1", {}, {}, {}, {}});
+  EXPECT_NE(id, first.repeatable_id(seed)) << "taken";
+
+  MapArray with_seed(7);
+  MapArray with_seed_too(7);
+  EXPECT_EQ(with_seed.repeatable_id(seed), with_seed_too.next_id()) << "the server's own seed goes first";
+}
+
 TEST(MapArray, NamesAreUniqueAndAWishIsGrantedWhenItCanBe) {
   MapArray maps(1);
   const auto take = [&maps](const std::string& wish) {

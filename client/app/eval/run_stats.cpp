@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -19,8 +18,8 @@ struct FrameTotals {
   int64_t tracking = 0;
   int64_t poor = 0;
   int64_t on_time = 0;
-  std::vector<double> cpu_ms;
-  std::vector<double> wall_ms;
+  Histogram cpu_ms;
+  Histogram wall_ms;
 };
 
 FrameTotals total_frames(const Json& frames) {
@@ -31,11 +30,14 @@ FrameTotals total_frames(const Json& frames) {
       throw std::invalid_argument("frames: no such state '" + state + "'");
     }
     if (state == "dropped") continue;
+    const auto cpu_ms = frame.at("cpu_ms").get<double>();
+    const auto wall_ms = frame.at("wall_ms").get<double>();
+    totals.on_time += wall_ms <= kOnTimeMs ? 1 : 0;
     totals.tracking += state == "tracking" ? 1 : 0;
     totals.poor += state == "poor" ? 1 : 0;
-    totals.cpu_ms.push_back(frame.at("cpu_ms").get<double>());
-    totals.wall_ms.push_back(frame.at("wall_ms").get<double>());
-    totals.on_time += totals.wall_ms.back() <= kOnTimeMs ? 1 : 0;
+    if (state != "tracking" && state != "poor") continue;
+    totals.cpu_ms.add(cpu_ms);
+    totals.wall_ms.add(wall_ms);
   }
   return totals;
 }
@@ -52,6 +54,10 @@ double percent(int64_t part, int64_t whole) {
   return whole > 0 ? 100.0 * static_cast<double>(part) / static_cast<double>(whole) : 0.0;
 }
 
+Percentiles percentiles(const Histogram& times) {
+  return {times.percentile(0.50), times.percentile(0.95), times.percentile(0.99)};
+}
+
 RunSummary summarize_document(const Json& run) {
   RunSummary summary;
   const auto& frames = run.at("frames");
@@ -63,10 +69,10 @@ RunSummary summarize_document(const Json& run) {
   summary.switches = run.at("switches").get<int64_t>();
   summary.bytes_sent = run.value("bytes_sent", int64_t{0});
   summary.bytes_received = run.value("bytes_received", int64_t{0});
-  auto totals = total_frames(frames);
+  const auto totals = total_frames(frames);
   summary.on_time_percent = percent(totals.on_time, summary.frames_total);
-  summary.cpu_ms = percentiles(std::move(totals.cpu_ms));
-  summary.wall_ms = percentiles(std::move(totals.wall_ms));
+  summary.cpu_ms = percentiles(totals.cpu_ms);
+  summary.wall_ms = percentiles(totals.wall_ms);
   const auto& first = run.at("first_map_frame");
   if (first.is_null() || first.get<int64_t>() < 0) return summary;
   summary.first_map_frame = first.get<int64_t>();
@@ -83,16 +89,6 @@ RunSummary summarize_document(const Json& run) {
 }
 
 }  // namespace
-
-Percentiles percentiles(std::vector<double> values) {
-  if (values.empty()) return {};
-  std::sort(values.begin(), values.end());
-  const auto at = [&](double share) {
-    const auto rank = static_cast<size_t>(std::ceil(share * static_cast<double>(values.size())));
-    return values[std::clamp<size_t>(rank, 1, values.size()) - 1];
-  };
-  return {at(0.50), at(0.95), at(0.99)};
-}
 
 Result<RunSummary> summarize_run(std::string_view json) {
   try {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <optional>
 #include <string_view>
-#include <vector>
 
+#include "common/base/histogram.h"
 #include "common/base/result.h"
 
 namespace cairn {
@@ -35,14 +35,11 @@ struct RunSummary {
   int64_t bytes_sent = 0;
   int64_t bytes_received = 0;
   double on_time_percent = 0;  ///< of all frames of the source: wall_ms <= kOnTimeMs and not dropped
-  Percentiles cpu_ms;          ///< over the frames that were processed
+  Percentiles cpu_ms;          ///< over tracked frames, as in the file itself
   Percentiles wall_ms;
 };
 
 /// Reads a --stats document. kDamaged, with the name of the field, when it is not one.
 [[nodiscard]] Result<RunSummary> summarize_run(std::string_view json);
-
-/// Percentiles by nearest rank; zeros for an empty list.
-[[nodiscard]] Percentiles percentiles(std::vector<double> values);
 
 }  // namespace cairn

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "client/session/link_monitor.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// Which maps the server lists, for those who do not make their own. Pure. Used from one thread.
+class MapDirectory {
+ public:
+  void listed(MapId map, const std::string& name) {
+    Entry& entry = maps_[map];
+    if (entry.order == 0) entry.order = ++listings_;
+    entry.name = name;
+  }
+  void removed(MapId map) { maps_.erase(map); }
+
+  /// The map of a name, or with an empty name the one whose first listing is the latest, of those that the
+  /// server in sight has; none if there is none.
+  [[nodiscard]] MapId find(const std::string& name, const LinkMonitor& monitor) const {
+    MapId found;
+    uint64_t latest = 0;
+    for (const auto& [map, entry] : maps_) {
+      if ((!name.empty() && entry.name != name) || entry.order < latest || !monitor.knows(map)) continue;
+      found = map;
+      latest = entry.order;
+    }
+    return found;
+  }
+
+ private:
+  struct Entry {
+    std::string name;
+    uint64_t order = 0;
+  };
+  uint64_t listings_ = 0;
+  std::map<MapId, Entry> maps_;
+};
+
+}  // namespace cairn
