@@ -295,7 +295,7 @@ std::optional<SE3> Tracker::State::coarse_stage(const SE3& start, const Effort& 
     }
   }
   if (found < kCoarseFound) return std::nullopt;
-  const auto pose = solve(start, effort.max_squared_cutoff);
+  auto pose = solve(start, effort.max_squared_cutoff);
   if (!pose || result.found < kCoarseFound) return std::nullopt;
   return pose;
 }

@@ -248,7 +248,7 @@ TEST(Validation, Verdicts) {
   seed.refuses("too many points", [](auto& m) { m.points.resize(4001, m.points[0]); });
   seed.refuses("control character", [](auto& m) { m.reason = std::string("\r"); });
   const Spoiler<OfferVerdict> offer([](const auto& m) { return !m.recent.empty(); });
-  offer.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<OfferDecision>(8); });
+  offer.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<OfferDecision>(200); });
   offer.refuses("too many outcomes", [](auto& m) { m.recent.resize(17, m.recent[0]); });
   offer.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
 }

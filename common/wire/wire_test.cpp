@@ -430,8 +430,9 @@ TEST_F(WireTest, UnfitSamplesAreDroppedCountedAndLoggedOnce) {
       return received.invalid() == count;
     }));
   }
-  EXPECT_THAT(text.str(), HasSubstr("a TrackerState from partition 'client.a' is dropped: quality"));
-  EXPECT_EQ(std::count(text.str().begin(), text.str().end(), '\n'), 1) << text.str();
+  const std::string logged = text.str();
+  EXPECT_THAT(logged, HasSubstr("a TrackerState from partition 'client.a' is dropped: quality"));
+  EXPECT_EQ(std::count(logged.begin(), logged.end(), '\n'), 1) << logged;
   message.quality = 1;
   ASSERT_TRUE(state.write(message));
   EXPECT_EQ(collect(&received, 1).size(), 1U);

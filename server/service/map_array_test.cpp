@@ -77,24 +77,28 @@ TEST(MapArray, ARefusedSeedGivesItsNameBack) {
   EXPECT_EQ(maps.find(id), nullptr);
 }
 
+const wire::PeerId kProcess{{1}};
+
 TEST(CameraList, KeepsFewAndRefusesTheUnusable) {
   CameraList cameras;
+  cameras.set_holder(kProcess);
   wire::CameraMessage message;
   message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
   for (uint32_t version = 1; version <= 3; ++version) {
     message.version = version;
-    EXPECT_TRUE(cameras.put(message));
+    EXPECT_TRUE(cameras.put(kProcess, message));
   }
   EXPECT_EQ(cameras.find(0, 1), nullptr) << "two versions are kept";
   EXPECT_NE(cameras.find(0, 2), nullptr);
   EXPECT_NE(cameras.find(0, 3), nullptr);
+  message.version = 4;
   message.parameters.values[0] = -1;
-  EXPECT_FALSE(cameras.put(message));
+  EXPECT_FALSE(cameras.put(kProcess, message));
   message.parameters.values[0] = 500;
   int taken = 1;
   for (uint32_t camera = 1; camera < 100; ++camera) {
     message.camera = camera;
-    taken += cameras.put(message) ? 1 : 0;
+    taken += cameras.put(kProcess, message) ? 1 : 0;
   }
   EXPECT_EQ(taken, 8);
 }
