@@ -15,7 +15,7 @@ constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
 constexpr size_t kNeighbours = 4;         ///< keyframes whose points are looked for around a pose
 constexpr double kAngleWeight = 1;        ///< a radian between optical axes counts as one mean depth apart
 /// Radius of the search around a pose [px of the corner's level]: that of three points is rough yet.
-constexpr double kRadii[] = {6, 3};
+constexpr double kRadii[] = {6, 2.5};
 
 /// Keyframes that see about what a pose sees, nearest first.
 std::vector<IndexedKeyframePtr> keyframes_around(const IndexedMap& map, const SE3& camera_from_map) {
@@ -53,7 +53,7 @@ int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std:
 void judge(const ConfirmOptions& options, Confirmation* result) {
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
-  } else if (result->inliers < options.min_share * result->expected) {
+  } else if (result->inliers < options.min_share * std::min<double>(result->expected, result->corners)) {
     result->reason =
         fmt::format("only {} of {} points that should be seen", result->inliers, result->expected);
   } else if (result->cells < options.min_cells) {
@@ -69,6 +69,7 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
                      const IndexedMap& map, const IndexedKeyframe& keyframe, const ConfirmOptions& options) {
   Confirmation result;
   const auto matches = match_anywhere(view, keyframe, *map.snapshot);
+  result.corners = static_cast<int>(view.corners.size());
   result.matches = static_cast<int>(matches.size());
   if (result.matches < options.min_matches) {
     result.reason = fmt::format("{} corners look alike, {} needed", result.matches, options.min_matches);

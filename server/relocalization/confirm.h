@@ -12,9 +12,9 @@ namespace cairn {
 struct ConfirmOptions {
   int min_matches = 8;  ///< of descriptors alone, without which no pose is tried
   int ransac_iterations = 1000;
-  int ransac_inliers = 10;
+  int ransac_inliers = 12;
   int min_inliers = 30;     ///< of the refined pose
-  double min_share = 0.15;  ///< inliers, of the points that should be in view
+  double min_share = 0.10;  ///< inliers, of the points that should be in view or of the corners if fewer
   int min_cells = 5;        ///< of the 4x3 cells of the image, in which inliers lie
   uint64_t seed = 1;
 };
@@ -23,6 +23,7 @@ struct ConfirmOptions {
 struct Confirmation {
   bool confirmed = false;
   SE3 camera_from_map;
+  int corners = 0;     ///< of the query
   int matches = 0;     ///< by descriptors alone
   int agreeing = 0;    ///< of these, with the pose from three of them
   int inliers = 0;     ///< of the refined pose

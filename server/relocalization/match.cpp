@@ -21,21 +21,21 @@ struct Best {
   int rival = 257;
 };
 
-/// The best over the levels next to the corner's own. Map points made of one corner at several levels look
-/// alike and are not rivals.
+/// The best over the scales up to an octave from the corner's own. Map points made of one corner at several
+/// levels look alike and are not rivals.
 Best find_best(const PlaceCorner& corner, const IndexedKeyframe& keyframe) {
   Best best;
-  const int from = std::max(0, corner.level - 1);
-  const int to = std::min(kPyramidLevels - 1, corner.level + 1);
-  for (int level = from; level <= to; ++level) {
-    const size_t begin = keyframe.level_begin[static_cast<size_t>(level)];
-    const size_t end = keyframe.level_begin[static_cast<size_t>(level) + 1];
+  const int from = std::max(0, 2 * corner.level - 2);
+  const int to = std::min(kPlaceScales - 1, 2 * corner.level + 2);
+  for (int scale = from; scale <= to; ++scale) {
+    const size_t begin = keyframe.scale_begin[static_cast<size_t>(scale)];
+    const size_t end = keyframe.scale_begin[static_cast<size_t>(scale) + 1];
     const NearestDescriptor nearest =
         find_nearest(corner.descriptor, std::span(keyframe.descriptors).subspan(begin, end - begin));
     if (nearest.index < 0) continue;
     const int index = static_cast<int>(begin) + nearest.index;
     const auto pixel = [&](int i) { return keyframe.points[static_cast<size_t>(i)].pixel; };
-    const float near = kSamePlace * static_cast<float>(1 << level);
+    const float near = kSamePlace * static_cast<float>(1 << scale / 2);
     const bool rivals = best.index >= 0 && (pixel(index) - pixel(best.index)).norm() > near;
     if (nearest.distance < best.distance) {
       best.rival = std::min(nearest.second_distance, rivals ? best.distance : best.rival);

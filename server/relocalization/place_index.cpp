@@ -4,12 +4,35 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/image/patch.h"
+
 namespace cairn {
 namespace {
 
-Corner nearest_pixel(const Eigen::Vector2f& level0, int level) {
-  return {static_cast<int16_t>(std::lround(to_level(level0.x(), level))),
-          static_cast<int16_t>(std::lround(to_level(level0.y(), level)))};
+constexpr float kHalfOctave = 1.41421356F;
+
+Corner nearest_pixel(const Eigen::Vector2f& level0, int level, bool is_half) {
+  const auto place = [&](float v) {
+    const float at_level = to_level(v, level);
+    return static_cast<int16_t>(std::lround(is_half ? (at_level + 0.5F) / kHalfOctave - 0.5F : at_level));
+  };
+  return {place(level0.x()), place(level0.y())};
+}
+
+/// The image reduced by the square root of two, bilinearly.
+void reduce(const GrayView& image, GrayImage* out) {
+  out->resize(static_cast<int>(static_cast<float>(image.width) / kHalfOctave),
+              static_cast<int>(static_cast<float>(image.height) / kHalfOctave));
+  const auto source = [](int i, int size) {
+    return std::clamp((static_cast<float>(i) + 0.5F) * kHalfOctave - 0.5F, 0.0F,
+                      static_cast<float>(size) - 1.001F);
+  };
+  for (int y = 0; y < out->height(); ++y) {
+    for (int x = 0; x < out->width(); ++x) {
+      const float value = sample_bilinear(image, source(x, image.width), source(y, image.height));
+      out->row(y)[x] = static_cast<uint8_t>(std::lround(value));
+    }
+  }
 }
 
 float root_mean_square(const TinyImage& image) {
@@ -40,15 +63,20 @@ IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
   GrayImage smoothed;
-  for (int level = 0; level < kPyramidLevels; ++level) {
-    smooth_for_descriptors(view.pyramid->level(level), &smoothed);
+  GrayImage reduced;
+  for (int scale = 0; scale < kPlaceScales; ++scale) {
+    const int level = scale / 2;
+    const bool is_half = scale % 2 != 0;
+    if (is_half) reduce(view.pyramid->level(level), &reduced);
+    smooth_for_descriptors(is_half ? reduced : view.pyramid->level(level), &smoothed);
     for (const PointMeasurement& m : view.measurements) {
       Descriptor descriptor;
-      if (m.level != level || !describe(smoothed, nearest_pixel(m.pixel, level), &descriptor)) continue;
+      if (m.level != level || !describe(smoothed, nearest_pixel(m.pixel, level, is_half), &descriptor))
+        continue;
       indexed->points.push_back({m.id, m.level, m.pixel});
       indexed->descriptors.push_back(descriptor);
     }
-    indexed->level_begin[static_cast<size_t>(level) + 1] = indexed->points.size();
+    indexed->scale_begin[static_cast<size_t>(scale) + 1] = indexed->points.size();
   }
   return indexed;
 }

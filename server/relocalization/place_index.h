@@ -18,23 +18,28 @@ namespace cairn {
 /// Blur of the tiny images compared (ptam.md 1).
 constexpr float kPlaceBlur = 2.5F;
 
+/// Scales at which points are described: each pyramid level and, half an octave coarser, the level reduced by
+/// the square root of two. A descriptor stands a change of scale by 1.2 or so; levels alone leave gaps.
+constexpr int kPlaceScales = 2 * kPyramidLevels;
+
 /// A map point as one keyframe saw it.
 struct DescribedPoint {
   PointId id;
-  uint8_t level = 0;                                ///< at which it was measured and described
+  uint8_t level = 0;                                ///< at which it was measured
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px of the keyframe
 };
 
 struct IndexedKeyframe {
   KeyframeId id;
   CameraPtr camera;
-  TinyImage tiny;                       ///< blur kPlaceBlur, zero mean
-  float contrast = 0;                   ///< root mean square of `tiny` [grey levels]
-  std::vector<PointId> measured;        ///< ascending: what the keyframe measured when it was indexed
-  std::vector<DescribedPoint> points;   ///< by level, then id
+  TinyImage tiny;                 ///< blur kPlaceBlur, zero mean
+  float contrast = 0;             ///< root mean square of `tiny` [grey levels]
+  std::vector<PointId> measured;  ///< ascending: what the keyframe measured when it was indexed
+  /// By scale, then id: each point measured at level l stands at scales 2 l and 2 l + 1.
+  std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
-  /// Points of level l are [level_begin[l], level_begin[l + 1]).
-  std::array<size_t, kPyramidLevels + 1> level_begin{};
+  /// Points of scale s are [scale_begin[s], scale_begin[s + 1]).
+  std::array<size_t, kPlaceScales + 1> scale_begin{};
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 

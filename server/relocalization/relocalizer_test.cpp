@@ -60,7 +60,7 @@ class ExactMap {
   }
 
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
-  [[nodiscard]] std::vector<KeyframeView>& views() { return views_; }
+  [[nodiscard]] const std::vector<KeyframeView>& views() const { return views_; }
   [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
 
  private:
@@ -113,25 +113,34 @@ double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map) {
   return (estimate.center() - truth.center()).norm() / map.nearest_keyframe(truth.center())->mean_depth;
 }
 
+/// Two mapped places; rendering them takes most of the time, so all tests share them.
+struct Places {
+  Scene scene{11};
+  Scene other_scene{12};
+  ExactMap map{scene, 1, {0, 4, 8}};
+  ExactMap other_map{other_scene, 2, {0, 4, 8}};
+};
+
 class RelocalizerTest : public ::testing::Test {
  protected:
-  RelocalizerTest()
-      : scene_(11), other_scene_(12), map_(scene_, 1, {0, 4, 8}), other_map_(other_scene_, 2, {0, 4, 8}) {
-    index_.put(map_.index());
-    index_.put(other_map_.index());
+  RelocalizerTest() {
+    static const Places places;
+    places_ = &places;
+    index_.put(map().index());
+    index_.put(places_->other_map.index());
   }
+  [[nodiscard]] const Scene& scene() const { return places_->scene; }
+  [[nodiscard]] const ExactMap& map() const { return places_->map; }
 
-  Scene scene_;
-  Scene other_scene_;
-  ExactMap map_;
-  ExactMap other_map_;
+  const Places* places_ = nullptr;
   PlaceIndex index_;
 };
 
 TEST_F(RelocalizerTest, AViewOfAMappedPlaceIsFoundInItsMapWithItsPose) {
   for (const int step : {1, 2, 5, 7, 9}) {
     SCOPED_TRACE(step);
-    for (const auto& [scene, map] : {std::pair(&scene_, &map_), std::pair(&other_scene_, &other_map_)}) {
+    for (const auto& [scene, map] :
+         {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
       const auto image = scene->render(Scene::pose(step), 100 + static_cast<uint64_t>(step));
       const PlaceAnswer answer = relocalize(index_, *scene->camera(), describe_image(image->view()));
       ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
@@ -154,7 +163,7 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
 }
 
 TEST_F(RelocalizerTest, LightDoesNotMatter) {
-  const auto image = scene_.render(Scene::pose(2), 5);
+  const auto image = scene().render(Scene::pose(2), 5);
   for (const auto& [gain, bias] : {std::pair(0.5, 0.0), std::pair(0.7, 70.0), std::pair(1.4, -20.0)}) {
     SCOPED_TRACE(::testing::Message() << gain << " " << bias);
     GrayImage lit(image->view());
@@ -162,42 +171,42 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
       for (int x = 0; x < lit.width(); ++x)
         lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * lit.row(y)[x] + bias), 0L, 255L));
     }
-    const PlaceAnswer answer = relocalize(index_, *scene_.camera(), describe_image(lit));
+    const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
     ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
-    EXPECT_LT(error_of(camera_of(answer, *map_.snapshot()), Scene::pose(2), *map_.snapshot()), 0.01);
+    EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(2), *map().snapshot()), 0.01);
   }
 }
 
 TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyPictureKnowNothing) {
-  const auto image = scene_.render(Scene::pose(2), 5);
+  const auto image = scene().render(Scene::pose(2), 5);
   const PlaceView view = describe_image(image->view());
-  EXPECT_EQ(relocalize({}, *scene_.camera(), view).verdict, PlaceVerdict::kNotKnown);
-  EXPECT_EQ(relocalize(index_, *scene_.camera(), {}).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), {}).verdict, PlaceVerdict::kNotKnown);
   PlaceView blank = describe_image(GrayImage(image->width(), image->height()));
   EXPECT_TRUE(blank.corners.empty());
-  EXPECT_EQ(relocalize(index_, *scene_.camera(), blank).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), blank).verdict, PlaceVerdict::kNotKnown);
 }
 
 TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
   RelocOptions paper;
   paper.method = RelocMethod::kPaper;
-  const auto image = scene_.render(Scene::pose(4), 5);
-  const PlaceAnswer answer = relocalize(index_, *scene_.camera(), describe_image(image->view()), paper);
+  const auto image = scene().render(Scene::pose(4), 5);
+  const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(image->view()), paper);
   ASSERT_EQ(answer.verdict, PlaceVerdict::kUnconfirmed);
   ASSERT_EQ(answer.candidates.size(), 1U);
-  EXPECT_EQ(answer.candidates.front().map, map_.snapshot()->map);
+  EXPECT_EQ(answer.candidates.front().map, map().snapshot()->map);
   EXPECT_EQ(answer.candidates.front().keyframe, KeyframeId{2});
-  EXPECT_LT(error_of(camera_of(answer, *map_.snapshot()), Scene::pose(4), *map_.snapshot()), 0.02);
+  EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(4), *map().snapshot()), 0.02);
   const auto elsewhere = Scene(13).render(Scene::pose(0), 1);
-  EXPECT_EQ(relocalize(index_, *scene_.camera(), describe_image(elsewhere->view()), paper).verdict,
+  EXPECT_EQ(relocalize(index_, *scene().camera(), describe_image(elsewhere->view()), paper).verdict,
             PlaceVerdict::kUnconfirmed);
 }
 
 TEST_F(RelocalizerTest, EqualQuestionsHaveEqualAnswers) {
-  const auto image = scene_.render(Scene::pose(3), 5);
+  const auto image = scene().render(Scene::pose(3), 5);
   const PlaceView view = describe_image(image->view());
-  const PlaceAnswer first = relocalize(index_, *scene_.camera(), view);
-  const PlaceAnswer second = relocalize(index_, *scene_.camera(), view);
+  const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
+  const PlaceAnswer second = relocalize(index_, *scene().camera(), view);
   ASSERT_EQ(first.candidates.size(), second.candidates.size());
   for (size_t i = 0; i < first.candidates.size(); ++i) {
     const SE3& a = first.candidates[i].camera_from_keyframe;
@@ -209,20 +218,21 @@ TEST_F(RelocalizerTest, EqualQuestionsHaveEqualAnswers) {
 }
 
 TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
-  const IndexedMapPtr first = map_.index();
-  map_.views()[1].measurements.pop_back();
-  const IndexedMapPtr second = index_map(first.get(), map_.snapshot(), map_.views());
+  const IndexedMapPtr first = map().index();
+  std::vector<KeyframeView> views = map().views();
+  views[1].measurements.pop_back();
+  const IndexedMapPtr second = index_map(first.get(), map().snapshot(), views);
   ASSERT_EQ(second->keyframes.size(), 3U);
   EXPECT_EQ(first->keyframes[0], second->keyframes[0]);
   EXPECT_NE(first->keyframes[1], second->keyframes[1]);
   EXPECT_EQ(first->keyframes[2], second->keyframes[2]);
 
-  map_.views()[0].id = KeyframeId{9};  // the snapshot does not have it
-  EXPECT_EQ(index_map(second.get(), map_.snapshot(), map_.views())->keyframes.size(), 2U);
+  views[0].id = KeyframeId{9};  // the snapshot does not have it
+  EXPECT_EQ(index_map(second.get(), map().snapshot(), views)->keyframes.size(), 2U);
 
   PlaceIndex index = index_;
-  index.remove(map_.snapshot()->map);
-  EXPECT_EQ(index.find(map_.snapshot()->map), nullptr);
+  index.remove(map().snapshot()->map);
+  EXPECT_EQ(index.find(map().snapshot()->map), nullptr);
   EXPECT_EQ(index_.keyframe_count(), 6U) << "copies are values";
   EXPECT_EQ(index.keyframe_count(), 3U);
 }
