@@ -2,15 +2,18 @@
 #include "client/tracking/recovery.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace cairn {
 namespace {
 
-constexpr float kPlaceBlur = 2.5F;      // ptam.md 11
-constexpr size_t kMostViews = 400;      // 5 kB each
-constexpr double kViewDistance = 0.05;  // of the mean depth
-constexpr double kViewAngle = 0.07;     // [rad]
+constexpr float kPlaceBlur = 2.5F;                     // ptam.md 11
+constexpr size_t kMostViews = 400;                     // 5 kB each
+constexpr double kViewDistance = 0.05;                 // of the mean depth
+constexpr double kViewAngle = 0.07;                    // [rad]
+constexpr double kQuestionInterval = 1.0 / 15 - 1e-3;  // [s]
+constexpr double kAnswerPatience = 0.5;                // [s]
 
 TinyImage place_image(const FrameImages& frame) {
   return {frame.pyramid.level(kPyramidLevels - 1), kPlaceBlur};
@@ -41,6 +44,37 @@ std::optional<PlaceMemory::Candidate> PlaceMemory::recall(const FrameImages& fra
   const View& view = views_[nth->second];
   const SE3 turn = rotation_from_tiny(align_tiny(view.tiny, now), camera, now.width());
   return Candidate{view.reference, turn * view.camera_from_reference};
+}
+
+std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time) {
+  if (asked_) {
+    const double since = seconds_between(time, *asked_);
+    // Recordings may jump back: a question from the future is an old one.
+    if (since >= 0 && since < (under_way_ ? kAnswerPatience : kQuestionInterval)) return nullptr;
+  }
+  asked_ = time;
+  under_way_ = true;
+  tiny_ = place_image(frame);
+  return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.corners));
+}
+
+void PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
+  under_way_ = false;
+  suggestion_ = suggestion;
+}
+
+std::optional<PoseSuggestion> PlaceQuestion::take(const FrameImages& frame, const Camera& camera) {
+  if (!suggestion_) return std::nullopt;
+  std::optional<PoseSuggestion> taken;
+  taken.swap(suggestion_);
+  if (tiny_.empty()) return taken;
+  const TinyImage now = place_image(frame);
+  const TinyMotion motion = align_tiny(tiny_, now);
+  if (std::isfinite(motion.score)) {
+    taken->camera_from_reference =
+        rotation_from_tiny(motion, camera, now.width()) * taken->camera_from_reference;
+  }
+  return taken;
 }
 
 }  // namespace cairn

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "client/tracking/frame_images.h"
+#include "client/tracking/pose_suggestion.h"
+#include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "common/image/place.h"
 #include "common/map/ids.h"
 
 namespace cairn {
@@ -40,6 +44,27 @@ class PlaceMemory {
 
  private:
   std::vector<View> views_;
+};
+
+/// The question where the camera is, asked outside, and what comes back (DESIGN 7): one question under way,
+/// at most 15 a second in the time of the frames, given up after half a second without an answer.
+class PlaceQuestion {
+ public:
+  /// The frame described, if a question may be asked now; null otherwise.
+  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time);
+  /// The answer: a place to try, or nothing.
+  void answered(const std::optional<PoseSuggestion>& suggestion);
+  /// The suggestion, to be tried once: camera_from_reference of the present frame, turned since the question
+  /// as the tiny images say.
+  [[nodiscard]] std::optional<PoseSuggestion> take(const FrameImages& frame, const Camera& camera);
+  [[nodiscard]] const std::optional<PoseSuggestion>& suggestion() const { return suggestion_; }
+  void clear() { *this = PlaceQuestion(); }
+
+ private:
+  std::optional<Timestamp> asked_;  ///< when the latest question was asked
+  bool under_way_ = false;
+  TinyImage tiny_;  ///< of the frame asked about, blur of the place images; empty: none
+  std::optional<PoseSuggestion> suggestion_;
 };
 
 }  // namespace cairn

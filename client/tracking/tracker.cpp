@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
@@ -26,6 +27,7 @@ constexpr int kEnoughForKeyframe =
     80;  // points found: the pose is sound although most of the map is out of sight
 constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
+constexpr int kProofFrames = 3;  // in a row, before a suggested place is believed (DESIGN 7)
 constexpr int kFewestFromTrails = 20;
 constexpr double kMinSquaredCutoff =
     1.0;                        // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
@@ -66,6 +68,7 @@ struct Tracker::State {
   TrailFollower trails;
   PointSearch search;
   PlaceMemory places;
+  PlaceQuestion question;
   MotionModel model;
 
   std::array<FrameImages, 2> frames;
@@ -81,6 +84,7 @@ struct Tracker::State {
   double mean_depth = 1;
   int bad_frames = 0;
   size_t lost_frames = 0;
+  int unproven = 0;  ///< frames that a suggested place has still to be found in
   int since_keyframe = 0;
   int most_found = 0;  ///< points found in a frame since the last keyframe was proposed
 
@@ -116,6 +120,9 @@ struct Tracker::State {
 
   void track_map(Timestamp time);
   void recover(Timestamp time);
+  [[nodiscard]] bool try_from(const SE3& start, Timestamp time);
+  [[nodiscard]] bool try_suggestion(Timestamp time);
+  void enter_suggested_map(const MapSnapshotPtr& snapshot);
   void accept(const SE3& camera_from_map, Timestamp time, Verdict verdict);
   void propose_keyframe();
   void report_points();
@@ -325,9 +332,14 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, Verdict 
     reference = nearest->id;
     camera_from_reference = camera_from_map * nearest->camera_from_map.inverse();
   }
+  result.mean_depth = mean_depth;
+  if (unproven > 0 && --unproven > 0) {
+    result.state = TrackingState::kLost;
+    result.note = fmt::format("a place suggested: {} more frames to prove it", unproven);
+    return;
+  }
   result.state = verdict == Verdict::kGood ? TrackingState::kTracking : TrackingState::kPoor;
   result.pose_measured = true;
-  result.mean_depth = mean_depth;
   if (verdict == Verdict::kGood) places.remember(now(), reference, camera_from_reference, mean_depth);
   if (options.make_keyframes && (verdict == Verdict::kGood || result.found >= kEnoughForKeyframe))
     propose_keyframe();
@@ -372,8 +384,32 @@ void Tracker::State::track_map(Timestamp time) {
   }
   model.missed();
   ++bad_frames;
+  if (std::exchange(unproven, 0) > 0) {  // the place was another: nothing is to be sought from there
+    bad_frames = options.lost_after_bad_frames;
+    reference = {};
+  }
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", result.found, result.attempted);
+}
+
+bool Tracker::State::try_from(const SE3& start, Timestamp time) {
+  const auto pose = locate(start, wide_effort());
+  if (!pose || result.found < kFewestRecovered || result.quality < kRecoveredQuality) return false;
+  result.note.clear();
+  model.reset(*pose, time);
+  accept(*pose, time, Verdict::kGood);
+  return true;
+}
+
+bool Tracker::State::try_suggestion(Timestamp time) {
+  const auto suggestion = question.take(now(), *camera);
+  if (!suggestion || suggestion->map != map->map || suggestion->epoch != map->epoch) return false;
+  const KeyframePose* keyframe = map->find(suggestion->reference);
+  if (keyframe == nullptr) return false;
+  unproven = kProofFrames;
+  if (try_from(suggestion->camera_from_reference * keyframe->camera_from_map, time)) return true;
+  unproven = 0;
+  return false;
 }
 
 void Tracker::State::recover(Timestamp time) {
@@ -381,6 +417,7 @@ void Tracker::State::recover(Timestamp time) {
   constexpr size_t kCandidates = 3;
   result.state = TrackingState::kLost;
   result.note = "lost: looking where it was before";
+  if (try_suggestion(time)) return;
   std::vector<SE3> starts;
   if (const KeyframePose* keyframe = map->find(reference)) {
     starts.push_back(camera_from_reference * keyframe->camera_from_map);
@@ -392,12 +429,20 @@ void Tracker::State::recover(Timestamp time) {
   }
   ++lost_frames;
   for (const SE3& start : starts) {
-    const auto pose = locate(start, wide_effort());
-    if (!pose || result.found < kFewestRecovered || result.quality < kRecoveredQuality) continue;
-    model.reset(*pose, time);
-    accept(*pose, time, Verdict::kGood);
-    return;
+    if (try_from(start, time)) return;
   }
+  result.place_question = question.ask(now(), time);
+}
+
+/// From outside into a map: as one who is lost in it.
+void Tracker::State::enter_suggested_map(const MapSnapshotPtr& snapshot) {
+  adopt_revision(snapshot);
+  starting = false;
+  awaited.reset();
+  trails.restart();
+  result.trails.clear();
+  bad_frames = options.lost_after_bad_frames;
+  most_found = 0;
 }
 
 void Tracker::State::report_points() {
@@ -423,6 +468,8 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
     s.follow_trails(image, time);
     if (map && s.awaited && map->map == s.awaited->map) s.begin_map(map, time);
   }
+  const auto& suggestion = s.question.suggestion();
+  if (s.starting && map && suggestion && suggestion->map == map->map) s.enter_suggested_map(map);
   if (!s.starting && map) {
     s.adopt_revision(map);
     if (s.bad_frames < s.options.lost_after_bad_frames) {
@@ -448,6 +495,10 @@ void Tracker::seed_refused(const std::string& reason) {
   state_->trails.refused(reason);
 }
 
+void Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
+  state_->question.answered(suggestion);
+}
+
 void Tracker::start_over() {
   State& s = *state_;
   s.starting = true;
@@ -457,6 +508,8 @@ void Tracker::start_over() {
   s.map.reset();
   s.bad_frames = 0;
   s.lost_frames = 0;
+  s.unproven = 0;
+  s.question.clear();
 }
 
 }  // namespace cairn

@@ -9,10 +9,12 @@
 #include <utility>
 #include <vector>
 
+#include "client/tracking/pose_suggestion.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/image/place.h"
 #include "common/map/ids.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
@@ -122,6 +124,8 @@ struct FrameResult {
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
   std::optional<KeyframeProposal> keyframe;
+  /// Lost: the frame as the server's relocalizer wants it described. Null when a question is under way.
+  std::shared_ptr<const PlaceView> place_question;
   std::string note;  ///< for the status line: why there is no map yet, why it is lost
 };
 
@@ -142,6 +146,10 @@ class Tracker {
   void seed_accepted(const SeedAnswer& answer);
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);
+  /// The answer to `place_question`: where the camera may be, or nothing where no place is known. A
+  /// suggestion is tried in the next frame with the map it names, and its poses are published when three
+  /// frames in a row have proven it (DESIGN 7). A tracker without a map enters the one suggested.
+  void place_answered(const std::optional<PoseSuggestion>& suggestion);
   /// Forgets pose and trails; the next frames start a new map.
   void start_over();
 

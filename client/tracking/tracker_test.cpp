@@ -132,6 +132,81 @@ TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
   EXPECT_LT(center_distance(step(truth).camera_from_map, truth), 2e-3);
 }
 
+/// A tracker that knows nothing but what it is told of where it may be.
+TEST_F(OnMap, ASuggestedPlaceIsBelievedWhenThreeFramesProveIt) {
+  const SE3 truth = looking_down(0.05, 0.01);
+  const SE3 rough = SE3(so3_exp({0.01, -0.01, 0.02}), {0.01, 0, -0.01}) * truth;
+  Tracker stranger(camera, options());
+  const auto image = scene.render(truth);
+  EXPECT_FALSE(stranger.track(image, {0}, map).pose_measured);
+  stranger.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1},
+                                         rough * map->find(KeyframeId{1})->camera_from_map.inverse()});
+  for (int i = 1; i <= 4; ++i) {
+    const FrameResult& result = stranger.track(image, {i * kFrame}, map);
+    EXPECT_EQ(result.pose_measured, i >= 3) << "frame " << i << " " << result.note;
+    EXPECT_EQ(result.state, i >= 3 ? TrackingState::kTracking : TrackingState::kLost);
+    EXPECT_FALSE(result.keyframe) << "before it is proven";
+    if (i >= 3) {
+      EXPECT_LT(center_distance(result.camera_from_map, truth), 2e-3);
+    }
+  }
+}
+
+TEST_F(OnMap, AWrongSuggestionChangesNothing) {
+  const SE3 truth = looking_down(0.05, 0.01);
+  const SE3& keyframe = map->find(KeyframeId{1})->camera_from_map;
+  const SE3 far = looking_down(0.4, -0.3);
+  MapId other;
+  other.bytes[0] = 99;
+  const std::vector<PoseSuggestion> wrong = {
+      {map->map, map->epoch, KeyframeId{1}, far * keyframe.inverse()},
+      {map->map, map->epoch, KeyframeId{77}, truth * keyframe.inverse()},
+      {map->map, Epoch{map->epoch.value + 1}, KeyframeId{1}, truth * keyframe.inverse()},
+      {other, map->epoch, KeyframeId{1}, truth * keyframe.inverse()},
+  };
+  for (const PoseSuggestion& suggestion : wrong) {
+    Tracker stranger(camera, options());
+    stranger.place_answered(suggestion);
+    for (int i = 0; i < 6; ++i) {
+      EXPECT_FALSE(stranger.track(scene.render(truth), {i * kFrame}, map).pose_measured);
+    }
+  }
+}
+
+TEST_F(OnMap, AProofThatBreaksStartsAnew) {
+  const SE3 truth = looking_down(0.05, 0.01);
+  const PoseSuggestion right{map->map, map->epoch, KeyframeId{1},
+                             truth * map->find(KeyframeId{1})->camera_from_map.inverse()};
+  Tracker stranger(camera, options());
+  const auto image = scene.render(truth);
+  const auto nothing = std::make_shared<GrayImage>(camera->width(), camera->height());
+  int64_t i = 0;
+  for (const int good : {1, 2, 1, 2}) {
+    stranger.place_answered(right);
+    for (int k = 0; k < good; ++k) EXPECT_FALSE(stranger.track(image, {++i * kFrame}, map).pose_measured);
+    EXPECT_FALSE(stranger.track(nothing, {++i * kFrame}, map).pose_measured);
+  }
+}
+
+TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQuestionAtATime) {
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(step(looking_down(0.01 * i, 0)).place_question);
+  std::vector<int> asked;
+  for (int i = 0; i < 40; ++i) {
+    if (blank().place_question) asked.push_back(i);
+  }
+  ASSERT_GE(asked.size(), 2U);
+  for (size_t i = 1; i < asked.size(); ++i)
+    EXPECT_GE(asked[i] - asked[i - 1], 15) << "half a second of patience";
+  asked.clear();
+  for (int i = 0; i < 30; ++i) {
+    if (!blank().place_question) continue;
+    asked.push_back(i);
+    tracker.place_answered(std::nullopt);
+  }
+  for (size_t i = 1; i < asked.size(); ++i) EXPECT_GE(asked[i] - asked[i - 1], 2);
+  EXPECT_GE(asked.size(), 5U);
+}
+
 TEST_F(OnMap, KeyframesAreProposedFarFromOthersAndNotInARow) {
   int proposed = 0;
   int64_t last = -1000;
