@@ -27,7 +27,8 @@ constexpr int kEnoughForKeyframe =
     80;  // points found: the pose is sound although most of the map is out of sight
 constexpr int kFewestRecovered = 25;  // and after a loss
 constexpr float kRecoveredQuality = 0.4F;
-constexpr int kProofFrames = 3;  // in a row, before a suggested place is believed (DESIGN 7)
+constexpr float kSuggestedQuality = 0.25F;  // of a place that geometry and two more frames speak for
+constexpr int kProofFrames = 3;             // in a row, before a suggested place is believed (DESIGN 7)
 constexpr int kFewestFromTrails = 20;
 constexpr double kMinSquaredCutoff =
     1.0;                        // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
@@ -120,7 +121,7 @@ struct Tracker::State {
 
   void track_map(Timestamp time);
   void recover(Timestamp time);
-  [[nodiscard]] bool try_from(const SE3& start, Timestamp time);
+  [[nodiscard]] bool try_from(const SE3& start, float quality, Timestamp time);
   [[nodiscard]] bool try_suggestion(Timestamp time);
   void enter_suggested_map(const MapSnapshotPtr& snapshot);
   void accept(const SE3& camera_from_map, Timestamp time, Verdict verdict);
@@ -392,9 +393,9 @@ void Tracker::State::track_map(Timestamp time) {
   result.note = fmt::format("{} of {} points found", result.found, result.attempted);
 }
 
-bool Tracker::State::try_from(const SE3& start, Timestamp time) {
+bool Tracker::State::try_from(const SE3& start, float quality, Timestamp time) {
   const auto pose = locate(start, wide_effort());
-  if (!pose || result.found < kFewestRecovered || result.quality < kRecoveredQuality) return false;
+  if (!pose || result.found < kFewestRecovered || result.quality < quality) return false;
   result.note.clear();
   model.reset(*pose, time);
   accept(*pose, time, Verdict::kGood);
@@ -407,7 +408,8 @@ bool Tracker::State::try_suggestion(Timestamp time) {
   const KeyframePose* keyframe = map->find(suggestion->reference);
   if (keyframe == nullptr) return false;
   unproven = kProofFrames;
-  if (try_from(suggestion->camera_from_reference * keyframe->camera_from_map, time)) return true;
+  if (try_from(suggestion->camera_from_reference * keyframe->camera_from_map, kSuggestedQuality, time))
+    return true;
   unproven = 0;
   return false;
 }
@@ -429,7 +431,7 @@ void Tracker::State::recover(Timestamp time) {
   }
   ++lost_frames;
   for (const SE3& start : starts) {
-    if (try_from(start, time)) return;
+    if (try_from(start, kRecoveredQuality, time)) return;
   }
   result.place_question = question.ask(now(), time);
 }

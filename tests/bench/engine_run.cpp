@@ -17,6 +17,7 @@
 #include "common/io/calibration.h"
 #include "common/io/trajectory.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 
 namespace cairn {
 namespace {
@@ -61,11 +62,14 @@ struct Arguments {
   size_t skip = 0;
   size_t frames = SIZE_MAX;
   size_t after_start = SIZE_MAX;
+  std::vector<size_t> hidden;  ///< pairs: frame, count; something passes in front of the camera
+  bool ask = true;             ///< a lost tracker may ask the relocalizer
   bool verbose = false;
 };
 
 struct Totals {
   size_t frames = 0, with_map = 0, tracked = 0, lost = 0, accepted = 0, refused = 0;
+  size_t questions = 0, places = 0;
   long first_map_frame = -1;
   std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms, local_ms, global_ms;
 };
@@ -81,11 +85,15 @@ class EngineRun {
 
   void frame(const Frame& frame, TrajectoryWriter* trajectory) {
     const double before = thread_cpu_ms();
-    const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, &probe_);
+    const bool hidden = is_hidden(frame.index);
+    const FrameResult& result =
+        tracker_->track(hidden ? black(*frame.image) : frame.image, frame.time, snapshot_, &probe_);
     totals_.cpu_ms.push_back(thread_cpu_ms() - before);
     probe_.finish_frame();
     ++totals_.frames;
     if (snapshot_) count(frame, result, trajectory);
+    if (arguments_.ask && result.place_question) answer(*result.place_question);
+    note_recovery(frame.index, hidden, result.pose_measured);
     if (result.seed) seed(*result.seed, frame);
     if (result.keyframe) offer(*result.keyframe, frame);
     if (arguments_.verbose) print_frame(frame, result);
@@ -125,6 +133,7 @@ class EngineRun {
         t.accepted, t.refused, percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95),
         percentile(t.local_ms, 0.5), percentile(t.local_ms, 0.95), percentile(t.global_ms, 0.5),
         percentile(t.global_ms, 0.95));
+    std::printf("questions %zu, places found %zu\n", t.questions, t.places);
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
     if (maker_) {
       const MapStatistics m = maker_->statistics();
@@ -146,6 +155,40 @@ class EngineRun {
       static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name,
                                            {frame.time, result.camera_from_map.inverse()}));
     }
+  }
+
+  [[nodiscard]] bool is_hidden(size_t index) const {
+    for (size_t i = 0; i + 1 < arguments_.hidden.size(); i += 2) {
+      if (index >= arguments_.hidden[i] && index - arguments_.hidden[i] < arguments_.hidden[i + 1])
+        return true;
+    }
+    return false;
+  }
+  static GrayImagePtr black(const GrayImage& like) {
+    auto image = std::make_shared<GrayImage>(like.width(), like.height());
+    for (int y = 0; y < image->height(); ++y) std::fill_n(image->row(y), image->width(), uint8_t{8});
+    return image;
+  }
+
+  /// How many frames after the view is free again the first pose comes.
+  void note_recovery(size_t index, bool hidden, bool posed) {
+    if (hidden) {
+      free_since_ = index + 1;
+    } else if (free_since_ > 0 && posed) {
+      std::printf("frame %zu: hidden before, tracked again after %zu frames\n", index,
+                  index - free_since_ + 1);
+      free_since_ = 0;
+    }
+  }
+
+  /// The relocalizer's answer, there before the next frame as in lockstep.
+  void answer(const PlaceView& view) {
+    const PlaceAnswer said = relocalize(index_, *camera_, view);
+    ++totals_.questions;
+    if (said.verdict != PlaceVerdict::kConfirmed) return tracker_->place_answered(std::nullopt);
+    ++totals_.places;
+    const PlaceCandidate& best = said.candidates.front();
+    tracker_->place_answered(PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
 
   void print_frame(const Frame& frame, const FrameResult& result) const {
@@ -232,6 +275,7 @@ class EngineRun {
       totals_.global_ms.push_back(thread_cpu_ms() - before);
     }
     snapshot_ = maker_->snapshot();
+    index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
   }
 
   Arguments arguments_;
@@ -241,6 +285,8 @@ class EngineRun {
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr snapshot_;
+  PlaceIndex index_;
+  size_t free_since_ = 0;
   CpuProbe probe_;
   Totals totals_;
   std::map<std::string, size_t> refusals_;
@@ -302,6 +348,8 @@ int main(int argc, char** argv) {
   app.add_option("--skip", arguments.skip, "frames passed over at the start");
   app.add_option("--frames", arguments.frames, "frames read at most");
   app.add_option("--after-start", arguments.after_start, "frames tracked at most once there is a map");
+  app.add_option("--hide", arguments.hidden, "frame and count, and so on: the camera sees nothing there");
+  app.add_flag("!--alone", arguments.ask, "a lost tracker asks nobody");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {

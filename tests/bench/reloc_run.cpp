@@ -169,7 +169,7 @@ Result<std::map<uint64_t, bool>> read_queries(const Arguments& arguments) {
 }
 
 struct Tally {
-  int asked = 0, answered = 0, right = 0, wrong = 0;
+  int asked = 0, answered = 0, right = 0, wrong = 0, proven_right = 0, proven_wrong = 0;
 };
 
 class Judge {
@@ -185,16 +185,11 @@ class Judge {
     if (result.verdict != PlaceVerdict::kNotKnown) {
       ++tally.answered;
       const SE3 estimate = best->camera_from_keyframe * map.find(best->keyframe)->camera_from_map;
-      const SE3* exact = truth_.at(frame.time);
-      if (exact == nullptr) {
-        said = "no truth";
+      if (const auto off = compare(frame.time, estimate)) {
+        ++(is_right(*off) ? tally.right : tally.wrong);
+        said = text(*off);
       } else {
-        const SE3 found = truth_from_map_.transform_camera(estimate);
-        const double off = (found.center() - exact->translation()).norm();
-        const double turned = so3_log((found * *exact).rotation()).norm() * 180 / M_PI;
-        const bool right = off <= arguments_.tolerance && turned <= 5;
-        ++(right ? tally.right : tally.wrong);
-        said = fmt::format("{} {:.1f} mm {:.2f} deg", right ? "right" : "WRONG", off * 1e3, turned);
+        said = "no truth";
       }
     }
     if (!arguments_.verbose) return;
@@ -208,16 +203,49 @@ class Judge {
     std::printf("\n");
   }
 
+  /// The tracker's own pose some frames after the question; nothing: it believed none. False: no truth here.
+  [[nodiscard]] bool judge_proof(const Frame& frame, bool in_view, const std::optional<SE3>& pose) {
+    if (truth_.at(frame.time) == nullptr) return false;
+    Tally& tally = in_view ? in_view_ : elsewhere_;
+    if (!pose) return true;
+    const auto off = compare(frame.time, *pose);
+    ++(is_right(*off) ? tally.proven_right : tally.proven_wrong);
+    if (arguments_.verbose) {
+      std::printf("%5lu   tracker: %s\n", static_cast<unsigned long>(frame.index), text(*off).c_str());
+    }
+    return true;
+  }
+
   void report() const {
     const auto row = [&](const char* what, const Tally& t) {
-      std::printf("%s %-10s asked %d answered %d right %d wrong %d\n", arguments_.sequence.c_str(), what,
-                  t.asked, t.answered, t.right, t.wrong);
+      std::printf("%s %-10s asked %d answered %d right %d wrong %d; tracker right %d wrong %d\n",
+                  arguments_.sequence.c_str(), what, t.asked, t.answered, t.right, t.wrong, t.proven_right,
+                  t.proven_wrong);
     };
     row("in view", in_view_);
     row("elsewhere", elsewhere_);
   }
 
  private:
+  struct Offset {
+    double metres = 0;
+    double degrees = 0;
+  };
+  [[nodiscard]] std::optional<Offset> compare(Timestamp time, const SE3& camera_from_map) const {
+    const SE3* exact = truth_.at(time);
+    if (exact == nullptr) return std::nullopt;
+    const SE3 found = truth_from_map_.transform_camera(camera_from_map);
+    return Offset{(found.center() - exact->translation()).norm(),
+                  so3_log((found * *exact).rotation()).norm() * 180 / M_PI};
+  }
+  [[nodiscard]] bool is_right(const Offset& off) const {
+    return off.metres <= arguments_.tolerance && off.degrees <= 5;
+  }
+  [[nodiscard]] std::string text(const Offset& off) const {
+    return fmt::format("{} {:.1f} mm {:.2f} deg", is_right(off) ? "right" : "WRONG", off.metres * 1e3,
+                       off.degrees);
+  }
+
   const Arguments& arguments_;
   const Truth& truth_;
   Similarity3 truth_from_map_;
@@ -232,6 +260,14 @@ Result<CameraPtr> choose_camera(const Arguments& arguments) {
               arguments.source + ": no camera.txt beside it; pass --calibration FILE");
 }
 
+/// A tracker that is told of a place and nothing else, and has some frames to prove it.
+struct Proof {
+  std::unique_ptr<Tracker> tracker;
+  uint64_t asked = 0;
+  bool in_view = false;
+};
+constexpr uint64_t kProofFrames = 3;  // as the peers were judged
+
 /// Asks for the listed frames among those that are left in the source.
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
          const Mapping& mapping, const RelocOptions& options, Judge* judge) {
@@ -241,11 +277,22 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
   const double index_ms = thread_cpu_ms() - before;
   std::vector<double> describe_ms;
   std::vector<double> query_ms;
+  Proof proof;
+  TrackerOptions told;
+  told.make_maps = false;
+  told.make_keyframes = false;
   for (;;) {
     auto next = source->next();
     if (!next) continue;
     if (!*next) break;
     const Frame& frame = **next;
+    if (proof.tracker) {
+      const FrameResult& tracked = proof.tracker->track(frame.image, frame.time, mapping.snapshot());
+      const auto pose = tracked.pose_measured ? std::optional(tracked.camera_from_map) : std::nullopt;
+      if (frame.index - proof.asked >= kProofFrames && judge->judge_proof(frame, proof.in_view, pose)) {
+        proof.tracker.reset();
+      }
+    }
     const auto query = queries.find(frame.index);
     if (query == queries.end()) continue;
     FrameImages images;
@@ -258,6 +305,11 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     describe_ms.push_back(described - begin);
     query_ms.push_back(thread_cpu_ms() - described);
     judge->judge(frame, query->second, *mapping.snapshot(), result);
+    if (result.verdict == PlaceVerdict::kNotKnown) continue;
+    const PlaceCandidate& best = result.candidates.front();
+    proof = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
+    proof.tracker->place_answered(
+        PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
   std::printf("keyframes %zu, indexed in %.1f ms; describing p50 %.2f ms; answer p50 %.2f p95 %.2f ms\n",
               index.keyframe_count(), index_ms, percentile(describe_ms, 0.5), percentile(query_ms, 0.5),
