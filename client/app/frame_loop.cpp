@@ -16,6 +16,18 @@ FrameState frame_state(const FrameResult& result, bool had_map) {
   return FrameState::kLost;
 }
 
+/// What the tracker is to try. A place in another map than the one in use waits for the switch between maps.
+std::optional<PoseSuggestion> to_suggestion(const PlaceAnswer& answer, const MapSnapshotPtr& in_use) {
+  if (answer.verdict == PlaceVerdict::kNotKnown || !in_use) return std::nullopt;
+  for (const PlaceCandidate& c : answer.candidates) {
+    const bool worth_trying = c.confirmed || answer.verdict == PlaceVerdict::kUnconfirmed;
+    if (worth_trying && c.map == in_use->map) {
+      return PoseSuggestion{c.map, c.epoch, c.keyframe, c.camera_from_keyframe};
+    }
+  }
+  return std::nullopt;
+}
+
 std::string size_text(int width, int height) {
   return std::to_string(width) + "x" + std::to_string(height);
 }
@@ -107,6 +119,9 @@ void FrameLoop::deliver_replies() {
     }
     notify(&FrameObserver::on_seed_reply, *reply);
   }
+  if (const auto answer = link_.take_place_answer()) {
+    tracker_.place_answered(to_suggestion(*answer, link_.snapshot()));
+  }
   const auto replies = link_.take_offer_replies();
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
 }
@@ -120,7 +135,8 @@ void FrameLoop::observe_status(const SessionStatus& status) {
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
   if (result.keyframe) link_.send_offer(*result.keyframe, frame.image, frame.time);
-  return result.seed || result.keyframe;
+  if (result.place_question) link_.send_question(result.place_question, frame.time);
+  return result.seed || result.keyframe || result.place_question;
 }
 
 void FrameLoop::settle() {

@@ -115,6 +115,53 @@ TEST(FrameLoop, AStateWithoutAMeasuredPoseIsNotTracked) {
   EXPECT_THAT(rig.notes.states, ElementsAre("starting", "tracking", "lost"));
 }
 
+void asking(FrameResult& result) {
+  lost(result);
+  result.place_question = std::make_shared<const PlaceView>();
+}
+
+PlaceAnswer place_in(const MapSnapshotPtr& map, PlaceVerdict verdict) {
+  PlaceAnswer answer;
+  answer.verdict = verdict;
+  answer.candidates.resize(1);
+  answer.candidates[0].map = map->map;
+  answer.candidates[0].confirmed = verdict == PlaceVerdict::kConfirmed;
+  return answer;
+}
+
+TEST(FrameLoop, QuestionsAreSentAndOnlyLockstepWaitsForTheAnswer) {
+  for (const Pace pace : {Pace::kMax, Pace::kRealtime, Pace::kLockstep}) {
+    Rig rig({tracking, asking, lost});
+    rig.options.pace = pace;
+    ASSERT_TRUE(rig.run());
+    if (pace == Pace::kLockstep) {
+      EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle"));
+    } else {
+      EXPECT_THAT(rig.link.sent, ElementsAre("question"));
+    }
+  }
+}
+
+TEST(FrameLoop, AnAnswerIsForTheMapInUse) {
+  auto map = std::make_shared<MapSnapshot>();
+  map->map.bytes[0] = 1;
+  auto other = std::make_shared<MapSnapshot>();
+  other->map.bytes[0] = 2;
+  const std::vector<std::pair<PlaceAnswer, std::string>> cases = {
+      {place_in(map, PlaceVerdict::kConfirmed), "try a place"},
+      {place_in(map, PlaceVerdict::kUnconfirmed), "try a place"},
+      {place_in(map, PlaceVerdict::kNotKnown), "place not known"},
+      {place_in(other, PlaceVerdict::kConfirmed), "place not known"},
+  };
+  for (const auto& [answer, word] : cases) {
+    Rig rig({lost, lost});
+    rig.link.map = map;
+    rig.link.place_answer = answer;
+    ASSERT_TRUE(rig.run());
+    EXPECT_THAT(rig.tracker.words, ElementsAre(word));
+  }
+}
+
 TEST(FrameLoop, ProposalsAreSentAndOnlyLockstepWaitsForThem) {
   for (const Pace pace : {Pace::kMax, Pace::kRealtime, Pace::kLockstep}) {
     Rig rig({with_seed, starting, with_keyframe, tracking});

@@ -82,6 +82,9 @@ class ScriptedTracker final : public TrackingEngine {
   }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
+  void place_answered(const std::optional<PoseSuggestion>& suggestion) override {
+    words.emplace_back(suggestion ? "try a place" : "place not known");
+  }
   void start_over() override { words.emplace_back("start over"); }
 
   std::vector<Timestamp> times;
@@ -100,9 +103,13 @@ class ScriptedLink final : public MapLink {
   void leave_map() override { sent.emplace_back("leave"); }
   void send_seed(SeedProposal) override { sent.emplace_back("seed"); }
   void send_offer(KeyframeProposal, GrayImagePtr, Timestamp) override { sent.emplace_back("offer"); }
+  void send_question(std::shared_ptr<const PlaceView>, Timestamp) override { sent.emplace_back("question"); }
   void publish_state(const FrameResult&, Timestamp) override { ++states_published; }
   std::optional<SeedReply> take_seed_reply() override { return std::exchange(seed_reply, std::nullopt); }
   std::vector<OfferReply> take_offer_replies() override { return std::exchange(offer_replies, {}); }
+  std::optional<PlaceAnswer> take_place_answer() override {
+    return std::exchange(place_answer, std::nullopt);
+  }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
     sent.emplace_back("settle");
@@ -112,6 +119,7 @@ class ScriptedLink final : public MapLink {
   MapSnapshotPtr map;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
+  std::optional<PlaceAnswer> place_answer;
   SessionStatus session_status;
   bool settles = true;
   std::vector<std::string> sent;

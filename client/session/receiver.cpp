@@ -41,17 +41,20 @@ Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wir
   if (!seeds) return tl::unexpected(seeds.error());
   auto offers = wire::Reader<wire::OfferVerdict>::create(participant, partition);
   if (!offers) return tl::unexpected(offers.error());
+  auto places = wire::Reader<wire::RelocAnswer>::create(participant, partition);
+  if (!places) return tl::unexpected(places.error());
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
   for (const wire::ReaderBase* reader :
        {static_cast<const wire::ReaderBase*>(&*status), static_cast<const wire::ReaderBase*>(&*maps),
-        static_cast<const wire::ReaderBase*>(&*seeds), static_cast<const wire::ReaderBase*>(&*offers)}) {
+        static_cast<const wire::ReaderBase*>(&*seeds), static_cast<const wire::ReaderBase*>(&*offers),
+        static_cast<const wire::ReaderBase*>(&*places)}) {
     if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Receiver>(
-      new Receiver(state, participant, client_name,
-                   {std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers)},
-                   std::move(*waiter), std::move(log)));
+  return std::unique_ptr<Receiver>(new Receiver(
+      state, participant, client_name,
+      {std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers), std::move(*places)},
+      std::move(*waiter), std::move(log)));
 }
 
 Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
@@ -107,6 +110,9 @@ void Receiver::take_server_messages() {
   take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
     if (sample.message) act_on(*sample.message);
   });
+  take_all(server_.places, [this](wire::Sample<wire::RelocAnswer>& sample) {
+    if (sample.message) act_on(std::move(*sample.message));
+  });
   const bool is_alive = server_.status.alive_writers() > 0;
   const std::scoped_lock lock(state_.mutex);
   act_on(state_.monitor.alive(is_alive));
@@ -120,11 +126,13 @@ void Receiver::act_on(LinkMonitor::Event event) {
     state_.restarted = true;
     state_.session_id = random_session();
     state_.seed.restart(state_.session_id);
+    state_.question.restart(state_.session_id);
     for (OfferReply& reply : state_.spool.restart(state_.session_id, kRestartedText)) {
       state_.offer_replies.push_back(std::move(reply));
     }
   } else if (event == Event::kGone) {
     log_->warn("the server is gone");
+    state_.question.restart(state_.session_id);
   } else {
     log_->info("connected to {}", state_.options.server);
     state_.spool.resend_all();
@@ -170,6 +178,13 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
     state_.required = RequiredRevision{newest.map, newest.epoch, newest.revision};
   }
   state_.for_sender.notify_one();  // there may be credit again
+  state_.for_waiters.notify_all();
+}
+
+void Receiver::act_on(wire::RelocAnswer&& answer) {
+  const std::scoped_lock lock(state_.mutex);
+  if (!state_.question.apply(answer)) return;
+  state_.place_answer = std::move(answer.answer);
   state_.for_waiters.notify_all();
 }
 

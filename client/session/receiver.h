@@ -36,6 +36,7 @@ class Receiver {
     wire::Reader<wire::MapInfo> maps;
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
+    wire::Reader<wire::RelocAnswer> places;
   };
   /// The four topics of one map and what has come of them.
   struct MapChannel {
@@ -57,6 +58,7 @@ class Receiver {
   void act_on(LinkMonitor::Event event);
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);
+  void act_on(wire::RelocAnswer&& answer);
 
   SessionState& state_;
   wire::Participant participant_;

@@ -27,13 +27,16 @@ Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::P
   if (!seeds) return tl::unexpected(seeds.error());
   auto offers = wire::Writer<wire::KeyframeOffer>::create(participant, partition);
   if (!offers) return tl::unexpected(offers.error());
+  auto questions = wire::Writer<wire::RelocQuery>::create(participant, partition);
+  if (!questions) return tl::unexpected(questions.error());
   wire::CameraMessage message;
   message.client = state.client;
   message.parameters = camera;
   if (Status written = cameras->write(message); !written) return tl::unexpected(written.error());
-  return std::unique_ptr<Sender>(
-      new Sender(state, {std::move(*cameras), std::move(*tracker), std::move(*seeds), std::move(*offers)},
-                 encoding, std::move(log)));
+  return std::unique_ptr<Sender>(new Sender(state,
+                                            {std::move(*cameras), std::move(*tracker), std::move(*seeds),
+                                             std::move(*offers), std::move(*questions)},
+                                            encoding, std::move(log)));
 }
 
 Sender::Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log)
@@ -75,11 +78,15 @@ void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTim
 
 void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
   while (!state_.stopping && state_.monitor.link() == ServerLink::kConnected) {
-    const auto seed = writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
-    const auto offer = !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
-    if (!seed && !offer) return;
+    const auto question = writers_.questions.matched() > 0 ? state_.question.next(now) : std::nullopt;
+    const auto seed = !question && writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
+    const auto offer =
+        !question && !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
+    if (!question && !seed && !offer) return;
     lock.unlock();
-    if (seed) {
+    if (question) {
+      report(writers_.questions.write(make_message(*question)), "RelocQuery");
+    } else if (seed) {
       report(writers_.seeds.write(make_message(*seed)), "MapSeed");
     } else {
       report(writers_.offers.write(make_message(*offer)), "KeyframeOffer");
@@ -117,6 +124,19 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.time = sendable.offer->time;
   message.image = encode_image(*sendable.offer->image, encoding_);
   message.measurements = proposal.measurements;
+  return message;
+}
+
+wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) const {
+  const PlaceQuestionSent& question = *sendable.question;
+  wire::RelocQuery message;
+  message.client = state_.client;
+  message.command = sendable.command;
+  message.map_hint = question.map_hint;
+  message.lockstep = state_.options.lockstep;
+  message.time = question.time;
+  message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);
+  message.corners = question.view->corners;
   return message;
 }
 

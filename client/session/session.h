@@ -14,6 +14,8 @@
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/image/image.h"
+#include "common/image/place.h"
+#include "common/map/place_answer.h"
 #include "common/map/snapshot.h"
 
 /// A client's side of the service: replicas of maps, seeds and keyframe offers with a spool, the server's
@@ -76,16 +78,20 @@ class Session {
 
   void send_seed(SeedProposal proposal);
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time);
+  /// Asks where the frame was taken; an unanswered earlier question is superseded. Dropped while there is no
+  /// server.
+  void send_question(std::shared_ptr<const PlaceView> view, Timestamp time);
   void publish_state(const FrameResult& result, Timestamp time);
 
   [[nodiscard]] std::optional<SeedReply> take_seed_reply();
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();
+  [[nodiscard]] std::optional<PlaceAnswer> take_place_answer();
   [[nodiscard]] SessionStatus status() const;
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.
   [[nodiscard]] bool wait_for_server(std::chrono::milliseconds timeout);
-  /// Lockstep: waits until every command sent is decided and the revision named by the decision is swapped
-  /// in. False when the server was lost meanwhile or on time-out.
+  /// Lockstep: waits until every command sent is decided, every question answered, and the revision named by
+  /// the decision is swapped in. False when the server was lost meanwhile or on time-out.
   [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);
 
  private:

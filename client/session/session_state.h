@@ -32,7 +32,8 @@ struct SessionState {
         client(id),
         session_id(session),
         spool(options.spool_limit, session),
-        seed(session) {
+        seed(session),
+        question(session) {
     tracker.client = id;
   }
 
@@ -53,6 +54,8 @@ struct SessionState {
   SeedSlot seed;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
+  QuestionSlot question;
+  std::optional<PlaceAnswer> place_answer;
 
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica
   bool tracker_changed = true;

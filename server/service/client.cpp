@@ -15,7 +15,10 @@ Result<ClientWriters> ClientWriters::create(const wire::Participant& participant
   if (!seeds) return tl::unexpected(seeds.error());
   auto offers = wire::Writer<wire::OfferVerdict>::create(participant, partition);
   if (!offers) return tl::unexpected(offers.error());
-  return ClientWriters{std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers)};
+  auto places = wire::Writer<wire::RelocAnswer>::create(participant, partition);
+  if (!places) return tl::unexpected(places.error());
+  return ClientWriters{std::move(*status), std::move(*maps), std::move(*seeds), std::move(*offers),
+                       std::move(*places)};
 }
 
 bool CameraList::put(const wire::CameraMessage& message) {

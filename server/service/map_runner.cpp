@@ -169,7 +169,7 @@ void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
   published_ = std::move(snapshot);
-  changed_(published_, maker_->statistics());
+  changed_(published_, maker_->statistics(), maker_->keyframe_views());
 }
 
 }  // namespace cairn

@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 
 namespace cairn {
 
@@ -22,6 +23,7 @@ struct ServiceOptions {
   uint64_t start_count = 1;  ///< larger with every start: the epoch of the maps made in it
   int workers = 2;           ///< of the urgent lane
   MapMakerOptions mapping;
+  RelocOptions relocalization;
   int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };
 

@@ -55,17 +55,19 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   if (!seeds) return tl::unexpected(seeds.error());
   auto offers = wire::Reader<wire::KeyframeOffer>::create(*participant, wire::kEveryClient);
   if (!offers) return tl::unexpected(offers.error());
+  auto queries = wire::Reader<wire::RelocQuery>::create(*participant, wire::kEveryClient);
+  if (!queries) return tl::unexpected(queries.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  const std::array<const wire::ReaderBase*, 5> readers = {&*discovered, &*cameras, &*states, &*seeds,
-                                                          &*offers};
+  const std::array<const wire::ReaderBase*, 6> readers = {&*discovered, &*cameras, &*states,
+                                                          &*seeds,      &*offers,  &*queries};
   for (const wire::ReaderBase* reader : readers) {
     if (Status attached = waiter->attach(*reader); !attached) return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
       new Switchboard(options, lanes, std::move(*participant),
                       {std::move(*discovered), std::move(*cameras), std::move(*states), std::move(*seeds),
-                       std::move(*offers), std::move(*waiter)},
+                       std::move(*offers), std::move(*queries), std::move(*waiter)},
                       std::move(log)));
 }
 
@@ -77,6 +79,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, wire::Parti
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, options.relocalization)),
       next_tick_(steady_clock::now()),
       thread_([this] { run(); }) {}
 
@@ -176,6 +179,10 @@ void Switchboard::take_messages() {
   take_all(readers_.offers, [this](auto& sample) {
     Client* client = identify(readers_.offers, sample);
     if (client != nullptr && sample.message) on_offer(*client, std::move(*sample.message));
+  });
+  take_all(readers_.queries, [this](auto& sample) {
+    Client* client = identify(readers_.queries, sample);
+    if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
   });
 }
 
