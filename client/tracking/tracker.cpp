@@ -67,7 +67,7 @@ const char* to_string(Stage stage) {
 }
 
 struct Tracker::State {
-  State(CameraPtr camera_in, const TrackerOptions& options_in)
+  State(const CameraPtr& camera_in, const TrackerOptions& options_in)
       : camera(camera_in), options(options_in), trails(camera_in, options_in), search(camera_in) {}
 
   CameraPtr camera;
@@ -392,7 +392,7 @@ void Tracker::State::propose_keyframe() {
   if (distance < options.keyframe_distance * (in_need ? options.need_distance : 1.0)) return;
   // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
   const double wait =
-      in_need ? options.frames_between_keyframes / 4
+      in_need ? 0.25 * options.frames_between_keyframes
               : options.frames_between_keyframes * std::max(0.25, options.keyframe_distance / distance);
   if (since_keyframe < wait) return;
   KeyframeProposal proposal{map->map, map->epoch, map->revision, reference, camera_from_reference, {}};

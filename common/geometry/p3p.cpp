@@ -162,7 +162,7 @@ std::vector<SE3> solve_p3p(std::span<const Eigen::Vector3d, 3> rays,
   if (cubic[3] == 0) return {};
   const Eigen::Matrix3d degenerate = D1 + steepest_cubic_root(cubic) * D2;
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(degenerate);
-  const Eigen::Vector3d values = eigen.eigenvalues();
+  const Eigen::Vector3d& values = eigen.eigenvalues();
   // The middle eigenvalue is the zero one; real planes need the outer two of opposite signs.
   if (!(values(0) < 0 && values(2) > 0)) return {};
 

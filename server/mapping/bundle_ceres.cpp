@@ -52,7 +52,8 @@ class CeresBundle {
 
   ceres::Solver::Summary solve(double squared_cutoff, double function_tolerance, int max_iterations,
                                StopCallback* callback) {
-    loss_.Reset(new ceres::TukeyLoss(std::sqrt(squared_cutoff)), ceres::TAKE_OWNERSHIP);
+    loss_.Reset(std::make_unique<ceres::TukeyLoss>(std::sqrt(squared_cutoff)).release(),
+                ceres::TAKE_OWNERSHIP);
     ceres::Solver::Options o;
     if (variant_.ordered_by_hand) o.linear_solver_ordering = ordering_;
     o.linear_solver_type = variant_.linear_solver;

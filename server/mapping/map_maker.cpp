@@ -243,7 +243,7 @@ MapStatistics MapMaker::statistics() const {
   return stats;
 }
 
-void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int /*threads*/) {
+void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {
   problem->report = minimise(&problem->problem.bundle, global_options(should_stop), problem->adjuster);
 }
 

@@ -152,6 +152,6 @@ class MapMaker {
 };
 
 /// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
-void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop, int threads);
+void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop);
 
 }  // namespace cairn

@@ -169,7 +169,7 @@ class MapMakerTest : public ::testing::Test {
 
   StepReport adjust_globally() {
     const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-    solve(problem.get(), {}, 1);
+    solve(problem.get(), {});
     return maker_->adopt(*problem);
   }
 
@@ -346,7 +346,7 @@ TEST_F(MapMakerTest, NewerKeyframesRideOnAnAdoptedAdjustment) {
   start();
   for (int step = 5; step <= 11; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
   const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-  solve(problem.get(), {}, 1);
+  solve(problem.get(), {});
   const KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 14);
   const KeyframeDecision newer = maker_->add_keyframe(input);
   ASSERT_EQ(newer.verdict, KeyframeVerdict::kAccepted);

@@ -168,8 +168,7 @@ void MapRunner::begin_global_adjustment() {
   background_.submit([self = shared_from_this(), problem = std::move(problem)] {
     bool solved = false;
     try {
-      solve(
-          problem.get(), [&self] { return self->stopping_.load(); }, 1);
+      solve(problem.get(), [&self] { return self->stopping_.load(); });
       solved = true;
     } catch (const std::exception& error) {
       self->log_->error("internal error in a global adjustment, passed over: {}", error.what());
@@ -191,8 +190,7 @@ void MapRunner::finish_all_work() {
     }
     if (stopping_ || !maker_->wants_global_adjustment()) return;
     const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-    solve(
-        problem.get(), [this] { return stopping_.load(); }, 1);
+    solve(problem.get(), [this] { return stopping_.load(); });
     maker_->adopt(*problem);
   }
   log_->debug("lockstep: the map maker still wants a global adjustment after {} rounds", kMaxLockstepRounds);

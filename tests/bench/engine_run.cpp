@@ -253,8 +253,7 @@ class EngineRun {
       if (report.work != MapWork::kNone) continue;
       if (arguments_.local_only || !maker_->wants_global_adjustment()) break;
       const auto problem = maker_->prepare_global_adjustment();
-      solve(
-          problem.get(), [] { return false; }, 1);
+      solve(problem.get(), [] { return false; });
       const StepReport adopted = maker_->adopt(*problem);
       totals_.global.add(thread_cpu_ms() - before, adopted);
     }
