@@ -14,14 +14,6 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPollInterval{100};  // liveliness is polled: it has no message
 
-/// All that has come, in order.
-template <typename Message, typename Use>
-void take_all(wire::Reader<Message>& reader, const Use& use) {
-  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
-    for (wire::Sample<Message>& sample : samples) use(sample);
-  }
-}
-
 }  // namespace
 
 SessionId random_session() {
@@ -86,12 +78,12 @@ void Receiver::run() {
 }
 
 void Receiver::take_server_messages() {
-  take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
+  wire::take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
     if (!sample.message) return;
     const std::scoped_lock lock(state_.mutex);
     act_on(state_.monitor.heard(sample.message->server));
   });
-  take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
+  wire::take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
     const std::scoped_lock lock(state_.mutex);
     if (sample.message) {
       state_.monitor.map_listed(sample.message->map, sample.message->server);
@@ -101,10 +93,10 @@ void Receiver::take_server_messages() {
       directory_.removed(sample.key.map);
     }
   });
-  take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
+  wire::take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
     if (sample.message) act_on(*sample.message);
   });
-  take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
+  wire::take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
     if (sample.message) act_on(*sample.message);
   });
   const bool is_alive = server_.status.alive_writers() > 0;
@@ -217,10 +209,10 @@ void Receiver::take_map_messages() {
   const auto receive = [&replica](auto& sample) {
     if (sample.message) replica.receive(std::move(*sample.message));
   };
-  take_all(channel_->patches, receive);
-  take_all(channel_->positions, receive);
-  take_all(channel_->keyframes, receive);
-  take_all(channel_->commits, receive);
+  wire::take_all(channel_->patches, receive);
+  wire::take_all(channel_->positions, receive);
+  wire::take_all(channel_->keyframes, receive);
+  wire::take_all(channel_->commits, receive);
   if (!replica.update(std::chrono::steady_clock::now())) return;
   const std::scoped_lock lock(state_.mutex);
   if (state_.map_choice != channel_choice_) return;

@@ -69,9 +69,4 @@ struct TwoViewMotions {
     const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, TwoViewModel model,
     const SE3& b_from_a, const TwoViewOptions& options = {});
 
-/// find_motions() and build_two_view() of the best, refused as ambiguous when it has rivals.
-[[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(
-    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
-    const TwoViewOptions& options = {});
-
 }  // namespace cairn

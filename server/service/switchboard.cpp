@@ -21,13 +21,6 @@ constexpr size_t kMaxClients = 256;  // names remembered; those present are neve
 constexpr size_t kMaxFeeds = 16;     // maps per client
 constexpr std::chrono::seconds kNoticeInterval{1};
 
-template <typename Message, typename Use>
-void take_all(wire::Reader<Message>& reader, const Use& use) {
-  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
-    for (wire::Sample<Message>& sample : samples) use(sample);
-  }
-}
-
 bool is_map_topic(std::string_view topic) {
   const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
                              wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>()};
@@ -155,7 +148,7 @@ void Switchboard::run_posted() {
 
 void Switchboard::take_messages() {
   for (const wire::DiscoveredReader& reader : readers_.discovered.take()) on_discovered(reader);
-  take_all(readers_.cameras, [this](const auto& sample) {
+  wire::take_all(readers_.cameras, [this](const auto& sample) {
     Client* client = identify(readers_.cameras, sample);
     const auto process = readers_.cameras.peer_of(sample.publication);
     if (client == nullptr || !sample.message || !process) return;
@@ -163,7 +156,7 @@ void Switchboard::take_messages() {
     if (!taken)
       log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
-  take_all(readers_.states, [this](const auto& sample) {
+  wire::take_all(readers_.states, [this](const auto& sample) {
     if (!sample.message) {
       // No tracker disposes; anybody may under any key. That no writer of a key is left, the middleware says.
       if (sample.gone == wire::Gone::kNoWriters) on_gone(sample.key.client);
@@ -172,11 +165,11 @@ void Switchboard::take_messages() {
     if (Client* client = identify(readers_.states, sample))
       on_state(*client, sample.publication, *sample.message);
   });
-  take_all(readers_.seeds, [this](auto& sample) {
+  wire::take_all(readers_.seeds, [this](auto& sample) {
     Client* client = identify(readers_.seeds, sample);
     if (client != nullptr && sample.message) on_seed(*client, std::move(*sample.message));
   });
-  take_all(readers_.offers, [this](auto& sample) {
+  wire::take_all(readers_.offers, [this](auto& sample) {
     Client* client = identify(readers_.offers, sample);
     if (client != nullptr && sample.message) on_offer(*client, std::move(*sample.message));
   });

@@ -32,7 +32,7 @@ void expect_same_revision(const MapSnapshot& replica, const MapSnapshot& origina
     ASSERT_EQ(got.count, sent.count);
     EXPECT_EQ(got.patches->version, sent.patches->version);
     EXPECT_EQ(got.positions->version, sent.positions->version);
-    EXPECT_EQ(got.live(), sent.live());
+    EXPECT_EQ(got.live, sent.live);
     for (int slot = 0; slot < sent.count; ++slot) {
       EXPECT_EQ(got.source(slot).id, sent.source(slot).id);
       EXPECT_EQ(got.source(slot).pixels, sent.source(slot).pixels);
