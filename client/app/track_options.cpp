@@ -86,11 +86,13 @@ void declare(CLI::App& app, Words& words) {
       ->capture_default_str();
   app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
       ->type_name("loopback|wifi|FILE");
-  app.add_option("--security", words.security, "DDS Security files")->type_name("DIR");
+  app.add_option("--security", words.security, "DDS Security files (not available yet)")->type_name("DIR");
   app.add_option("--name", options.name, "of this client [host name and process id]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--wearer", words.wearer, "who wears the camera")->check(check_name)->type_name("NAME");
+  app.add_option("--wearer", words.wearer, "who wears the camera (not available yet)")
+      ->check(check_name)
+      ->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
