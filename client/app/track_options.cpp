@@ -97,7 +97,7 @@ void declare(CLI::App& app, Words& words) {
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
-  app.add_option("--map", options.map, "for who makes no maps: the map to track in [the newest]")
+  app.add_option("--map", options.map, "for who makes no maps: the map to track in [the last listed]")
       ->check(check_name)
       ->type_name("NAME");
   app.add_option("--lost-patience", options.lost_patience, "a builder lost that long begins a new map")
