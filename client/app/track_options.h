@@ -23,7 +23,7 @@ struct TrackOptions {
   std::string name;
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes
   bool no_new_maps = false;  ///< keyframes only
-  std::string map;           ///< name of the map to track in by those who make none; empty: the newest
+  std::string map;           ///< name of the map to track in by those who make none; empty: the last listed
   int lost_patience = 10;    ///< [s] lost, after which a builder begins a new map
   Pace pace = Pace::kRealtime;
   uint64_t seed = 1;

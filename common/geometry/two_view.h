@@ -53,8 +53,8 @@ struct TwoViewMotions {
 };
 
 /// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC
-/// on pixels, scores compared as in Mur-Artal et al. (T-RO 2015, IV), homography decomposed after Faugeras
-/// and Lustman (1988), essential by SVD; all candidates of both judged by the side of the camera on which
+/// on pixels, compared by Torr's criterion (GRIC, CVPR 1997), homography decomposed after Faugeras and
+/// Lustman (1988), essential by SVD; all candidates of the better judged by the side of the camera on which
 /// points lie, robustly refined over all inliers by Sampson error. Refuses pure rotation and a standing
 /// camera by the parallax that the noise does not explain. Deterministic for a seed. Safe to call from any
 /// thread.
