@@ -46,10 +46,11 @@ Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& so
   if (!path) {
     return fail(ErrorCode::kConfiguration,
                 "no calibration: there is no camera.txt beside " + options.source +
-                    "; pass --calibration FILE with `width height fx fy cx cy [k1 k2 p1 p2 "
-                    "[k3]]`, or a yaml of OpenCV or ROS");
+                    "; `cairn-track calibrate` makes a calibration from a board; pass --calibration FILE: "
+                    "`width height "
+                    "fx fy cx cy [k1 k2 p1 p2 [k3]]`, a yaml of Kalibr, OpenCV or ROS, or PTAM's camera.cfg");
   }
-  const auto parameters = read_calibration(*path);
+  const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
   return make_camera(*parameters);
 }

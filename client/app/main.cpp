@@ -5,24 +5,44 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <utility>
 #include <variant>
 #include <vector>
 
 #include "client/app/application.h"
+#include "client/app/calibrate/calibrate.h"
 #include "client/app/stop_signal.h"
 #include "client/app/track_options.h"
 #include "common/base/log.h"
+
+namespace {
+
+int leave(const cairn::ParseExit& exit) {
+  std::fputs(exit.text.c_str(), exit.code == 0 ? stdout : stderr);
+  return exit.code;
+}
+
+int calibrate(std::vector<std::string> arguments, cairn::StopSignal& stop) {
+  const auto parsed = cairn::parse_calibrate_options(std::move(arguments));
+  if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) return leave(*exit);
+  const auto& options = std::get<cairn::CalibrateOptions>(parsed);
+  const auto log = cairn::make_logger("cairn-track", options.verbosity);
+  return cairn::run_calibrate(options, log, [&stop] { return stop.requested(); });
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   try {
     cairn::StopSignal stop;  // before any thread
     std::array<char, 256> host{};
     if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
-    auto parsed = cairn::parse_track_options({argv + 1, argv + argc}, host.data(), getpid());
-    if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) {
-      std::fputs(exit->text.c_str(), exit->code == 0 ? stdout : stderr);
-      return exit->code;
+    const std::vector<std::string> arguments(argv + 1, argv + argc);
+    if (!arguments.empty() && arguments.front() == "calibrate") {
+      return calibrate({arguments.begin() + 1, arguments.end()}, stop);
     }
+    auto parsed = cairn::parse_track_options(arguments, host.data(), getpid());
+    if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) return leave(*exit);
     const auto& options = std::get<cairn::TrackOptions>(parsed);
     const auto log = cairn::make_logger("cairn-track", options.verbosity);
     return cairn::run_tracker(

@@ -24,7 +24,8 @@ constexpr size_t kMaxName = 32;
 constexpr const char* kDescription =
     "Tracks a camera against the maps of a cairn-server, and helps them grow.";
 constexpr const char* kFooter =
-    "Sources: tum:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
+    "`cairn-track calibrate --help`: a calibration from a printed board\n\n"
+    "Sources: tum:DIR, euroc:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
     "Exit codes: 0 ok, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
@@ -76,7 +77,7 @@ void declare(CLI::App& app, Words& words) {
       ->required()
       ->type_name("URI");
   app.add_option("--calibration", words.calibration,
-                 "camera.txt or OpenCV yaml [camera.txt beside the source]")
+                 "camera.txt, yaml of Kalibr, OpenCV or ROS, PTAM's camera.cfg [what lies beside the source]")
       ->type_name("FILE|auto");
   app.add_option("--server", options.server, "host of cairn-server")
       ->type_name("HOST")
@@ -173,11 +174,6 @@ std::string default_client_name(std::string_view host_name, int process_id) {
 
 std::variant<TrackOptions, ParseExit> parse_track_options(std::vector<std::string> arguments,
                                                           std::string_view host_name, int process_id) {
-  if (!arguments.empty() && arguments.front() == "calibrate") {
-    return usage(
-        "calibrate: calibrating from a board is not available yet; --calibration takes a camera.txt "
-        "(`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`) or a yaml of OpenCV or ROS");
-  }
   CLI::App app(kDescription, "cairn-track");
   app.footer(kFooter);
   Words words;

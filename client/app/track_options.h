@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/app/pacer.h"
+#include "client/app/parse_exit.h"
 
 namespace cairn {
 
@@ -34,12 +35,6 @@ struct TrackOptions {
   int verbosity = 0;  ///< as make_logger()
 
   [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
-};
-
-/// The process is to end now: --help and --version (0, text for stdout), or wrong words (2, text for stderr).
-struct ParseExit {
-  int code = 0;
-  std::string text;
 };
 
 /// `arguments` without the program's name. `host_name` and `process_id` make the default client name.

@@ -115,9 +115,6 @@ TEST(TrackOptions, WhatIsNotThereYetSaysSo) {
            {"--security", "dir"}, {"--calibration", "auto"}, {"--wearer", "ann"}}) {
     EXPECT_THAT(wrong(arguments), HasSubstr("not available yet")) << arguments.front();
   }
-  const auto calibrate = parse({"calibrate", "--board", "charuco"});
-  ASSERT_TRUE(std::holds_alternative<ParseExit>(calibrate));
-  EXPECT_THAT(std::get<ParseExit>(calibrate).text, HasSubstr("not available yet"));
 }
 
 TEST(TrackOptions, ASourceIsRequired) {

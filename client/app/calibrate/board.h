@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "client/app/calibrate/solver.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// What a person has printed.
+struct BoardDescription {
+  enum class Kind { kChessboard, kCharuco, kTags };
+  Kind kind = Kind::kChessboard;
+  int columns = 0;                    ///< squares, counted across
+  int rows = 0;                       ///< squares, counted down
+  double square = 1;                  ///< side [any unit]
+  double marker = 0.75;               ///< side of ChArUco's markers, in squares
+  std::string dictionary = "4x4_50";  ///< of the markers: NxN_COUNT or apriltag_NAME
+  std::filesystem::path
+      tags;  ///< kTags: JSON object of tag id -> four corners [x, y, 0], clockwise from the upper left
+};
+
+/// Finds a board in pictures. Used by one thread at a time.
+class Board {
+ public:
+  virtual ~Board() = default;
+  /// The points of the board seen in a picture, with sub-pixel positions; nothing if it is not seen or too
+  /// little of it.
+  [[nodiscard]] virtual std::optional<BoardView> find(const GrayView& picture) const = 0;
+  /// For a person.
+  [[nodiscard]] virtual std::string describe() const = 0;
+};
+
+/// Errors: kUsage (counts, sizes, unknown dictionary; says which there are), kNotFound, kConfiguration (the
+/// tag file).
+[[nodiscard]] Result<std::unique_ptr<Board>> make_board(const BoardDescription& description);
+
+/// The board as a picture to print, `square_px` to a square, with a margin of one square; kUsage for tags,
+/// which have a picture already.
+[[nodiscard]] Result<GrayImage> draw_board(const BoardDescription& description, int square_px);
+
+}  // namespace cairn

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "client/app/calibrate/solver.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// Width of the edges on the board [px]: contrast over steepest slope. 2 for a perfectly sharp picture; grows
+/// with blur by motion or defocus.
+[[nodiscard]] double edge_width(const GrayView& picture, const BoardView& view);
+
+/// Keeps the views of a board that are sharp and differ from each other; of two alike, the sharper one.
+class ViewPicker {
+ public:
+  explicit ViewPicker(PictureSize size) : size_(size) {}
+
+  enum class Outcome {
+    kKept,
+    kReplacedABlurrierOne,
+    kLikeAnother,
+    kBlurred,
+    kFull,
+  };
+  Outcome offer(const BoardView& view, double edge_width);
+
+  [[nodiscard]] std::vector<BoardView> views() const;
+  [[nodiscard]] size_t size() const { return kept_.size(); }
+
+ private:
+  /// Where the board is seen, how large, and how tilted to either side; 1 is a good part of a picture.
+  using Aspect = std::array<double, 5>;
+  struct Kept {
+    BoardView view;
+    Aspect aspect;
+    double edge_width;
+  };
+  [[nodiscard]] std::optional<Aspect> aspect_of(const BoardView& view) const;
+
+  PictureSize size_;
+  std::vector<Kept> kept_;
+};
+
+}  // namespace cairn
