@@ -91,7 +91,7 @@ SessionOptions session_options(const TrackOptions& options) {
   session.domain = options.domain;
   session.profile = options.profile;
   session.name = options.name;
-  if (!options.makes_maps()) session.follow_map = options.map;
+  session.only_map = options.map;
   session.lockstep = options.pace == Pace::kLockstep;
   return session;
 }
@@ -267,10 +267,9 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   const auto name_is_ours = [&](milliseconds slice) { return session.wait_for_name(slice); };
   if (!run->source->is_live()) (void)await(name_is_ours, kNameGrace, stop);
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
-  if (!run->source->is_live() && !options.makes_maps() && !await(map_is_there, kServerPatience, stop) &&
+  if (!run->source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
-    log->warn("the server lists no map {}to track in; going on until it does",
-              options.map.empty() ? "" : "'" + options.map + "' ");
+    log->warn("the server lists no map '{}' to track in; going on until it does", options.map);
   }
   return track(*run);
 }

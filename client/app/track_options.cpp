@@ -98,10 +98,11 @@ void declare(CLI::App& app, Words& words) {
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
-  app.add_option("--map", options.map, "for who makes no maps: the map to track in [the last listed]")
+  app.add_option("--map", options.map, "for who makes no maps: the only map to track in [any]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--lost-patience", options.lost_patience, "a builder lost that long begins a new map")
+  app.add_option("--lost-patience", options.lost_patience,
+                 "a builder lost that long where no map is known begins one")
       ->check(CLI::Range(1, 3600))
       ->type_name("SECONDS")
       ->capture_default_str();

@@ -209,6 +209,20 @@ MapSnapshotPtr MapMaker::snapshot() {
   return state_->builder.build(state_->map);
 }
 
+std::vector<KeyframeView> MapMaker::keyframe_views() const {
+  std::vector<KeyframeView> views;
+  for (const MapKeyframe& k : state_->map.keyframes()) {
+    if (!k.live || !k.images) continue;
+    KeyframeView& view = views.emplace_back();
+    view.id = k.id;
+    view.camera = k.camera;
+    view.pyramid = {k.images, &k.images->pyramid};
+    view.measurements.reserve(k.measurements.size());
+    for (const Measurement& m : k.measurements) view.measurements.push_back({m.point, m.level, m.pixel});
+  }
+  return views;
+}
+
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
   MapStatistics stats;

@@ -15,6 +15,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/map/ids.h"
+#include "common/map/keyframe_view.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
@@ -142,6 +143,9 @@ class MapMaker {
   /// keyframe) since they were last cut are shared with the previous snapshot. The revision grows only if
   /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
+
+  /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer.
+  [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
   [[nodiscard]] MapStatistics statistics() const;
 

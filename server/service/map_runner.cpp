@@ -199,7 +199,7 @@ void MapRunner::finish_all_work() {
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
-  changed_(snapshot, maker_->statistics());
+  changed_(snapshot, maker_->statistics(), maker_->keyframe_views());
   published_ = std::move(snapshot);
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
@@ -52,7 +53,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     WorkerPool& background;
   };
   /// A new state of the map: `snapshot` has grown a revision.
-  using Changed = std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics)>;
+  using Changed =
+      std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics, std::vector<KeyframeView> views)>;
   /// `snapshot` is null when the seed was refused.
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
   using OfferDone = std::function<void(OfferJudgement judgement)>;

@@ -11,6 +11,7 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 
 namespace cairn {
 
@@ -25,6 +26,7 @@ struct ServiceOptions {
   size_t max_maps = 1000;
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   MapMakerOptions mapping;
+  RelocOptions relocalization;
   int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };
 

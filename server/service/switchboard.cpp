@@ -43,19 +43,19 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   auto discovered = wire::DiscoveredReaders::create(*participant);
   if (!discovered) return tl::unexpected(discovered.error());
   auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
-                                  wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>>(
-      *participant, wire::kEveryClient);
+                                  wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>,
+                                  wire::Reader<wire::RelocQuery>>(*participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
-  auto& [cameras, states, seeds, offers] = *readers;
+  auto& [cameras, states, seeds, offers, queries] = *readers;
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers}); !attached) {
+  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries}); !attached) {
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
       new Switchboard(options, lanes, std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(*waiter)},
+                       std::move(offers), std::move(queries), std::move(*waiter)},
                       std::move(log)));
 }
 
@@ -67,6 +67,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, wire::Parti
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, options.relocalization)),
       next_tick_(steady_clock::now()),
       thread_([this] { run(); }) {}
 
@@ -172,6 +173,10 @@ void Switchboard::take_messages() {
   wire::take_all(readers_.offers, [this](auto& sample) {
     Client* client = identify(readers_.offers, sample);
     if (client != nullptr && sample.message) on_offer(*client, std::move(*sample.message));
+  });
+  wire::take_all(readers_.queries, [this](auto& sample) {
+    Client* client = identify(readers_.queries, sample);
+    if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
   });
 }
 

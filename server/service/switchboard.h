@@ -15,6 +15,7 @@
 #include "common/wire/waiter.h"
 #include "server/service/client.h"
 #include "server/service/map_array.h"
+#include "server/service/place_desk.h"
 #include "server/service/presence.h"
 #include "server/service/service.h"
 #include "server/service/worker_pool.h"
@@ -53,6 +54,7 @@ class Switchboard {
     wire::Reader<wire::TrackerStateMessage> states;
     wire::Reader<wire::MapSeed> seeds;
     wire::Reader<wire::KeyframeOffer> offers;
+    wire::Reader<wire::RelocQuery> queries;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant, Readers readers,
@@ -87,6 +89,8 @@ class Switchboard {
                        const MapSnapshotPtr& snapshot);
   void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
+  void on_query(Client& client, wire::RelocQuery message);
+  void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
   /// Why no map may grow; empty when it may.
   [[nodiscard]] std::string why_memory_is_full() const;
@@ -101,6 +105,7 @@ class Switchboard {
   Logger log_;
 
   MapArray maps_;
+  std::shared_ptr<PlaceDesk> places_;
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;

@@ -31,7 +31,7 @@ class MapRunnerTest : public ::testing::Test {
   MapRunnerTest()
       : runner_(std::make_shared<MapRunner>(
             MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
-            [this](const MapSnapshotPtr&, const MapStatistics&) {
+            [this](const MapSnapshotPtr&, const MapStatistics&, const std::vector<KeyframeView>&) {
               if (++published_ == fails_at_) throw std::bad_alloc();
             },
             null_logger())) {}
