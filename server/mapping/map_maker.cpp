@@ -153,14 +153,14 @@ Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapI
   if (!assembled) return tl::unexpected(assembled.error());
   MapState& map = assembled->state;
   const FoundationRecord& foundation = *record.foundation;
-  auto state = std::make_unique<State>(
-      State{.options = options,
-            .spacing = {foundation.min_distance_over_depth},
-            .map = std::move(map),
-            .anchor = ScaleAnchor(foundation.anchors),
-            .plane_aligned = foundation.plane_aligned,
-            .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch),
-            .newest = KeyframeId{1}});
+  auto state =
+      std::make_unique<State>(State{.options = options,
+                                    .spacing = {foundation.min_distance_over_depth},
+                                    .map = std::move(map),
+                                    .anchor = ScaleAnchor(foundation.anchors),
+                                    .plane_aligned = foundation.plane_aligned,
+                                    .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch),
+                                    .newest = KeyframeId{1}});
   if (record.work) state->take_up(*record.work);
   return Restored{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(assembled->repairs)};
 }

@@ -14,8 +14,8 @@
 namespace cairn {
 namespace {
 
-using ::testing::HasSubstr;
 using testing::bytes_of;
+using ::testing::HasSubstr;
 using testing::kNeverYield;
 using testing::kSecondStep;
 using testing::make_offer;

@@ -13,9 +13,9 @@
 namespace cairn {
 namespace {
 
+using testing::bytes_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::bytes_of;
 using testing::kNeverYield;
 
 /// Replaces or adds by key: what a store does with rows.
@@ -136,8 +136,7 @@ TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {
   ASSERT_TRUE(from_changes && from_whole);
   EXPECT_TRUE(bytes_of(*from_changes->maker->snapshot()) == bytes_of(*from_whole->maker->snapshot()));
   EXPECT_EQ(from_whole->maker->statistics().measurements, maker_->statistics().measurements);
-  EXPECT_DOUBLE_EQ(from_whole->maker->statistics().mean_reprojection,
-                   maker_->statistics().mean_reprojection);
+  EXPECT_DOUBLE_EQ(from_whole->maker->statistics().mean_reprojection, maker_->statistics().mean_reprojection);
 }
 
 TEST_F(MapRecordTest, WhatIsLostIsNamedAndTheRestGoesOn) {

@@ -50,6 +50,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
     return refuse("the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)");
   }
   if (std::string why = why_memory_is_full(); !why.empty()) return refuse(std::move(why));
+  if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
   SeedJob job;
@@ -65,14 +66,9 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
 
+  job.origin = {client.name, message.command};
   const MapId map = job.input.map;
-  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics) {
-    post([this, map, snapshot = std::move(snapshot), statistics] {
-      on_map_changed(map, snapshot, statistics);
-    });
-  };
-  auto runner = std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background},
-                                            options_.mapping, std::move(changed), log_);
+  auto runner = make_runner(map);
   maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
   verdict.map = map;
   runner->start(std::move(job),
@@ -147,6 +143,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   }
 
   OfferJob job;
+  job.origin = {client.name, message.command};
   job.input.camera = camera;
   job.input.time = message.time;
   job.input.reference = message.reference;
@@ -174,6 +171,16 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
   if (client == clients_.end()) return;
   client->second.offer_gate.decide(session, std::move(outcome));
   write_verdicts(client->second);
+}
+
+std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
+  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics) {
+    post([this, map, snapshot = std::move(snapshot), statistics] {
+      on_map_changed(map, snapshot, statistics);
+    });
+  };
+  return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
+                                     store_, std::move(changed), log_);
 }
 
 void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics) {

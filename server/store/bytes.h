@@ -17,14 +17,14 @@ static_assert(std::endian::native == std::endian::little, "rows are little-endia
 class ByteWriter {
  public:
   template <typename Number>
-    requires std::is_arithmetic_v<Number>
+  requires std::is_arithmetic_v<Number>
   void put(Number value) {
     const size_t at = bytes_.size();
     bytes_.resize(at + sizeof(value));
     std::memcpy(bytes_.data() + at, &value, sizeof(value));
   }
   template <typename Vector>
-    requires requires(const Vector& v) { v.size(), v.data(), typename Vector::Scalar(); }
+  requires requires(const Vector& v) { v.size(), v.data(), typename Vector::Scalar(); }
   void put(const Vector& vector) {
     for (const auto value : vector) put(value);
   }
@@ -45,8 +45,7 @@ class ByteReader {
   explicit ByteReader(std::span<const uint8_t> bytes) : rest_(bytes) {}
 
   template <typename Number>
-    requires std::is_arithmetic_v<Number>
-  Number get() {
+  requires std::is_arithmetic_v<Number> Number get() {
     Number value{};
     if (!has(sizeof(value))) return value;
     std::memcpy(&value, rest_.data(), sizeof(value));

@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kLongLog = 1000;          ///< [pages of 4 kB] from which tidy() writes it back
+constexpr int kLongLog = 1000;  ///< [pages of 4 kB] from which tidy() writes it back
 constexpr int64_t kDecisionsKept = 10'000;
 constexpr size_t kMaxItems = kMaxBlocks * kBlockSlots;
 
@@ -285,7 +285,8 @@ Result<int64_t> MapFile::camera_row(const CameraParameters& camera) {
     if (parameters == camera) return row;
     last = std::max(last, row);
   }
-  if (Status done = put("cameras", last + 1, encode_camera(camera)); !done) return tl::unexpected(done.error());
+  if (Status done = put("cameras", last + 1, encode_camera(camera)); !done)
+    return tl::unexpected(done.error());
   cameras_.emplace_back(camera, last + 1);
   return last + 1;
 }
@@ -316,8 +317,8 @@ Status MapFile::begin_epoch(Epoch epoch) {
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
   header_.epoch = epoch;
-  Status done = put("epochs", static_cast<int64_t>(epoch.value),
-                    encode_epoch({epoch, keyframe_count_, point_count_}));
+  Status done =
+      put("epochs", static_cast<int64_t>(epoch.value), encode_epoch({epoch, keyframe_count_, point_count_}));
   if (done) done = put_header();
   if (done) done = transaction->commit();
   if (!done) header_ = before;
@@ -357,8 +358,8 @@ StoredMap MapFile::load() {
       &database_, "cameras",
       [&](int64_t id, std::span<const uint8_t> data) {
         const auto parameters = decode_camera(data);
-        const auto camera = parameters ? make_camera(*parameters)
-                                       : Result<CameraPtr>(fail(ErrorCode::kDamaged, "no camera"));
+        const auto camera =
+            parameters ? make_camera(*parameters) : Result<CameraPtr>(fail(ErrorCode::kDamaged, "no camera"));
         if (camera) cameras[id] = *camera;
         return camera.has_value();
       },
@@ -393,7 +394,8 @@ StoredMap MapFile::load() {
     return is_item(id, kMaxBlocks) ? decode_positions(block_of(id), data) : std::nullopt;
   });
   take("epochs", &map.epochs, decode_epoch);
-  take("decisions", &map.decisions, [](int64_t, std::span<const uint8_t> data) { return decode_decision(data); });
+  take("decisions", &map.decisions,
+       [](int64_t, std::span<const uint8_t> data) { return decode_decision(data); });
   take("labels", &map.labels, decode_label);
   return map;
 }

@@ -52,8 +52,8 @@ struct LabelRecord {
   Timestamp time;
 };
 
-/// An epoch and how many ids had been given out when it began: what an earlier epoch called by a higher id was
-/// lost with the server that gave it out, and has another meaning now.
+/// An epoch and how many ids had been given out when it began: what an earlier epoch called by a higher id
+/// was lost with the server that gave it out, and has another meaning now.
 struct EpochRecord {
   Epoch epoch;
   size_t keyframes = 0;
@@ -64,7 +64,7 @@ struct EpochRecord {
 struct MapUpdate {
   MapRecord record;
   std::vector<DecisionRecord> decisions;
-  std::vector<LabelRecord> labels;      ///< new or changed
+  std::vector<LabelRecord> labels;  ///< new or changed
   std::vector<uint64_t> removed_labels;
 };
 
@@ -78,8 +78,8 @@ struct StoredMap {
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
 };
 
-/// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a blob
-/// (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
+/// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
+/// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
 class MapFile {
  public:
   /// Makes the file with its first content, or nothing.
@@ -118,7 +118,7 @@ class MapFile {
   MapHeader header_;
   size_t keyframe_count_ = 0;
   size_t point_count_ = 0;
-  std::vector<std::pair<CameraParameters, int64_t>> cameras_;  ///< rows
+  std::vector<std::pair<CameraParameters, int64_t>> cameras_;         ///< rows
   std::map<std::string, sqlite::Statement, std::less<>> statements_;  ///< by SQL; go before the database
 };
 

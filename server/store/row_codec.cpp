@@ -28,8 +28,8 @@ void put_pose(const SE3& pose, ByteWriter* out) {
 std::optional<SE3> get_pose(ByteReader* in) {
   const auto q = in->get_vector<Eigen::Vector4d>();
   const auto t = in->get_vector<Eigen::Vector3d>();
-  const bool sound = std::abs(q.norm() - 1) < kUnitTolerance && is_length(t.x()) && is_length(t.y()) &&
-                     is_length(t.z());
+  const bool sound =
+      std::abs(q.norm() - 1) < kUnitTolerance && is_length(t.x()) && is_length(t.y()) && is_length(t.z());
   if (!sound) return std::nullopt;
   return SE3(Eigen::Quaterniond(q), t);
 }

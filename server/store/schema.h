@@ -5,11 +5,12 @@
 
 #include "server/store/sqlite.h"
 
-/// Schemas as the list of steps that lead to them: a new file takes all of them, an old one those that it lacks.
+/// Schemas as the list of steps that lead to them: a new file takes all of them, an old one those that it
+/// lacks.
 namespace cairn {
 
 struct Schema {
-  int32_t application_id;             ///< tells the kinds of file apart
+  int32_t application_id;              ///< tells the kinds of file apart
   std::span<const char* const> steps;  ///< SQL; step i leads from version i to i + 1
 };
 

@@ -83,8 +83,9 @@ int64_t Statement::integer(int column) const {
 
 std::string Statement::text(int column) const {
   const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
-  return text == nullptr ? std::string()
-                         : std::string(text, static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column)));
+  return text == nullptr
+             ? std::string()
+             : std::string(text, static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column)));
 }
 
 std::span<const uint8_t> Statement::blob(int column) const {
@@ -117,8 +118,8 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   Status prepared = database.execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;");
   if (prepared && mode != OpenMode::kReadOnly) {
     // The log is written back by checkpoint(), after the answers have gone out.
-    prepared = database.execute(
-        "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
+    prepared =
+        database.execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
     sqlite3_wal_hook(
         raw,
         [](void* pages, sqlite3*, const char*, int count) {

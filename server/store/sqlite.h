@@ -48,9 +48,9 @@ enum class OpenMode : uint8_t { kCreate, kReadWrite, kReadOnly };
 
 class Database {
  public:
-  /// WAL and synchronous=FULL: what commit() has said is there after a loss of power. A file from elsewhere is
-  /// not trusted (no functions in schemas, cell sizes checked). Errors: kNotFound, kIo, kDamaged (no database,
-  /// or a broken one).
+  /// WAL and synchronous=FULL: what commit() has said is there after a loss of power. A file from elsewhere
+  /// is not trusted (no functions in schemas, cell sizes checked). Errors: kNotFound, kIo, kDamaged (no
+  /// database, or a broken one).
   [[nodiscard]] static Result<Database> open(const std::filesystem::path& path, OpenMode mode);
 
   /// One or more statements without results.

@@ -146,7 +146,8 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   if (descriptor < 0) return io_failure(lock_path, std::strerror(errno));
   auto lock = std::make_unique<Lock>(descriptor);
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
-    return fail(ErrorCode::kRefused, folder.string() + ": in use by another server; give each its own --store");
+    return fail(ErrorCode::kRefused,
+                folder.string() + ": in use by another server; give each its own --store");
   }
   std::unique_ptr<Store> store(new Store(folder, std::move(lock), std::move(log)));
   finish_replacements(folder / "maps");
