@@ -59,6 +59,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
     return refuse("the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)");
   }
   if (std::string why = why_memory_is_full(); !why.empty()) return refuse(std::move(why));
+  if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
   SeedJob job;
@@ -74,16 +75,9 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
 
+  job.origin = {client.name, message.command};
   const MapId map = job.input.map;
-  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics,
-                             std::vector<KeyframeView> views) {
-    places_->report(snapshot, std::move(views));
-    post([this, map, snapshot = std::move(snapshot), statistics] {
-      on_map_changed(map, snapshot, statistics);
-    });
-  };
-  auto runner = std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background},
-                                            options_.mapping, std::move(changed), log_);
+  auto runner = make_runner(map);
   maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
   verdict.map = map;
   runner->start(std::move(job),
@@ -158,6 +152,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   }
 
   OfferJob job;
+  job.origin = {client.name, message.command};
   job.input.camera = camera;
   job.input.time = message.time;
   job.input.reference = message.reference;
@@ -213,6 +208,18 @@ void Switchboard::on_query_answered(const std::string& client_name, wire::Comman
   client.query_in_work = false;
   log_->debug("{}: place {}: {}", client_name, to_string(answer.verdict), describe(answer));
   if (client.writers) report(client.writers->places.write({client.id, command, answer}), "RelocAnswer");
+}
+
+std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
+  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics,
+                             std::vector<KeyframeView> views) {
+    places_->report(snapshot, std::move(views));
+    post([this, map, snapshot = std::move(snapshot), statistics] {
+      on_map_changed(map, snapshot, statistics);
+    });
+  };
+  return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
+                                     store_, std::move(changed), log_);
 }
 
 void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics) {

@@ -30,7 +30,8 @@ bool is_map_topic(std::string_view topic) {
 }  // namespace
 
 Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& options, Lanes lanes,
-                                                        Logger log) {
+                                                        MapPersistence* store,
+                                                        std::vector<RestoredMap> restored, Logger log) {
   wire::ParticipantOptions joining;
   joining.domain = static_cast<uint32_t>(options.domain);
   joining.role = wire::Role::kServer;
@@ -53,16 +54,19 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
-      new Switchboard(options, lanes, std::move(*participant),
+      new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
                        std::move(offers), std::move(queries), std::move(*waiter)},
                       std::move(log)));
 }
 
-Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant,
-                         Readers readers, Logger log)
+Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+                         std::vector<RestoredMap> restored, wire::Participant participant, Readers readers,
+                         Logger log)
     : options_(options),
       lanes_(lanes),
+      store_(store),
+      restored_(std::move(restored)),
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(std::move(log)),
@@ -109,6 +113,7 @@ std::vector<MapSnapshotPtr> Switchboard::maps() const {
 }
 
 void Switchboard::run() {
+  resume(std::exchange(restored_, {}));
   while (true) {
     readers_.waiter.wait(time_to_wait());
     {
@@ -187,12 +192,17 @@ void Switchboard::feed_clients() {
   }
 }
 
+std::string Switchboard::health() const {
+  const std::string trouble = store_ ? store_->trouble() : std::string();
+  return trouble.empty() ? "ok" : trouble;
+}
+
 void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
   const wire::ServerStatus status{options_.server,
                                   options_.start_count,
                                   std::string(version()),
-                                  "ok",
+                                  health(),
                                   static_cast<uint32_t>(presence_.live_count(now)),
                                   static_cast<uint32_t>(maps_.live_count()),
                                   lanes_.urgent.take_load()};

@@ -32,6 +32,8 @@ class Switchboard {
     WorkerPool& background;
   };
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
+                                                                  MapPersistence* store,
+                                                                  std::vector<RestoredMap> restored,
                                                                   Logger log);
   ~Switchboard() { stop(); }
   Switchboard(const Switchboard&) = delete;
@@ -46,6 +48,8 @@ class Switchboard {
   /// See Service. Thread-safe.
   void publish(MapSnapshotPtr snapshot);
   [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
+  /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
+  void save_last_changes();
 
  private:
   struct Readers {
@@ -57,8 +61,8 @@ class Switchboard {
     wire::Reader<wire::RelocQuery> queries;
     wire::Waiter waiter;
   };
-  Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant, Readers readers,
-              Logger log);
+  Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+              std::vector<RestoredMap> restored, wire::Participant participant, Readers readers, Logger log);
 
   // The loop (switchboard.cpp).
   void run();
@@ -66,6 +70,7 @@ class Switchboard {
   void run_posted();
   void take_messages();
   void feed_clients();
+  [[nodiscard]] std::string health() const;
   void tick(MonotonicTime now);
 
   // Who is there (switchboard.cpp).
@@ -83,6 +88,10 @@ class Switchboard {
   void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
 
+  // Maps and clients from before a restart (resumption.cpp).
+  void resume(std::vector<RestoredMap> restored);
+  void resume_clients(const std::vector<RestoredMap>& restored);
+
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
   void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
@@ -91,6 +100,7 @@ class Switchboard {
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
+  [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
   /// Why no map may grow; empty when it may.
   [[nodiscard]] std::string why_memory_is_full() const;
@@ -100,6 +110,8 @@ class Switchboard {
 
   const ServiceOptions options_;
   Lanes lanes_;
+  MapPersistence* store_;
+  std::vector<RestoredMap> restored_;  ///< until the thread has taken them up
   wire::Participant participant_;
   Readers readers_;
   Logger log_;

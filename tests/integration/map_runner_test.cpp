@@ -30,7 +30,7 @@ class MapRunnerTest : public ::testing::Test {
  protected:
   MapRunnerTest()
       : runner_(std::make_shared<MapRunner>(
-            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
+            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{}, nullptr,
             [this](const MapSnapshotPtr&, const MapStatistics&, const std::vector<KeyframeView>&) {
               if (++published_ == fails_at_) throw std::bad_alloc();
             },
