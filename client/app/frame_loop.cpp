@@ -9,6 +9,8 @@
 namespace cairn {
 namespace {
 
+constexpr std::chrono::milliseconds kSettleSlice(100);
+
 /// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the
 /// tracker's state.
 FrameState frame_state(const FrameResult& result) {
@@ -43,6 +45,7 @@ FrameLoop::FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link
       observers_(std::move(observers)) {}
 
 Result<bool> FrameLoop::run(const std::function<bool()>& stop_requested) {
+  stop_requested_ = stop_requested;
   Pacer pacer(source_, options_.pace, clock_, stop_requested);
   while (true) {
     auto event = pacer.next();
@@ -163,8 +166,12 @@ bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   return result.seed || result.keyframe || result.place_question;
 }
 
+/// In slices, so that a request to stop is heard while a server works.
 void FrameLoop::settle() {
-  if (!link_.wait_until_settled(options_.settle_timeout)) notify(&FrameObserver::on_unsettled, frames_seen_);
+  for (auto left = options_.settle_timeout; left > left.zero() && !stop_requested_(); left -= kSettleSlice) {
+    if (link_.wait_until_settled(std::min(left, kSettleSlice))) return;
+  }
+  if (!stop_requested_()) notify(&FrameObserver::on_unsettled, frames_seen_);
 }
 
 /// A server that came back without the map will never answer for it: as long as the tracker holds, the

@@ -70,6 +70,7 @@ class FrameLoop {
   PaceClock& clock_;
   const FrameLoopOptions options_;
   const std::vector<FrameObserver*> observers_;
+  std::function<bool()> stop_requested_ = [] { return false; };  ///< of run()
   StageClock stages_;
   size_t frames_seen_ = 0;
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
