@@ -53,9 +53,9 @@ int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std:
 void judge(const ConfirmOptions& options, Confirmation* result) {
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
-  } else if (result->inliers < options.min_share * std::min<double>(result->expected, result->corners)) {
+  } else if (result->inliers < options.min_share * result->met) {
     result->reason =
-        fmt::format("only {} of {} points that should be seen", result->inliers, result->expected);
+        fmt::format("only {} of {} corners look like the points there", result->inliers, result->met);
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
   } else {
@@ -69,7 +69,6 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
                      const IndexedMap& map, const IndexedKeyframe& keyframe, const ConfirmOptions& options) {
   Confirmation result;
   const auto matches = match_anywhere(view, keyframe, *map.snapshot);
-  result.corners = static_cast<int>(view.corners.size());
   result.matches = static_cast<int>(matches.size());
   if (result.matches < options.min_matches) {
     result.reason = fmt::format("{} corners look alike, {} needed", result.matches, options.min_matches);
@@ -101,6 +100,7 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
     result.camera_from_map = pose->camera_from_map;
     result.inliers = pose->inliers;
     result.expected = static_cast<int>(guided.expected);
+    result.met = static_cast<int>(guided.met);
     result.cells = count_cells(view, guided.matches, pose->weights, camera);
   }
   judge(options, &result);

@@ -121,6 +121,7 @@ GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const
   GuidedMatches found;
   std::vector<size_t> near;
   std::vector<PointId> projected;
+  std::vector<bool> met(view.corners.size());
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   for (const IndexedKeyframePtr& keyframe : keyframes) {
     for (size_t k = 0; k < keyframe->points.size(); ++k) {
@@ -138,6 +139,7 @@ GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const
         if (std::abs(corner.level - point.level) > 1) continue;
         const double reach = radius * (1 << corner.level);
         if ((corner.pixel.cast<double>() - *pixel).squaredNorm() > reach * reach) continue;
+        met[i] = true;
         const int distance = descriptor_distance(corner.descriptor, keyframe->descriptors[k]);
         if (distance >= best.distance) continue;
         best.corner = i;
@@ -148,6 +150,7 @@ GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const
   }
   keep_one_to_one(&found.matches);
   std::sort(projected.begin(), projected.end());
+  found.met = static_cast<size_t>(std::count(met.begin(), met.end(), true));
   found.expected = static_cast<size_t>(std::unique(projected.begin(), projected.end()) - projected.begin());
   return found;
 }

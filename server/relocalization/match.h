@@ -44,6 +44,7 @@ class CornerGrid {
 struct GuidedMatches {
   std::vector<PlaceMatch> matches;
   size_t expected = 0;
+  size_t met = 0;  ///< corners on which a point of about their level falls, whether alike or not
 };
 [[nodiscard]] GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                                           const SE3& camera_from_map, const IndexedMap& map,
