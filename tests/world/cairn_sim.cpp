@@ -14,6 +14,7 @@
 #include <string>
 
 #include "common/base/version.h"
+#include "tests/world/annotation.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -30,6 +31,7 @@ struct RenderRequest {
   std::string scenario;
   std::filesystem::path directory;
   SimulatorOptions options;
+  bool images = true;
 };
 
 std::string frame_name(Timestamp time) {
@@ -67,10 +69,10 @@ Status write_image(const std::filesystem::path& path, const GrayImage& image) {
   }
 }
 
-void write_pose(std::ostream& file, const SimFrame& frame) {
-  const Eigen::Vector3d& t = frame.map_from_camera.translation();
-  const Eigen::Quaterniond& q = frame.map_from_camera.rotation();
-  file << frame.time.seconds() << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y()
+void write_pose(std::ostream& file, Timestamp time, const SE3& map_from_camera) {
+  const Eigen::Vector3d& t = map_from_camera.translation();
+  const Eigen::Quaterniond& q = map_from_camera.rotation();
+  file << time.seconds() << ' ' << t.x() << ' ' << t.y() << ' ' << t.z() << ' ' << q.x() << ' ' << q.y()
        << ' ' << q.z() << ' ' << q.w() << '\n';
 }
 
@@ -85,17 +87,21 @@ Status render(const RenderRequest& request) {
   auto truth = open_file(request.directory / "groundtruth.txt");
   if (!truth) return tl::unexpected(truth.error());
   if (auto status = write_camera(request.directory, simulator->camera().parameters()); !status) return status;
+  if (auto status = write_annotation(request.directory, annotate(*simulator)); !status) return status;
 
   *list << "# timestamp filename\n" << std::setprecision(6);
   *truth << "# timestamp tx ty tz qx qy qz qw  camera to world, exact\n";
   const int count = simulator->frame_count();
   int written = 0;
   for (; written < count && !interrupted; ++written) {
-    const SimFrame frame = simulator->frame(written);
-    const std::string name = frame_name(frame.time);
-    if (auto status = write_image(request.directory / name, frame.image); !status) return status;
-    *list << frame.time.seconds() << ' ' << name << '\n';
-    write_pose(*truth, frame);
+    const Timestamp time = simulator->time(written);
+    write_pose(*truth, time, simulator->map_from_camera(time.seconds()));
+    if (!request.images) continue;
+    const std::string name = frame_name(time);
+    if (auto status = write_image(request.directory / name, simulator->frame(written).image); !status) {
+      return status;
+    }
+    *list << time.seconds() << ' ' << name << '\n';
     if (written % 30 == 29 || written + 1 == count)
       std::cerr << "\rframe " << written + 1 << " of " << count << std::flush;
   }
@@ -132,12 +138,17 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", "cairn-sim " + std::string(version()));
   const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
   CLI::App* render_command =
-      app.add_subcommand("render", "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout)");
+      app.add_subcommand("render",
+                         "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout), "
+                         "places.txt (what each frame shows) and phases.txt (what the wearer does)");
   RenderRequest request;
   std::map<std::string, std::string> values;
   render_command->add_option("scenario", request.scenario, "a name from `cairn-sim list`")->required();
   render_command->add_option("--out", request.directory, "directory to write to; made if missing")
       ->required();
+  bool no_images = false;
+  render_command->add_flag("--no-images", no_images,
+                           "truth and annotation only: a tracker reads `sim:` itself");
   add_simulator_options(render_command, &values);
   try {
     app.parse(argc, argv);
@@ -153,6 +164,7 @@ int run(int argc, char** argv) {
     if (render_command->count("--" + key) == 0) continue;
     if (auto status = request.options.set_option(key, value); !status) return report(status.error());
   }
+  request.images = !no_images;
   std::signal(SIGINT, on_interrupt);
   if (auto status = render(request); !status) return report(status.error());
   return interrupted ? kInterrupted : 0;

@@ -6,7 +6,9 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tests/world/furniture.h"
 #include "tests/world/patterns.h"
+#include "tests/world/route.h"
 #include "tests/world/world_builder.h"
 
 namespace cairn {
@@ -24,11 +26,13 @@ enum Stream : uint64_t { kSurfaces = 1, kPrint, kScreens, kBooks, kGoods, kMugs,
 /// Builds the desk part by part; places vary a little with the seed, pictures altogether.
 class DeskBuilder {
  public:
-  explicit DeskBuilder(uint64_t seed) : seed_(seed), world_("desk") {}
+  explicit DeskBuilder(const ScenarioOptions& options)
+      : options_(options), seed_(options.seed), world_("desk", light_of(options.daytime)) {}
 
   Scenario build() {
-    dark_ = world_.add_plain(0.09F);
-    light_ = world_.add_plain(0.72F);
+    world_.begin(SE3(), 0);
+    world_.scenario().places.push_back({"desk", 0, SE3()});
+    materials_ = {world_.add_plain(0.09F), world_.add_plain(0.72F)};
     add_screens();
     add_keyboard_and_mouse();
     add_books();
@@ -39,9 +43,9 @@ class DeskBuilder {
     add_wall();
     add_desk_and_floor();  // last: its texture holds the shadows of what stands there
     Scenario& scenario = world_.scenario();
-    scenario.camera = make_desk_camera();
-    scenario.vignetting = 0.6;
-    scenario.route = make_route();
+    RouteBuilder route;
+    route.add(PhaseKind::kMap, 0, make_route());
+    std::move(route).close(options_.carrier, &scenario);
     return std::move(scenario);
   }
 
@@ -53,41 +57,20 @@ class DeskBuilder {
   }
   [[nodiscard]] static BoxSides all_sides(const TextureRegion& region) { return {region, region, region}; }
 
-  static CameraPtr make_desk_camera() {
-    const auto camera = make_camera({CameraModel::kPinholeRadtan,
-                                     640,
-                                     480,
-                                     {502.3, 501.7, 321.4, 238.2, -0.18, 0.055, 0.0006, -0.0004, 0}});
-    if (!camera) throw std::logic_error(camera.error().message);
-    return *camera;
-  }
-
   void add_screens() {
     Random random(seed_, kScreens);
-    add_monitor(place(-0.23, 0.27, 8, random), world_.add_texture(code_screen(1024, 512, false, random)));
-    add_monitor(place(0.36, 0.27, -12, random), world_.add_texture(code_screen(1024, 512, true, random)));
-  }
-
-  void add_monitor(const Placement& at, const TextureRegion& screen) {
-    world_.add_box(at, {0.22, 0.16, 0.012}, all_sides(dark_));
-    world_.add_box({at * Eigen::Vector3d(0, 0.05, 0.012), at.yaw}, {0.05, 0.03, 0.14}, all_sides(dark_));
-    const Eigen::Vector3d size(0.50, 0.035, 0.31);
-    world_.add_box({at * Eigen::Vector3d(0, 0.02, 0.13), at.yaw}, size, all_sides(dark_));
-    const Eigen::Vector3d corner(-0.237, 0.02 - size.y() / 2 - 0.001, 0.13 + 0.025);
-    const Eigen::Vector3d origin = at * corner;
-    world_.add_panel(origin, at * Eigen::Vector3d(corner + Eigen::Vector3d(0.474, 0, 0)) - origin,
-                     {0, 0, 0.272}, screen);
+    const TextureRegion left = world_.add_texture(code_screen(1024, 512, false, random));
+    const TextureRegion right = world_.add_texture(code_screen(1024, 512, true, random));
+    add_monitor(place(-0.23, 0.27, 8, random), left, materials_, &world_);
+    add_monitor(place(0.36, 0.27, -12, random), right, materials_, &world_);
   }
 
   void add_keyboard_and_mouse() {
     Random random(seed_, kSurfaces);
     const TextureRegion keys = world_.add_texture(keyboard(1024, 256, random));
-    world_.add_box(place(0.0, -0.13, 2, random), {0.44, 0.135, 0.022}, {dark_, dark_, keys});
+    add_keyboard(place(0.0, -0.13, 2, random), keys, materials_, &world_);
     const TextureRegion cloth = world_.add_texture(fabric(256, 256, 4, 0.32F, random));
-    const Placement pad = place(0.37, -0.15, -5, random, 0.003);
-    world_.add_box({{pad.base.x(), pad.base.y(), 0}, pad.yaw}, {0.21, 0.18, 0.003}, {dark_, dark_, cloth});
-    world_.add_box({pad * Eigen::Vector3d(0.01, 0.02, 0), pad.yaw + 0.2}, {0.058, 0.1, 0.03},
-                   {dark_, light_, light_});
+    add_mouse(place(0.37, -0.15, -5, random), cloth, materials_, &world_);
   }
 
   void add_books() {
@@ -98,7 +81,7 @@ class DeskBuilder {
       TextureRegion back = world_.add_texture(spine(64, 512, random));
       const double thickness = random.uniform(0.018, 0.04);
       const Placement at = place(-0.60, -0.02, 12 + random.uniform(-14.0, 14.0), random, height);
-      world_.add_box(at, {0.17 - 0.008 * i, 0.24 - 0.01 * i, thickness}, {light_, back, front});
+      world_.add_box(at, {0.17 - 0.008 * i, 0.24 - 0.01 * i, thickness}, {materials_.light, back, front});
       height += thickness;
     }
     double x = 0.50;
@@ -106,7 +89,8 @@ class DeskBuilder {
       const TextureRegion back = world_.add_texture(spine(64, 512, random));
       const double thickness = random.uniform(0.018, 0.036);
       const Eigen::Vector3d size(thickness, 0.17, random.uniform(0.19, 0.27));
-      world_.add_box({{x + 0.16 + thickness / 2, 0.33, 0}, 0}, size, {back, dark_, light_});
+      world_.add_box({{x + 0.16 + thickness / 2, 0.33, 0}, 0}, size,
+                     {back, materials_.dark, materials_.light});
       x += thickness + 0.001;
     }
   }
@@ -122,19 +106,12 @@ class DeskBuilder {
     const TextureRegion label = world_.add_texture(wrapped_label(512, 256, 0.3F, random));
     for (int i = 0; i < 4; ++i) {  // a row of tins
       world_.add_cylinder(place(0.10 + 0.085 * i, 0.10 + 0.008 * i, random.uniform(-30.0, 30.0), random),
-                          0.036, 0.10, label, light_);
+                          0.036, 0.10, label, materials_.light);
     }
     const TextureRegion phone = world_.add_texture(code_screen(128, 256, false, random));
     const Placement at = place(0.56, -0.24, 15, random);
-    world_.add_box(at, {0.075, 0.15, 0.009}, {dark_, dark_, phone});
-    const Placement pot = place(-0.40, 0.17, 0, random);
-    world_.add_cylinder(pot, 0.04, 0.10, dark_, dark_);
-    for (int i = 0; i < 5; ++i) {  // pens
-      const Eigen::Vector3d foot =
-          pot * Eigen::Vector3d(random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.07);
-      const Eigen::Vector3d lean(random.uniform(-0.03, 0.03), random.uniform(-0.03, 0.03), 0.09);
-      world_.add_cable({foot, foot + lean}, 0.008, i % 2 == 0 ? light_ : product);
-    }
+    world_.add_box(at, {0.075, 0.15, 0.009}, {materials_.dark, materials_.dark, phone});
+    add_pen_pot(place(-0.40, 0.17, 0, random), product, materials_, random, &world_);
   }
 
   void add_mugs() {
@@ -142,9 +119,7 @@ class DeskBuilder {
     const TextureRegion label = world_.add_texture(wrapped_label(512, 256, 0.82F, random));
     for (const auto& [x, y] : {std::pair{-0.34, -0.06}, {0.27, -0.02}, {0.66, -0.08}}) {
       const Placement at = place(x, y, random.uniform(-180.0, 180.0), random);
-      world_.add_cylinder(at, 0.041, 0.095, label, dark_);
-      world_.add_box({at * Eigen::Vector3d(0.055, 0, 0.022), at.yaw}, {0.028, 0.012, 0.052},
-                     all_sides(light_));
+      add_mug(at, label, materials_, &world_);
     }
   }
 
@@ -166,28 +141,16 @@ class DeskBuilder {
     }
   }
 
-  /// A cable that hangs in an arc from one point to another, wandering sideways.
-  static std::vector<Eigen::Vector3d> hanging(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
-                                              double sag, Random& random) {
-    constexpr int kPieces = 14;
-    const double phase = random.uniform(0.0, 6.0);
-    std::vector<Eigen::Vector3d> points;
-    for (int i = 0; i <= kPieces; ++i) {
-      const double t = static_cast<double>(i) / kPieces;
-      Eigen::Vector3d point = from + t * (to - from);
-      point.z() = std::max(point.z() - 4 * sag * t * (1 - t), 0.004);
-      point.x() += 0.03 * std::sin(7 * t + phase) * t * (1 - t) * 4;
-      points.push_back(point);
-    }
-    return points;
-  }
-
   void add_cables() {
     Random random(seed_, kCables);
-    world_.add_cable(hanging({0.0, -0.06, 0.012}, {-0.05, 0.38, 0.004}, 0.02, random), 0.005, dark_);
-    world_.add_cable(hanging({0.38, -0.08, 0.02}, {0.16, 0.38, 0.004}, 0.03, random), 0.004, light_);
-    world_.add_cable(hanging({-0.23, 0.31, 0.25}, {-0.42, 0.40, 0.01}, 0.1, random), 0.007, dark_);
-    world_.add_cable(hanging({0.36, 0.32, 0.25}, {0.10, 0.41, 0.01}, 0.1, random), 0.007, dark_);
+    world_.add_cable(hanging_cable({0.0, -0.06, 0.012}, {-0.05, 0.38, 0.004}, 0.02, random), 0.005,
+                     materials_.dark);
+    world_.add_cable(hanging_cable({0.38, -0.08, 0.02}, {0.16, 0.38, 0.004}, 0.03, random), 0.004,
+                     materials_.light);
+    world_.add_cable(hanging_cable({-0.23, 0.31, 0.25}, {-0.42, 0.40, 0.01}, 0.1, random), 0.007,
+                     materials_.dark);
+    world_.add_cable(hanging_cable({0.36, 0.32, 0.25}, {0.10, 0.41, 0.01}, 0.1, random), 0.007,
+                     materials_.dark);
   }
 
   /// Blank but for a poster and a field of notes, all alike.
@@ -220,20 +183,11 @@ class DeskBuilder {
     Random random(seed_, kSurfaces + 200);
     constexpr int kWidth = 2048;
     constexpr int kHeight = 1024;
-    constexpr double kPerMetre = kWidth / kDeskWidth;
     Bitmap top = wood(kWidth, kHeight, random);
     draw_cable_tangle(&top, 0.46F * kWidth, 0.2F * kHeight, 110, 4, random);
     draw_cable_tangle(&top, 0.83F * kWidth, 0.28F * kHeight, 90, 3, random);
     draw_cable_tangle(&top, 0.06F * kWidth, 0.42F * kHeight, 70, 3, random);
-    for (const auto& footprint : world_.footprints()) {
-      const auto x = static_cast<float>((footprint.centre.x() + kDeskWidth / 2) * kPerMetre);
-      const auto y = static_cast<float>((kDeskDepth / 2 - footprint.centre.y()) * kPerMetre);
-      const Eigen::Vector2f half = (footprint.half_size * kPerMetre).cast<float>();
-      // A soft shadow, a little to the right and back, and a narrow dark seam under the edge.
-      top.shade_rectangle(x + 14, y - 12, half.x() + 8, half.y() + 8, static_cast<float>(-footprint.yaw), 26,
-                          0.35F);
-      top.shade_rectangle(x, y, half.x() + 2, half.y() + 2, static_cast<float>(-footprint.yaw), 6, 0.5F);
-    }
+    world_.paint_shadows(&top, kDeskWidth, kDeskDepth);
     const TextureRegion desk = world_.add_texture(top);
     const Eigen::Vector3d corner(-kDeskWidth / 2, -kDeskDepth / 2, 0);
     world_.add_panel(corner, {kDeskWidth, 0, 0}, {0, kDeskDepth, 0}, desk);
@@ -293,16 +247,16 @@ class DeskBuilder {
     return route;
   }
 
+  ScenarioOptions options_;
   uint64_t seed_;
   WorldBuilder world_;
-  TextureRegion dark_;
-  TextureRegion light_;
+  Materials materials_;
 };
 
 }  // namespace
 
-Scenario make_desk(uint64_t seed) {
-  return DeskBuilder(seed).build();
+Scenario make_desk(const ScenarioOptions& options) {
+  return DeskBuilder(options).build();
 }
 
 }  // namespace cairn

@@ -9,6 +9,6 @@ namespace cairn {
 
 /// A desk 1.6 m wide and 0.8 m deep, top at Z = 0, origin at its middle, X to the right and Y away from the
 /// viewer.
-[[nodiscard]] Scenario make_desk(uint64_t seed);
+[[nodiscard]] Scenario make_desk(const ScenarioOptions& options);
 
 }  // namespace cairn

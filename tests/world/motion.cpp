@@ -35,13 +35,16 @@ SE3 look_at(const Waypoint& view) {
 
 }  // namespace
 
-HandMotion::HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed)
+HandMotion::HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed,
+                       double steadiness)
     : route_(std::move(route)), interval_(interval), speed_(speed) {
   if (route_.size() < 4) throw std::invalid_argument("hand motion: four waypoints or more");
   for (size_t axis = 0; axis < 6; ++axis) {
     const bool rotation = axis >= 3;
-    sway_[axis] = make_waves(0.3, 2.5, 7, rotation ? kSwayRotation : kSwayTranslation, seed, axis);
-    tremor_[axis] = make_waves(6.5, 9.5, 5, rotation ? kTremorRotation : kTremorTranslation, seed, axis + 6);
+    sway_[axis] =
+        make_waves(0.3, 2.5, 7, (rotation ? kSwayRotation : kSwayTranslation) / steadiness, seed, axis);
+    tremor_[axis] = make_waves(6.5, 9.5, 5, (rotation ? kTremorRotation : kTremorTranslation) / steadiness,
+                               seed, axis + 6);
   }
 }
 

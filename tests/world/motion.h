@@ -23,8 +23,9 @@ class HandMotion {
  public:
   /// Waypoints are control points of a closed uniform cubic B-spline, passed every `interval` seconds at
   /// speed 1: the curve passes near them, not through them. `speed` scales route and sway, not the tremor.
-  /// Needs four waypoints or more; map Z is up.
-  HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed);
+  /// Needs four waypoints or more; map Z is up. `steadiness` divides sway and tremor.
+  HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed,
+             double steadiness = 1);
 
   /// Pose at a time from the start [s], any real number.
   [[nodiscard]] SE3 map_from_camera(double seconds) const;

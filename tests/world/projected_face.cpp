@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/projected_face.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace cairn {
@@ -31,11 +32,11 @@ IdealBox bounds_of(const std::array<Eigen::Vector3d, kMaxFaceCorners>& corners, 
 }  // namespace
 
 std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture,
-                                          const SE3& camera_from_map, const IdealBox& view) {
-  const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
+                                          const ViewMatrix& camera_from_body, const IdealBox& view) {
+  const Eigen::Matrix3d& rotation = camera_from_body.rotation;
   const Eigen::Vector3d normal = rotation * face.normal;
   const double plane =
-      normal.dot(camera_from_map * face.corners.front());  // normal.dot(p) == plane on the face
+      normal.dot(camera_from_body * face.corners.front());  // normal.dot(p) == plane on the face
   if (plane >= -1e-9) return std::nullopt;
 
   std::array<Eigen::Vector3d, kMaxFaceCorners> corners;
@@ -44,7 +45,7 @@ std::optional<ProjectedFace> project_face(const Face& face, const Texture& textu
   double nearest_depth = 1e9;
   double farthest_depth = -1e9;
   for (size_t i = 0; i < face.corners.size(); ++i) {
-    corners[i] = rotation * face.corners[i] + camera_from_map.translation();
+    corners[i] = camera_from_body * face.corners[i];
     nearest_depth = std::min(nearest_depth, corners[i].z());
     farthest_depth = std::max(farthest_depth, corners[i].z());
   }
@@ -60,7 +61,7 @@ std::optional<ProjectedFace> project_face(const Face& face, const Texture& textu
   const Eigen::Vector3d inverse_depth = normal / plane;
   const auto over_depth = [&](const Eigen::Vector3d& axis, double offset) {
     const Eigen::Vector3d camera_axis = rotation * axis;
-    return linear(camera_axis + (offset - camera_axis.dot(camera_from_map.translation())) * inverse_depth);
+    return linear(camera_axis + (offset - camera_axis.dot(camera_from_body.translation)) * inverse_depth);
   };
   result.inverse_depth = linear(inverse_depth);
   result.u_over_depth = over_depth(face.u_axis, face.u_offset);
@@ -69,6 +70,36 @@ std::optional<ProjectedFace> project_face(const Face& face, const Texture& textu
   result.texture = &texture;
   result.nearest = static_cast<float>(1.0 / std::max(nearest_depth, kNearDepth));
   return result;
+}
+
+bool FaceCluster::may_show(const ViewMatrix& camera_from_body, const IdealBox& view) const {
+  const Eigen::Vector3d ball = camera_from_body * centre;
+  // Planes through the eye and the sides of the view, normals inwards.
+  const std::array<Eigen::Vector3d, 4> sides = {
+      Eigen::Vector3d(1, 0, -view.x0), {-1, 0, view.x1}, {0, 1, -view.y0}, {0, -1, view.y1}};
+  return std::ranges::all_of(
+             sides, [&](const Eigen::Vector3d& side) { return side.dot(ball) >= -radius * side.norm(); }) &&
+         ball.z() > -radius;
+}
+
+std::vector<FaceCluster> cluster_faces(const std::vector<Face>& faces) {
+  std::vector<FaceCluster> clusters;
+  for (size_t first = 0; first < faces.size();) {
+    FaceCluster cluster;
+    cluster.first = first;
+    cluster.body = faces[first].body;
+    Eigen::AlignedBox3d box;
+    for (; first < faces.size() && faces[first].body == cluster.body &&
+           faces[first].place == faces[cluster.first].place;
+         ++first) {
+      for (const Eigen::Vector3d& corner : faces[first].corners) box.extend(corner);
+    }
+    cluster.count = first - cluster.first;
+    cluster.centre = box.center();
+    cluster.radius = 0.5 * box.diagonal().norm();
+    clusters.push_back(cluster);
+  }
+  return clusters;
 }
 
 }  // namespace cairn

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <optional>
+#include <vector>
 
 #include "common/geometry/se3.h"
 #include "tests/world/scenario.h"
@@ -65,8 +66,35 @@ struct ProjectedFace {
   return box.maximum(back.inverse_depth - front.inverse_depth) < 0;
 }
 
+/// A rigid motion ready for many points.
+struct ViewMatrix {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+
+  explicit ViewMatrix(const SE3& pose) : rotation(pose.rotation_matrix()), translation(pose.translation()) {}
+  [[nodiscard]] Eigen::Vector3d operator*(const Eigen::Vector3d& point) const {
+    return rotation * point + translation;
+  }
+};
+
 /// Nothing if the face shows its back, lies behind the camera or outside `view`.
 [[nodiscard]] std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture,
-                                                        const SE3& camera_from_map, const IdealBox& view);
+                                                        const ViewMatrix& camera_from_body,
+                                                        const IdealBox& view);
+
+/// Neighbouring faces of one body, in a ball.
+struct FaceCluster {
+  size_t first = 0;  ///< into Scenario::faces
+  size_t count = 0;
+  int body = 0;
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  ///< of the ball, in the body's coordinates
+  double radius = 0;
+
+  /// Whether any of it may show in `view`.
+  [[nodiscard]] bool may_show(const ViewMatrix& camera_from_body, const IdealBox& view) const;
+};
+
+/// Runs of faces of the same body and place.
+[[nodiscard]] std::vector<FaceCluster> cluster_faces(const std::vector<Face>& faces);
 
 }  // namespace cairn

@@ -52,9 +52,11 @@ void balance(std::span<const double> seconds, std::span<Eigen::Array2d> places) 
 Renderer::Renderer(const Scenario& scenario)
     : scenario_(scenario),
       kernels_(best_kernels()),
-      sampling_{static_cast<float>(1.0 / scenario.camera->focal_length()), kTextureLevelBias} {
+      sampling_{static_cast<float>(1.0 / scenario.camera->focal_length()), kTextureLevelBias},
+      clusters_(cluster_faces(scenario.faces)) {
   make_tiles();
   for (const Face& face : scenario.faces) {
+    if (face.body != 0) continue;
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
     for (const Eigen::Vector3d& corner : face.corners) sum += corner;
     landmarks_.push_back(sum / static_cast<double>(face.corners.size()));
@@ -150,12 +152,15 @@ void Renderer::plan_samples(const CameraPath& camera_from_map, double shutter) {
 }
 
 /// The faces in view, near ones first, so that they hide the far ones before those are looked at.
-void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
+void Renderer::project_faces(std::span<const ViewMatrix> camera_from_body, View* view) const {
   view->faces.clear();
-  for (const Face& face : scenario_.faces) {
-    auto projected =
-        project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], camera_from_map, view_);
-    if (projected) view->faces.push_back(*projected);
+  for (const FaceCluster& cluster : clusters_) {
+    const ViewMatrix& pose = camera_from_body[static_cast<size_t>(cluster.body)];
+    if (!cluster.may_show(pose, view_)) continue;
+    for (const Face& face : std::span(scenario_.faces).subspan(cluster.first, cluster.count)) {
+      auto projected = project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], pose, view_);
+      if (projected) view->faces.push_back(*projected);
+    }
   }
   view->near_to_far.clear();
   for (const ProjectedFace& face : view->faces)
@@ -163,9 +168,18 @@ void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
   std::ranges::stable_sort(view->near_to_far, std::greater{}, &VisibleFace::nearest);
 }
 
-void Renderer::project_views(const CameraPath& camera_from_map, double row_seconds) {
+void Renderer::project_views(const CameraPath& camera_from_map, const BodyPath& map_from_body,
+                             double row_seconds) {
+  std::vector<ViewMatrix> camera_from_body;
   for (size_t i = 0; i < samples_.size(); ++i) {
-    project_faces(camera_from_map(row_seconds + samples_[i].seconds), &views_[i]);
+    const double seconds = row_seconds + samples_[i].seconds;
+    const SE3 pose = camera_from_map(seconds);
+    camera_from_body.assign(1, ViewMatrix(pose));
+    for (size_t body = 1; body < scenario_.bodies.size(); ++body) {
+      camera_from_body.emplace_back(
+          pose * (map_from_body ? map_from_body(body, seconds) : scenario_.bodies[body].map_from_body));
+    }
+    project_faces(camera_from_body, &views_[i]);
   }
 }
 
@@ -251,7 +265,8 @@ void Renderer::develop_row(int tile_row, const Exposure& exposure, GrayImage* im
   }
 }
 
-void Renderer::render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image) {
+void Renderer::render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image,
+                      const BodyPath& map_from_body) {
   image->resize(scenario_.camera->width(), scenario_.camera->height());
   plan_samples(camera_from_map, exposure.shutter);
   const bool rolling = exposure.readout > 0;
@@ -259,7 +274,7 @@ void Renderer::render(const CameraPath& camera_from_map, const Exposure& exposur
     // With a rolling shutter each row of tiles has its own time; without, all see the same views.
     const double row_seconds =
         rolling ? exposure.readout * ((tile_row + 0.5) * kTileHeight / image->height() - 0.5) : 0;
-    if (rolling || tile_row == 0) project_views(camera_from_map, row_seconds);
+    if (rolling || tile_row == 0) project_views(camera_from_map, map_from_body, row_seconds);
     fill_bins(tile_row);
     for (size_t column = 0; column < sums_.size(); ++column) {
       sample_tile(tiles_[static_cast<size_t>(tile_row) * sums_.size() + column], column, &sums_[column]);

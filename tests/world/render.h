@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "common/geometry/camera.h"
@@ -15,6 +16,8 @@ namespace cairn {
 
 /// camera_from_map as a function of the time [s] from the middle of the exposure of the middle row.
 using CameraPath = std::function<SE3(double seconds)>;
+/// map_from_body, likewise, of a body other than the first.
+using BodyPath = std::function<SE3(size_t body, double seconds)>;
 
 struct Exposure {
   double shutter = 0;      ///< s that each row is exposed; motion blur
@@ -31,8 +34,10 @@ class Renderer {
  public:
   explicit Renderer(const Scenario& scenario);
 
-  /// Renders one frame of the camera's size into `image`, reusing its memory.
-  void render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image);
+  /// Renders one frame of the camera's size into `image`, reusing its memory. Without `map_from_body`, bodies
+  /// are where they are at first.
+  void render(const CameraPath& camera_from_map, const Exposure& exposure, GrayImage* image,
+              const BodyPath& map_from_body = {});
 
  private:
   struct Tile {
@@ -65,8 +70,8 @@ class Renderer {
   void make_tiles();
   [[nodiscard]] double image_motion(const SE3& begin_from_map, const SE3& end_from_map) const;
   void plan_samples(const CameraPath& camera_from_map, double shutter);
-  void project_faces(const SE3& camera_from_map, View* view) const;
-  void project_views(const CameraPath& camera_from_map, double row_seconds);
+  void project_faces(std::span<const ViewMatrix> camera_from_body, View* view) const;
+  void project_views(const CameraPath& camera_from_map, const BodyPath& map_from_body, double row_seconds);
   static void bin_face(const VisibleFace& visible, const IdealBox& box, TileBin* bin);
   void fill_bins(int tile_row);
   void sample_tile(const Tile& tile, size_t column, TileSum* sum) const;
@@ -80,7 +85,8 @@ class Renderer {
   std::vector<Tile> tiles_;
   std::vector<IdealBox> row_boxes_;
   IdealBox view_;
-  std::vector<Eigen::Vector3d> landmarks_;  ///< centres of faces, to measure image motion
+  std::vector<FaceCluster> clusters_;
+  std::vector<Eigen::Vector3d> landmarks_;  ///< centres of faces of the first body, to measure image motion
 
   // Kept between frames for their memory only.
   std::vector<Sample> samples_;

@@ -321,7 +321,7 @@ TEST(TileKernels, AllProcessorsGiveTheSameBytes) {
     const Face face =
         make_face(origin, {random.uniform(0.1, 0.9), 0, random.uniform(-0.3, 0.3)},
                   {0, -random.uniform(0.1, 0.9), random.uniform(-0.3, 0.3)}, {0, 0, 0, 64, 64}, 0.9F);
-    if (const auto p = project_face(face, texture, SE3(), view)) projected.push_back(*p);
+    if (const auto p = project_face(face, texture, ViewMatrix(SE3()), view)) projected.push_back(*p);
   }
   ASSERT_GT(projected.size(), 20U);
   std::vector<TileFace> faces;

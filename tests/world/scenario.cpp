@@ -1,9 +1,54 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/scenario.h"
 
+#include <algorithm>
+#include <array>
+
 #include "tests/world/desk.h"
+#include "tests/world/office.h"
 
 namespace cairn {
+namespace {
+
+struct Recipe {
+  ScenarioInfo info;
+  Scenario (*make)(const ScenarioOptions& options);
+};
+
+constexpr std::array<Recipe, 2> kRecipes = {
+    {{{"desk",
+       "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; a round trip of 55 s"},
+      make_desk},
+     {{"desks",
+       "an office of 15 look-alike curved desks, two of them nearly empty; 12 are mapped one by one, then "
+       "all 15 "
+       "are visited in another order"},
+      make_office}}};
+
+}  // namespace
+
+SE3 Body::at(double route_seconds) const {
+  SE3 pose = map_from_body;
+  for (const Glide& glide : glides) {
+    const double part = std::clamp((route_seconds - glide.begin) / (glide.end - glide.begin), 0.0, 1.0);
+    const double eased = part * part * part * (10 - 15 * part + 6 * part * part);  // C2 at both ends
+    pose = SE3(pose.rotation().slerp(eased, glide.map_from_body.rotation()),
+               pose.translation() + eased * (glide.map_from_body.translation() - pose.translation()));
+  }
+  return pose;
+}
+
+std::string_view to_string(PhaseKind kind) {
+  switch (kind) {
+    case PhaseKind::kMap:
+      return "map";
+    case PhaseKind::kWalk:
+      return "walk";
+    case PhaseKind::kVisit:
+      return "visit";
+  }
+  return "";
+}
 
 Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right, const Eigen::Vector3d& up,
                const TextureRegion& region, float brightness) {
@@ -23,17 +68,21 @@ Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right, cons
 }
 
 const std::vector<ScenarioInfo>& scenario_list() {
-  static const std::vector<ScenarioInfo> scenarios = {{"desk",
-                                                       "a 1.6 m desk with monitors, books, print, mugs and "
-                                                       "cables before a blank wall; a round trip of 55 s"}};
+  static const std::vector<ScenarioInfo> scenarios = [] {
+    std::vector<ScenarioInfo> list;
+    for (const Recipe& recipe : kRecipes) list.push_back(recipe.info);
+    return list;
+  }();
   return scenarios;
 }
 
-Result<Scenario> make_scenario(std::string_view name, uint64_t seed) {
-  if (name == "desk") return make_desk(seed);
+Result<Scenario> make_scenario(std::string_view name, const ScenarioOptions& options) {
+  for (const Recipe& recipe : kRecipes) {
+    if (recipe.info.name == name) return recipe.make(options);
+  }
   std::string message = "scenario '";
   message.append(name).append("': unknown; there are:");
-  for (const ScenarioInfo& info : scenario_list()) message.append(" ").append(info.name);
+  for (const Recipe& recipe : kRecipes) message.append(" ").append(recipe.info.name);
   return fail(ErrorCode::kUsage, message);
 }
 

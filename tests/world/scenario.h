@@ -9,6 +9,7 @@
 
 #include "common/base/result.h"
 #include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
 #include "tests/world/motion.h"
 #include "tests/world/texture.h"
 
@@ -28,6 +29,55 @@ struct Face {
   double u_offset = 0;
   double v_offset = 0;
   float brightness = 1;  ///< grey value of a white texel = 255 * brightness * gain
+  int body = 0;          ///< index into Scenario::bodies; corners and axes are in its coordinates
+  int place = -1;        ///< index into Scenario::places that it is a part of, -1 none
+};
+
+/// Faces that move together: fixed between stations, gliding from one to the next.
+struct Body {
+  struct Glide {
+    double begin = 0;  ///< s on the clock of the route
+    double end = 0;
+    SE3 map_from_body;  ///< from `end` on
+  };
+  SE3 map_from_body;  ///< at first
+  std::vector<Glide> glides;
+
+  [[nodiscard]] SE3 at(double route_seconds) const;
+};
+
+/// A part of the world that deserves a map of its own.
+struct Place {
+  std::string name;
+  int body = 0;  ///< what it moves with
+  SE3 body_from_place;
+};
+
+enum class PhaseKind : uint8_t {
+  kMap,    ///< the wearer makes a map of the place
+  kWalk,   ///< on the way; the place is where to
+  kVisit,  ///< the wearer comes back to the place, or to one that has no map
+};
+[[nodiscard]] std::string_view to_string(PhaseKind kind);
+
+/// What the wearer does from `begin` to `end` [s].
+struct Phase {
+  PhaseKind kind = PhaseKind::kWalk;
+  int place = -1;
+  double begin = 0;
+  double end = 0;
+};
+
+enum class Carrier : uint8_t { kHand, kShoulder };
+enum class Daytime : uint8_t { kMorning, kLater };
+enum class Session : uint8_t { kAll, kMap, kVisit };
+
+/// Which of the worlds of a name.
+struct ScenarioOptions {
+  uint64_t seed = 1;                    ///< layout, textures, clutter, route
+  Carrier carrier = Carrier::kHand;     ///< which of the wearer's cameras
+  Daytime daytime = Daytime::kMorning;  ///< light only; geometry and route stay
+  Session session = Session::kAll;      ///< which phases
 };
 
 /// A part of a texture, in texels.
@@ -37,6 +87,7 @@ struct TextureRegion {
   double y0 = 0;
   double width = 0;
   double height = 0;
+  double warmth = 0;  ///< colour, as far as a grey camera tells: -1 blue, 1 red
 };
 
 /// The parallelogram origin, origin + right, origin + right + up, origin + up (counter-clockwise seen from
@@ -49,10 +100,17 @@ struct Scenario {
   std::string name;
   std::vector<Texture> textures;
   std::vector<Face> faces;
+  std::vector<Body> bodies = {Body{}};  ///< the first is the map itself
+  std::vector<Place> places;
   CameraPtr camera;
-  double vignetting = 0;        ///< 0 none, 1 the cos^4 law
-  std::vector<Waypoint> route;  ///< of the hand that holds the camera
+  double vignetting = 0;  ///< 0 none, 1 the cos^4 law
+  Carrier carrier = Carrier::kHand;
+  std::vector<Waypoint> route;  ///< of the camera, one every kWaypointInterval
+  std::vector<Phase> phases;    ///< in order, without gaps, on the clock of the route
+  bool endless = true;          ///< the route is a loop
 };
+
+constexpr double kWaypointInterval = 0.6;  // s at speed 1
 
 struct ScenarioInfo {
   std::string_view name;
@@ -60,8 +118,7 @@ struct ScenarioInfo {
 };
 [[nodiscard]] const std::vector<ScenarioInfo>& scenario_list();
 
-/// The named scenario; the seed decides textures, clutter and route. An unknown name is kUsage and the
-/// message lists the scenarios there are.
-[[nodiscard]] Result<Scenario> make_scenario(std::string_view name, uint64_t seed);
+/// The named scenario. An unknown name is kUsage and the message lists the scenarios there are.
+[[nodiscard]] Result<Scenario> make_scenario(std::string_view name, const ScenarioOptions& options);
 
 }  // namespace cairn

@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/simulator.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <functional>
+#include <initializer_list>
 #include <numbers>
 
 #include "tests/world/random.h"
@@ -10,7 +13,13 @@
 namespace cairn {
 namespace {
 
-constexpr double kWaypointInterval = 0.6;  // s
+constexpr int kLoopFrames = 1800;
+constexpr double kHandSeconds = 1.2;
+constexpr double kBlackoutSeconds = 0.5;
+constexpr double kJerkSeconds = 0.6;
+constexpr double kShoulderSteadiness = 1.6;
+
+enum Stream : uint64_t { kHands = 0x68, kBlackouts = 0x62, kJerks = 0x6A };
 
 Status bad_value(std::string_view key, std::string_view text) {
   std::string message = "simulator option ";
@@ -33,18 +42,39 @@ Status parse(std::string_view key, std::string_view text, Number low, Number hig
   return {};
 }
 
+template <typename Value>
+struct Word {
+  std::string_view text;
+  Value value;
+};
+template <typename Value>
+Status choose(std::string_view key, std::string_view text, std::initializer_list<Word<Value>> words,
+              Value* value) {
+  for (const Word<Value>& word : words) {
+    if (word.text != text) continue;
+    *value = word.value;
+    return {};
+  }
+  return bad_value(key, text);
+}
+
 }  // namespace
 
 const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
   static const std::vector<Help> options = {
       {"seed", "a whole number from 0: decides world, route, hand and noise"},
-      {"camera", "hand (the only one so far)"},
-      {"frames", "a number of frames, 1 to 1000000"},
+      {"camera", "hand or shoulder: which of the wearer's cameras"},
+      {"light", "morning or later: geometry and motion stay"},
+      {"session", "all, map or visit: both parts of an experiment or one"},
+      {"frames", "a number of frames, 1 to 1000000; all of the route if not given"},
       {"noise", "sigma of the pixel noise in grey levels, 0 to 50"},
       {"blur", "shutter as a fraction of the frame time, 0 to 1"},
       {"rolling", "read-out as a fraction of the frame time, 0 to 1"},
       {"speed", "a factor on the speed of the hand, 0.05 to 10"},
       {"exposure", "amplitude of the changes of exposure, 0 to 0.9"},
+      {"hands", "times a minute that a hand comes before the lens, 0 to 20"},
+      {"blackouts", "times a minute that the picture is black, 0 to 20"},
+      {"jerks", "times a minute that the camera is jerked aside and back, 0 to 20"},
   };
   return options;
 }
@@ -57,9 +87,18 @@ Status SimulatorOptions::set_option(std::string_view key, std::string_view value
   if (key == "rolling") return parse(key, value, 0.0, 1.0, &rolling);
   if (key == "speed") return parse(key, value, 0.05, 10.0, &speed);
   if (key == "exposure") return parse(key, value, 0.0, 0.9, &exposure);
+  if (key == "hands") return parse(key, value, 0.0, 20.0, &hands);
+  if (key == "blackouts") return parse(key, value, 0.0, 20.0, &blackouts);
+  if (key == "jerks") return parse(key, value, 0.0, 20.0, &jerks);
   if (key == "camera") {
-    if (value == "hand") return {};
-    return bad_value(key, value);
+    return choose(key, value, {{"hand", Carrier::kHand}, {"shoulder", Carrier::kShoulder}}, &carrier);
+  }
+  if (key == "light") {
+    return choose(key, value, {{"morning", Daytime::kMorning}, {"later", Daytime::kLater}}, &daytime);
+  }
+  if (key == "session") {
+    return choose(key, value, {{"all", Session::kAll}, {"map", Session::kMap}, {"visit", Session::kVisit}},
+                  &session);
   }
   std::string message = "simulator option '";
   message.append(key).append("': unknown; there are:");
@@ -68,15 +107,68 @@ Status SimulatorOptions::set_option(std::string_view key, std::string_view value
 }
 
 Simulator::Simulator(Scenario scenario, const SimulatorOptions& options)
-    : scenario_(std::make_unique<const Scenario>(std::move(scenario))),
-      options_(options),
-      motion_(scenario_->route, kWaypointInterval, options.speed, options.seed),
-      renderer_(*scenario_) {}
+    : options_(options),
+      hand_body_(options.hands > 0 ? add_hand(options.seed, &scenario) : 0),
+      scenario_(std::make_unique<const Scenario>(std::move(scenario))),
+      motion_(scenario_->route, kWaypointInterval, options.speed, options.seed,
+              scenario_->carrier == Carrier::kShoulder ? kShoulderSteadiness : 1),
+      hands_(options.hands, kHandSeconds, options.seed, kHands),
+      blackouts_(options.blackouts, kBlackoutSeconds, options.seed, kBlackouts),
+      jerks_(options.jerks, kJerkSeconds, options.seed, kJerks),
+      renderer_(*scenario_),
+      census_(*scenario_) {
+  frame_count_ = options.frames > 0 ? options.frames
+                 : scenario_->endless
+                     ? kLoopFrames
+                     : static_cast<int>(scenario_->phases.back().end / options.speed * kSimulatorFrameRate);
+}
 
 Result<Simulator> Simulator::make(std::string_view scenario, const SimulatorOptions& options) {
-  auto made = make_scenario(scenario, options.seed);
+  auto made = make_scenario(scenario, {options.seed, options.carrier, options.daytime, options.session});
   if (!made) return tl::unexpected(made.error());
   return Simulator(std::move(*made), options);
+}
+
+SE3 Simulator::map_from_camera(double seconds) const {
+  const SE3 pose = motion_.map_from_camera(seconds);
+  const auto jerked = jerks_.at(seconds);
+  return jerked ? pose * jerk(jerked->part, jerked->event, options_.seed) : pose;
+}
+
+SE3 Simulator::map_from_body(size_t body, double seconds) const {
+  if (body == 0 || body != hand_body_) return scenario_->bodies[body].at(seconds * options_.speed);
+  const auto passing = hands_.at(seconds);
+  return map_from_camera(seconds) * camera_from_hand(passing ? passing->part : 0);
+}
+
+std::vector<Phase> Simulator::phases() const {
+  std::vector<Phase> phases = scenario_->phases;
+  for (Phase& phase : phases) {
+    phase.begin /= options_.speed;
+    phase.end /= options_.speed;
+  }
+  return phases;
+}
+
+SimView Simulator::view(int index) const {
+  const double seconds = time(index).seconds();
+  SimView view;
+  view.dark = blackouts_.at(seconds).has_value();
+  if (view.dark) return view;
+  const SE3 camera_from_map = map_from_camera(seconds).inverse();
+  std::vector<ViewMatrix> camera_from_body;
+  for (size_t body = 0; body < scenario_->bodies.size(); ++body) {
+    camera_from_body.emplace_back(camera_from_map * map_from_body(body, seconds));
+  }
+  const std::vector<double> shares = census_.shares(camera_from_body);
+  for (size_t i = 0; i < shares.size(); ++i) {
+    if (shares[i] <= 0) continue;
+    const Place& place = scenario_->places[i];
+    view.places.push_back({static_cast<int>(i), shares[i],
+                           map_from_body(static_cast<size_t>(place.body), seconds) * place.body_from_place});
+  }
+  std::ranges::stable_sort(view.places, std::greater{}, &SimView::PlaceShare::share);
+  return view;
 }
 
 Timestamp Simulator::time(int index) const {
@@ -99,11 +191,12 @@ SimFrame Simulator::frame(int index) {
   Exposure exposure;
   exposure.shutter = options_.blur / kSimulatorFrameRate;
   exposure.readout = options_.rolling / kSimulatorFrameRate;
-  exposure.gain = gain_at(seconds);
+  exposure.gain = blackouts_.at(seconds) ? 0 : gain_at(seconds);
   exposure.noise_sigma = options_.noise;
   exposure.noise_key = mix_bits(options_.seed) + static_cast<uint64_t>(index);
   renderer_.render([&](double offset) { return map_from_camera(seconds + offset).inverse(); }, exposure,
-                   &frame.image);
+                   &frame.image,
+                   [&](size_t body, double offset) { return map_from_body(body, seconds + offset); });
   return frame;
 }
 

@@ -12,6 +12,8 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "tests/world/census.h"
+#include "tests/world/disturbance.h"
 #include "tests/world/motion.h"
 #include "tests/world/render.h"
 #include "tests/world/scenario.h"
@@ -22,13 +24,19 @@ constexpr double kSimulatorFrameRate = 30;  // Hz
 
 /// What the URI of a `sim:` source and the options of cairn-sim can set.
 struct SimulatorOptions {
-  uint64_t seed = 1;       ///< of the world, the route, the hand and the noise
-  int frames = 1800;       ///< number of frames; the route is a closed loop and goes on for ever
+  uint64_t seed = 1;  ///< of the world, the route, the hand and the noise
+  Carrier carrier = Carrier::kHand;
+  Daytime daytime = Daytime::kMorning;
+  Session session = Session::kAll;
+  int frames = 0;          ///< number of frames; 0: the whole route, or 1800 where it is a closed loop
   double noise = 1.5;      ///< Gaussian noise, grey levels (sigma)
   double blur = 0.25;      ///< shutter: fraction of the frame time that each row is exposed
   double rolling = 0;      ///< read-out: fraction of the frame time from the first row to the last
   double speed = 1;        ///< factor on the speed of the hand
   double exposure = 0.08;  ///< amplitude of the changes of gain, as a fraction
+  double hands = 0;        ///< times a minute that a hand comes before the lens, for 1.2 s
+  double blackouts = 0;    ///< times a minute that the picture is black, for 0.5 s
+  double jerks = 0;        ///< times a minute that the camera is jerked aside and back, within 0.6 s
 
   /// Sets an option from its name and text, as in `sim:desk?seed=2&noise=3`. kUsage names the option and what
   /// it takes.
@@ -46,6 +54,17 @@ struct SimFrame {
   SE3 map_from_camera;  ///< exact, at `time`
 };
 
+/// What there is to see in a frame.
+struct SimView {
+  struct PlaceShare {
+    int place = 0;       ///< index into the places
+    double share = 0;    ///< of the picture, > 0
+    SE3 map_from_place;  ///< at the frame's time
+  };
+  std::vector<PlaceShare> places;  ///< the largest share first; empty in the dark
+  bool dark = false;               ///< blackout
+};
+
 /// A camera in a simulated world. Frames may be asked for in any order: frame i is the same whenever it is
 /// rendered. One per thread.
 class Simulator {
@@ -54,23 +73,36 @@ class Simulator {
   /// The named scenario with the seed of the options.
   [[nodiscard]] static Result<Simulator> make(std::string_view scenario, const SimulatorOptions& options);
 
-  [[nodiscard]] int frame_count() const { return options_.frames; }
+  [[nodiscard]] int frame_count() const { return frame_count_; }
   [[nodiscard]] const Camera& camera() const { return *scenario_->camera; }
   [[nodiscard]] CameraPtr shared_camera() const { return scenario_->camera; }
 
   [[nodiscard]] Timestamp time(int index) const;
   /// Truth at any time [s] from the start.
-  [[nodiscard]] SE3 map_from_camera(double seconds) const { return motion_.map_from_camera(seconds); }
+  [[nodiscard]] SE3 map_from_camera(double seconds) const;
   /// Renders frame `index`, 0 <= index < frame_count().
   [[nodiscard]] SimFrame frame(int index);
 
+  [[nodiscard]] const std::vector<Place>& places() const { return scenario_->places; }
+  /// In order, without gaps; times in seconds from the start.
+  [[nodiscard]] std::vector<Phase> phases() const;
+  /// What frame `index` shows, without rendering it.
+  [[nodiscard]] SimView view(int index) const;
+
  private:
   [[nodiscard]] double gain_at(double seconds) const;
+  [[nodiscard]] SE3 map_from_body(size_t body, double seconds) const;
 
-  std::unique_ptr<const Scenario> scenario_;  // where the renderer looks, also after a move
   SimulatorOptions options_;
+  size_t hand_body_;                          ///< 0 without
+  std::unique_ptr<const Scenario> scenario_;  // where the renderer looks, also after a move
   HandMotion motion_;
+  EventTrain hands_;
+  EventTrain blackouts_;
+  EventTrain jerks_;
+  int frame_count_;
   Renderer renderer_;
+  Census census_;
 };
 
 }  // namespace cairn

@@ -74,7 +74,11 @@ CornerStatistics find_corners(const GrayImage& image) {
 TEST(SimulatorOptions, SetsEveryOptionThatItNames) {
   for (const auto& help : SimulatorOptions::help()) {
     SimulatorOptions options;
-    const std::string value = help.key == "camera" ? "hand" : help.key == "exposure" ? "0.5" : "1";
+    const std::string value = help.key == "camera"     ? "shoulder"
+                              : help.key == "light"    ? "later"
+                              : help.key == "session"  ? "visit"
+                              : help.key == "exposure" ? "0.5"
+                                                       : "1";
     EXPECT_TRUE(options.set_option(help.key, value)) << help.key;
     const auto refused = options.set_option(help.key, "-3x");
     ASSERT_FALSE(refused) << help.key;
@@ -97,12 +101,12 @@ TEST(SimulatorOptions, RefusesUnknownAndOutOfRange) {
 }
 
 TEST(Scenario, UnknownNameListsTheKnown) {
-  const auto made = make_scenario("moon", 1);
+  const auto made = make_scenario("moon", {});
   ASSERT_FALSE(made);
   EXPECT_EQ(made.error().code, ErrorCode::kUsage);
   for (const ScenarioInfo& info : scenario_list()) {
     EXPECT_NE(made.error().message.find(info.name), std::string::npos);
-    EXPECT_TRUE(make_scenario(info.name, 3)) << info.name;
+    EXPECT_TRUE(make_scenario(info.name, {.seed = 3})) << info.name;
   }
 }
 

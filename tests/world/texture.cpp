@@ -21,7 +21,7 @@ Range covered(float low, float high, int size) {
 }
 
 uint32_t to_byte(float reflectance) {
-  return static_cast<uint32_t>(std::lround(std::clamp(reflectance, 0.0F, 1.0F) * 255.0F));
+  return static_cast<uint32_t>(std::clamp(reflectance, 0.0F, 1.0F) * 255.0F + 0.5F);
 }
 
 Texture::Level pack(const Bitmap& picture) {

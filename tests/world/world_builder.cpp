@@ -14,21 +14,33 @@ namespace {
 constexpr int kCylinderSides = 16;
 static_assert(kCylinderSides <= kMaxFaceCorners);
 
-float brightness_of(const Eigen::Vector3d& normal) {
-  const Eigen::Vector3d to_light = Eigen::Vector3d(-0.35, -0.45, 0.82).normalized();
-  return static_cast<float>(0.5 + 0.62 * std::max(0.0, normal.dot(to_light)));
-}
-
 }  // namespace
+
+Light light_of(Daytime daytime) {
+  if (daytime == Daytime::kMorning) return {};
+  return {Eigen::Vector3d(0.62, -0.2, 0.6), 0.34, 0.66, 0.3, Eigen::Vector2d(-0.034, 0.012), true};
+}
 
 Eigen::Vector3d Placement::operator*(const Eigen::Vector3d& local) const {
   return base + Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * local;
 }
 
-TextureRegion WorldBuilder::add_texture(const Bitmap& picture) {
+void WorldBuilder::begin(const SE3& body_from_frame, int place, int body) {
+  body_from_frame_ = body_from_frame;
+  place_ = place;
+  body_ = body;
+  footprints_.clear();
+}
+
+float WorldBuilder::brightness_of(const Eigen::Vector3d& normal, const TextureRegion& region) const {
+  const double lit = std::max(0.0, normal.dot(light_.to_source.normalized()));
+  return static_cast<float>((light_.ambient + light_.direct * lit) * (1 + light_.warmth * region.warmth));
+}
+
+TextureRegion WorldBuilder::add_texture(const Bitmap& picture, double warmth) {
   scenario_.textures.emplace_back(picture);
-  return {static_cast<int>(scenario_.textures.size()) - 1, 0, 0, static_cast<double>(picture.width()),
-          static_cast<double>(picture.height())};
+  return {static_cast<int>(scenario_.textures.size()) - 1, 0,     0, static_cast<double>(picture.width()),
+          static_cast<double>(picture.height()),           warmth};
 }
 
 TextureRegion WorldBuilder::add_plain(float value) {
@@ -43,8 +55,26 @@ TextureRegion WorldBuilder::add_plain(float value) {
 
 void WorldBuilder::add_panel(const Eigen::Vector3d& origin, const Eigen::Vector3d& right,
                              const Eigen::Vector3d& up, const TextureRegion& region) {
-  scenario_.faces.push_back(
-      make_face(origin, right, up, region, brightness_of(right.cross(up).normalized())));
+  add_cut_out({}, origin, right, up, region);
+}
+
+void WorldBuilder::add_cut_out(const std::vector<Eigen::Vector3d>& corners, const Eigen::Vector3d& origin,
+                               const Eigen::Vector3d& right, const Eigen::Vector3d& up,
+                               const TextureRegion& region) {
+  const Eigen::Matrix3d rotation = body_from_frame_.rotation_matrix();
+  const Eigen::Vector3d normal = rotation * right.cross(up).normalized();
+  // Light falls on moving bodies as where they are at first.
+  const Eigen::Matrix3d map_from_body =
+      scenario_.bodies[static_cast<size_t>(body_)].map_from_body.rotation_matrix();
+  Face face = make_face(rotation * origin + body_from_frame_.translation(), rotation * right, rotation * up,
+                        region, brightness_of(map_from_body * normal, region));
+  if (!corners.empty()) face.corners.clear();
+  for (const Eigen::Vector3d& corner : corners) {
+    face.corners.push_back(rotation * corner + body_from_frame_.translation());
+  }
+  face.place = place_;
+  face.body = body_;
+  scenario_.faces.push_back(std::move(face));
 }
 
 void WorldBuilder::add_footprint(const Placement& at, double half_width, double half_depth) {
@@ -81,13 +111,11 @@ void WorldBuilder::add_cylinder(const Placement& at, double radius, double heigh
     add_panel(rim(i), rim(i + 1) - rim(i), up, strip);
   }
   // The lid is cut from the square about it.
-  Face lid = make_face(at * Eigen::Vector3d(-radius, -radius, height),
-                       at * Eigen::Vector3d(radius, -radius, 0) - at * Eigen::Vector3d(-radius, -radius, 0),
-                       at * Eigen::Vector3d(-radius, radius, 0) - at * Eigen::Vector3d(-radius, -radius, 0),
-                       top, brightness_of(Eigen::Vector3d::UnitZ()));
-  lid.corners.clear();
-  for (int i = 0; i < kCylinderSides; ++i) lid.corners.push_back(rim(i) + up);
-  scenario_.faces.push_back(std::move(lid));
+  std::vector<Eigen::Vector3d> lid;
+  for (int i = 0; i < kCylinderSides; ++i) lid.push_back(rim(i) + up);
+  const Eigen::Vector3d corner = at * Eigen::Vector3d(-radius, -radius, height);
+  add_cut_out(lid, corner, at * Eigen::Vector3d(radius, -radius, height) - corner,
+              at * Eigen::Vector3d(-radius, radius, height) - corner, top);
   add_footprint(at, radius * 0.85, radius * 0.85);
 }
 
@@ -112,6 +140,24 @@ void WorldBuilder::add_sheet(const Placement& at, double width, double depth, co
   const Eigen::Vector3d origin = at * Eigen::Vector3d(-width / 2, -depth / 2, 0);
   add_panel(origin, at * Eigen::Vector3d(width / 2, -depth / 2, 0) - origin,
             at * Eigen::Vector3d(-width / 2, depth / 2, 0) - origin, region);
+}
+
+void WorldBuilder::paint_shadows(Bitmap* picture, double width, double depth) const {
+  const double per_metre = picture->width() / width;
+  const auto pixels = [per_metre](double metres) { return static_cast<float>(metres * per_metre); };
+  for (const Footprint& footprint : footprints_) {
+    const float x = pixels(footprint.centre.x() + width / 2);
+    const float y = pixels(depth / 2 - footprint.centre.y());
+    const float half_x = pixels(footprint.half_size.x());
+    const float half_y = pixels(footprint.half_size.y());
+    const auto angle = static_cast<float>(-footprint.yaw);
+    // A soft shadow on the side away from the light and a narrow dark seam under the edge.
+    picture->shade_rectangle(x + pixels(light_.shadow.x()), y - pixels(light_.shadow.y()),
+                             half_x + pixels(0.00625), half_y + pixels(0.00625), angle, pixels(0.0203),
+                             0.35F);
+    picture->shade_rectangle(x, y, half_x + pixels(0.0016), half_y + pixels(0.0016), angle, pixels(0.0047),
+                             0.5F);
+  }
 }
 
 }  // namespace cairn
