@@ -136,14 +136,20 @@ Annotation annotate(const Simulator& simulator) {
       if (share >= kLeastShare) annotation.frames.back().shares.push_back({place, share, pose});
     }
   }
-  const auto frame_time = [&](double seconds) {
-    const auto index = static_cast<int>(std::ceil(seconds * kSimulatorFrameRate - 1e-6));
-    return simulator.time(std::min(index, simulator.frame_count()));
+  // A phase's own frames decide its times; one that comes after the last frame is not there.
+  const auto shown = [&](const Phase& phase) {
+    const auto first = std::ranges::lower_bound(annotation.frames, Timestamp::from_seconds(phase.begin), {},
+                                                &Annotation::Frame::time);
+    const auto last = std::ranges::lower_bound(
+        first, annotation.frames.end(), Timestamp::from_seconds(phase.end), {}, &Annotation::Frame::time);
+    return std::pair(first, last);
   };
   for (const Phase& phase : simulator.phases()) {
-    const Timestamp begin = frame_time(phase.begin);
-    const Timestamp end = frame_time(phase.end);
-    if (begin < end) annotation.phases.push_back({phase.kind, phase.place, begin, end});
+    const auto [first, last] = shown(phase);
+    if (first == last) continue;
+    const Timestamp end = std::prev(last)->time + std::chrono::nanoseconds(std::chrono::seconds(1)) /
+                                                      static_cast<int>(kSimulatorFrameRate);
+    annotation.phases.push_back({phase.kind, phase.place, first->time, end});
   }
   return annotation;
 }

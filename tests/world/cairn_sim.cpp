@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// cairn-sim: lists simulated worlds and writes recordings of them with exact truth, in TUM layout.
+// cairn-sim: lists simulated worlds, writes recordings of them with exact truth, in TUM layout, and judges
+// what a tracker made of them.
 
 #include <CLI/CLI.hpp>
 #include <atomic>
@@ -15,11 +16,13 @@
 
 #include "common/base/version.h"
 #include "tests/world/annotation.h"
+#include "tests/world/judge.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
 namespace {
 
+constexpr int kCheckFailed = 1;
 constexpr int kInterrupted = 130;
 
 std::atomic<bool> interrupted = false;  // the one thing that a signal handler may touch
@@ -120,6 +123,39 @@ void add_simulator_options(CLI::App* command, std::map<std::string, std::string>
   }
 }
 
+struct JudgeRequest {
+  std::vector<std::string> pairs;  ///< recording, trajectory, recording, ...
+  bool json = false;
+  bool check = false;
+};
+
+CLI::App* declare_judge(CLI::App* app, JudgeRequest* request) {
+  CLI::App* command = app->add_subcommand(
+      "judge", "which places a tracker mapped, which it found again and how fast, and where it was wrong");
+  command
+      ->add_option("files", request->pairs,
+                   "recording and trajectory, in pairs: the walks of one experiment in order")
+      ->required()
+      ->type_name("RECORDING TRAJECTORY");
+  command->add_flag("--json", request->json, "one JSON document on stdout");
+  command->add_flag(
+      "--check", request->check,
+      "exit code 1 unless every place is mapped and found at every visit, without a wrong lock");
+  return command;
+}
+
+Result<Verdict> judge_files(const std::vector<std::string>& pairs) {
+  if (pairs.size() % 2 != 0)
+    return fail(ErrorCode::kUsage, "judge: pairs of recording and trajectory, please");
+  std::vector<WalkRecord> walks;
+  for (size_t i = 0; i < pairs.size(); i += 2) {
+    auto walk = read_walk(pairs[i], pairs[i + 1]);
+    if (!walk) return tl::unexpected(walk.error());
+    walks.push_back(std::move(*walk));
+  }
+  return judge(walks);
+}
+
 int report(const Error& error) {
   std::cerr << "cairn-sim: " << error.message << '\n';
   return exit_code(error.code);
@@ -134,7 +170,8 @@ int run(int argc, char** argv) {
       "  cairn-sim render desk --out /tmp/desk\n"
       "  cairn-sim render desk --out /tmp/hard --seed 7 --frames 600 --noise 6 --blur 0.8 --speed 2\n"
       "  cairn-track --source tum:/tmp/desk --trajectory /tmp/est.txt && cairn-eval ate "
-      "/tmp/desk/groundtruth.txt /tmp/est.txt");
+      "/tmp/desk/groundtruth.txt /tmp/est.txt\n"
+      "  cairn-sim judge /tmp/map map.txt /tmp/visit visit.txt");
   app.set_version_flag("--version", "cairn-sim " + std::string(version()));
   const CLI::App* list = app.add_subcommand("list", "names the scenarios, one a line, with a description");
   CLI::App* render_command =
@@ -150,6 +187,8 @@ int run(int argc, char** argv) {
   render_command->add_flag("--no-images", no_images,
                            "truth and annotation only: a tracker reads `sim:` itself");
   add_simulator_options(render_command, &values);
+  JudgeRequest judge_request;
+  const CLI::App* judge_command = declare_judge(&app, &judge_request);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -159,6 +198,12 @@ int run(int argc, char** argv) {
     for (const ScenarioInfo& info : scenario_list())
       std::cout << info.name << '\t' << info.description << '\n';
     return 0;
+  }
+  if (judge_command->parsed()) {
+    const auto verdict = judge_files(judge_request.pairs);
+    if (!verdict) return report(verdict.error());
+    std::cout << (judge_request.json ? verdict_json(*verdict) : verdict_text(*verdict));
+    return judge_request.check && !verdict->passes() ? kCheckFailed : 0;
   }
   for (const auto& [key, value] : values) {
     if (render_command->count("--" + key) == 0) continue;

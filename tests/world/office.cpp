@@ -9,6 +9,7 @@
 
 #include "tests/world/furniture.h"
 #include "tests/world/patterns.h"
+#include "tests/world/room.h"
 #include "tests/world/route.h"
 #include "tests/world/world_builder.h"
 
@@ -217,9 +218,9 @@ class OfficeBuilder {
                         60, 2.5F, random);
     }
     world_.paint_shadows(&picture, kDeskWidth, kDeskDepth);
+    const float sunspot = random.uniform(0.2F, 0.8F);  // drawn in any light: the rest stays where it is
     if (world_.light().sunlit) {
-      picture.shade_rectangle(random.uniform(0.2F, 0.8F) * width, 0.6F * height, 0.16F * width, 0.3F * height,
-                              0.5F, 4, -0.55F);
+      picture.shade_rectangle(sunspot * width, 0.6F * height, 0.16F * width, 0.3F * height, 0.5F, 4, -0.55F);
       picture.clamp();
     }
     const TextureRegion top = world_.add_texture(picture, 0.5);
@@ -255,33 +256,11 @@ class OfficeBuilder {
   void add_room() {
     Random random(options_.seed, kFurniture + 0x100);
     world_.begin(SE3());
-    const double x0 = -2.8;
-    const double x1 = kColumnPitch * (kColumns - 1) + 2.8;
-    const double y0 = -2.4;
-    const double y1 = kRowPitch * (kRows - 1) + 1.6;
-    const double height = 2.7;
-    TextureRegion floor = world_.add_texture(carpet(512, 512, random), -0.3);
-    floor.width *= x1 - x0;
-    floor.height *= y1 - y0;
-    world_.add_panel({x0, y0, kFloorZ}, {x1 - x0, 0, 0}, {0, y1 - y0, 0}, floor);
-    Bitmap plaster = pink_noise(256, 256, 128, 5, 0.02F, random);
-    for (int y = 0; y < plaster.height(); ++y) {
-      for (int x = 0; x < plaster.width(); ++x) plaster.at(x, y) += 0.78F;
-    }
-    TextureRegion wall = world_.add_texture(plaster, 0.2);
-    wall.width *= 4;
-    const Eigen::Vector3d up(0, 0, height);
-    world_.add_panel({x0, y1, kFloorZ}, {x1 - x0, 0, 0}, up, wall);
-    world_.add_panel({x1, y0, kFloorZ}, {x0 - x1, 0, 0}, up, wall);
-    world_.add_panel({x0, y0, kFloorZ}, {0, y1 - y0, 0}, up, wall);
-    world_.add_panel({x1, y1, kFloorZ}, {0, y0 - y1, 0}, up, wall);
-    Bitmap tiles(128, 128, 0.7F);
-    tiles.fill_rectangle(0, 0, 3, 127, 0.5F);
-    tiles.fill_rectangle(0, 0, 127, 3, 0.5F);
-    TextureRegion ceiling = world_.add_texture(tiles);
-    ceiling.width *= std::round((x1 - x0) / 0.6);
-    ceiling.height *= std::round((y1 - y0) / 0.6);
-    world_.add_panel({x0, y1, kFloorZ + height}, {x1 - x0, 0, 0}, {0, y0 - y1, 0}, ceiling);
+    constexpr double kHeight = 2.7;
+    const RoomSurfaces surfaces = make_surfaces(random, &world_);
+    cairn::add_room({-2.8, -2.4, kFloorZ},
+                    {kColumnPitch * (kColumns - 1) + 2.8, kRowPitch * (kRows - 1) + 1.6, kFloorZ + kHeight},
+                    surfaces, &world_);
   }
 
   /// Where one stands on the aisle before a desk, the hand at chest height.
@@ -313,25 +292,25 @@ class OfficeBuilder {
       here = desk;
     };
     if (options_.session != Session::kVisit) {
-      for (const int desk : serpentine(false)) {
+      for (const int desk : serpentine({0, 1, 2}, false)) {
         if (mapped(desk)) go(desk, PhaseKind::kMap);
       }
     }
     if (options_.session != Session::kMap) {
-      for (const int desk : serpentine(here >= 0)) go(desk, PhaseKind::kVisit);
+      // Not the row first that was mapped last: every visit is a return.
+      for (const int desk : serpentine({1, 0, 2}, true)) go(desk, PhaseKind::kVisit);
     }
     std::move(route).finish(options_.carrier, scenario);
   }
 
-  /// Every desk in turn, rows to and fro; or the other way round.
-  [[nodiscard]] static std::vector<int> serpentine(bool backwards) {
+  /// Every desk in turn, row by row, to and fro; the first row from the left, or from the right.
+  [[nodiscard]] static std::vector<int> serpentine(const std::array<int, kRows>& rows, bool from_right) {
     std::vector<int> order;
-    for (int row = 0; row < kRows; ++row) {
-      for (int i = 0; i < kColumns; ++i) {
-        order.push_back(row * kColumns + (row % 2 == 0 ? i : kColumns - 1 - i));
-      }
+    for (const int row : rows) {
+      for (int i = 0; i < kColumns; ++i)
+        order.push_back(row * kColumns + (from_right ? kColumns - 1 - i : i));
+      from_right = !from_right;
     }
-    if (backwards) std::ranges::reverse(order);
     return order;
   }
 

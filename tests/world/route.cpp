@@ -54,10 +54,12 @@ Waypoint seen_from(const SE3& map_from_place, double scale, Waypoint view, Rando
 }  // namespace
 
 void RouteBuilder::add(PhaseKind kind, int place, std::span<const Waypoint> waypoints) {
-  // The spline is at a waypoint one interval after it comes into play.
-  const auto reached = [this] { return std::max(now() - kWaypointInterval, 0.0); };
-  if (!phases_.empty()) phases_.back().end = reached();
-  phases_.push_back({kind, place, reached(), 0});
+  // The spline is at a waypoint one interval before the next: a stay ends where its last one is reached, and
+  // turning away belongs to the walk.
+  const int intervals = kind == PhaseKind::kWalk && !phases_.empty() ? 2 : 1;
+  const double begin = std::max(now() - intervals * kWaypointInterval, 0.0);
+  if (!phases_.empty()) phases_.back().end = begin;
+  phases_.push_back({kind, place, begin, 0});
   route_.insert(route_.end(), waypoints.begin(), waypoints.end());
 }
 

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 
+#include "tests/world/building.h"
 #include "tests/world/desk.h"
+#include "tests/world/laboratory.h"
 #include "tests/world/office.h"
 
 namespace cairn {
@@ -15,15 +17,19 @@ struct Recipe {
   Scenario (*make)(const ScenarioOptions& options);
 };
 
-constexpr std::array<Recipe, 2> kRecipes = {
+constexpr std::array<Recipe, 4> kRecipes = {
     {{{"desk",
        "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; a round trip of 55 s"},
       make_desk},
      {{"desks",
-       "an office of 15 look-alike curved desks, two of them nearly empty; 12 are mapped one by one, then "
-       "all 15 "
-       "are visited in another order"},
-      make_office}}};
+       "an office of 15 look-alike curved desks, two of them nearly empty; 12 are mapped, then all visited"},
+      make_office},
+     {{"laboratory",
+       "a room and a robot in it, both mapped, then visited in turn; the robot is moved half-way"},
+      make_laboratory},
+     {{"building",
+       "five places on three floors, one of them nearly empty; mapped, then visited in another order"},
+      make_building}}};
 
 }  // namespace
 

@@ -66,6 +66,7 @@ const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
       {"camera", "hand or shoulder: which of the wearer's cameras"},
       {"light", "morning or later: geometry and motion stay"},
       {"session", "all, map or visit: both parts of an experiment or one"},
+      {"walks", "yes or dark: whether the camera sees anything on the way between places"},
       {"frames", "a number of frames, 1 to 1000000; all of the route if not given"},
       {"noise", "sigma of the pixel noise in grey levels, 0 to 50"},
       {"blur", "shutter as a fraction of the frame time, 0 to 1"},
@@ -100,6 +101,7 @@ Status SimulatorOptions::set_option(std::string_view key, std::string_view value
     return choose(key, value, {{"all", Session::kAll}, {"map", Session::kMap}, {"visit", Session::kVisit}},
                   &session);
   }
+  if (key == "walks") return choose(key, value, {{"yes", true}, {"dark", false}}, &walks);
   std::string message = "simulator option '";
   message.append(key).append("': unknown; there are:");
   for (const Help& option : help()) message.append(" ").append(option.key);
@@ -150,10 +152,18 @@ std::vector<Phase> Simulator::phases() const {
   return phases;
 }
 
+bool Simulator::is_dark(double seconds) const {
+  if (blackouts_.at(seconds)) return true;
+  return !options_.walks && std::ranges::any_of(scenario_->phases, [&](const Phase& phase) {
+    const double on_route = seconds * options_.speed;
+    return phase.kind == PhaseKind::kWalk && on_route >= phase.begin && on_route < phase.end;
+  });
+}
+
 SimView Simulator::view(int index) const {
   const double seconds = time(index).seconds();
   SimView view;
-  view.dark = blackouts_.at(seconds).has_value();
+  view.dark = is_dark(seconds);
   if (view.dark) return view;
   const SE3 camera_from_map = map_from_camera(seconds).inverse();
   std::vector<ViewMatrix> camera_from_body;
@@ -191,7 +201,7 @@ SimFrame Simulator::frame(int index) {
   Exposure exposure;
   exposure.shutter = options_.blur / kSimulatorFrameRate;
   exposure.readout = options_.rolling / kSimulatorFrameRate;
-  exposure.gain = blackouts_.at(seconds) ? 0 : gain_at(seconds);
+  exposure.gain = is_dark(seconds) ? 0 : gain_at(seconds);
   exposure.noise_sigma = options_.noise;
   exposure.noise_key = mix_bits(options_.seed) + static_cast<uint64_t>(index);
   renderer_.render([&](double offset) { return map_from_camera(seconds + offset).inverse(); }, exposure,

@@ -29,6 +29,7 @@ struct SimulatorOptions {
   Daytime daytime = Daytime::kMorning;
   Session session = Session::kAll;
   int frames = 0;          ///< number of frames; 0: the whole route, or 1800 where it is a closed loop
+  bool walks = true;       ///< false: black on the way between places, as if the camera were covered
   double noise = 1.5;      ///< Gaussian noise, grey levels (sigma)
   double blur = 0.25;      ///< shutter: fraction of the frame time that each row is exposed
   double rolling = 0;      ///< read-out: fraction of the frame time from the first row to the last
@@ -62,7 +63,7 @@ struct SimView {
     SE3 map_from_place;  ///< at the frame's time
   };
   std::vector<PlaceShare> places;  ///< the largest share first; empty in the dark
-  bool dark = false;               ///< blackout
+  bool dark = false;               ///< blackout, or covered
 };
 
 /// A camera in a simulated world. Frames may be asked for in any order: frame i is the same whenever it is
@@ -90,6 +91,7 @@ class Simulator {
   [[nodiscard]] SimView view(int index) const;
 
  private:
+  [[nodiscard]] bool is_dark(double seconds) const;
   [[nodiscard]] double gain_at(double seconds) const;
   [[nodiscard]] SE3 map_from_body(size_t body, double seconds) const;
 

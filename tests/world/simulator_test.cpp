@@ -77,6 +77,7 @@ TEST(SimulatorOptions, SetsEveryOptionThatItNames) {
     const std::string value = help.key == "camera"     ? "shoulder"
                               : help.key == "light"    ? "later"
                               : help.key == "session"  ? "visit"
+                              : help.key == "walks"    ? "dark"
                               : help.key == "exposure" ? "0.5"
                                                        : "1";
     EXPECT_TRUE(options.set_option(help.key, value)) << help.key;

@@ -80,6 +80,7 @@ class WorldBuilder {
   void paint_shadows(Bitmap* picture, double width, double depth) const;
 
   [[nodiscard]] Scenario& scenario() { return scenario_; }
+  [[nodiscard]] const Scenario& scenario() const { return scenario_; }
 
  private:
   void add_footprint(const Placement& at, double half_width, double half_depth);

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/io/trajectory.h"
+#include "tests/world/annotation.h"
+
+namespace cairn {
+
+/// One walk of the wearer: what there was to see, and what a tracker made of it.
+struct WalkRecord {
+  Annotation annotation;
+  std::vector<StampedPose> truth;  ///< camera in the simulator's map, in order of time
+  Trajectory estimate;             ///< rows `# map ID NAME`
+};
+
+/// `places.txt`, `phases.txt` and `groundtruth.txt` of a recording, and a trajectory, which may be
+/// empty. Errors as their readers'.
+[[nodiscard]] Result<WalkRecord> read_walk(const std::filesystem::path& recording,
+                                           const std::filesystem::path& trajectory);
+
+/// A pose counts as right within these of the truth: a live map is off by centimetres, a wrong place by
+/// metres.
+constexpr double kRightMetres = 0.15;
+constexpr double kRightDegrees = 10;
+
+/// A map by its home, the place that it was begun at. Its frame and scale are found from the rows of the
+/// phase in which it was begun; a later row is right if, moved by the same similarity, it agrees with the
+/// truth about the home, wherever the home has moved since.
+struct MapVerdict {
+  MapId id;
+  std::string name;
+  std::optional<int> home;  ///< none if no place was in view
+  bool judged = false;      ///< false without a home, or where the camera moved too little to find the frame
+  int right = 0;            ///< rows
+  int wrong = 0;            ///< rows, also all of a map that cannot be judged
+};
+
+struct VisitVerdict {
+  int frames = 0;
+  int right = 0;                      ///< frames tracked in a map of the place
+  int elsewhere = 0;                  ///< frames tracked rightly in another place's map
+  int wrong = 0;                      ///< frames with a wrong pose
+  std::optional<int> frames_to_lock;  ///< before the first that is right, in a map of the place
+};
+
+struct PlaceVerdict {
+  std::string name;
+  bool to_map = false;  ///< it has a phase kMap
+  int maps = 0;         ///< that have their home here
+  std::vector<VisitVerdict> visits;
+};
+
+/// Consecutive frames with a wrong pose in one map.
+struct WrongLock {
+  MapId map;
+  std::string map_name;
+  std::optional<int> shown;  ///< the place that fills most of the first frame
+  Timestamp begin;
+  int walk = 0;  ///< index
+  int frames = 0;
+  double metres = 0;         ///< off the truth at first; 0 in a map that cannot be judged
+  bool at_unmapped = false;  ///< while a place without a map was visited
+};
+
+struct Verdict {
+  std::vector<PlaceVerdict> places;
+  std::vector<MapVerdict> maps;
+  std::vector<WrongLock> wrong_locks;  ///< in order
+
+  [[nodiscard]] int places_to_map() const;
+  [[nodiscard]] int places_mapped() const;
+  /// Places of a map's own that were found at every visit.
+  [[nodiscard]] int places_found() const;
+  [[nodiscard]] int locks_at_unmapped() const;
+  /// Every place to map is mapped and found at every visit, and no lock is wrong.
+  [[nodiscard]] bool passes() const;
+};
+
+/// Walks in order, all in one world (places are matched by name); maps carry over from one to the next.
+[[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks);
+
+/// For people: one row a place, then the sums. And for machines: one JSON document.
+[[nodiscard]] std::string verdict_text(const Verdict& verdict);
+[[nodiscard]] std::string verdict_json(const Verdict& verdict);
+
+}  // namespace cairn

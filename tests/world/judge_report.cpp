@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tests/world/judge.h"
+
+namespace cairn {
+namespace {
+
+std::string place_name(const Verdict& verdict, const std::optional<int>& place) {
+  return place ? verdict.places[static_cast<size_t>(*place)].name : "-";
+}
+
+std::string map_text(const MapId& id, const std::string& name) {
+  return name.empty() ? to_hex(id.bytes).substr(0, 8) : name;
+}
+
+nlohmann::json visit_json(const VisitVerdict& visit) {
+  nlohmann::json json = {{"frames", visit.frames},
+                         {"right", visit.right},
+                         {"elsewhere", visit.elsewhere},
+                         {"wrong", visit.wrong},
+                         {"frames_to_lock", nullptr}};
+  if (visit.frames_to_lock) json["frames_to_lock"] = *visit.frames_to_lock;
+  return json;
+}
+
+}  // namespace
+
+std::string verdict_text(const Verdict& verdict) {
+  std::string text = fmt::format("{:<14}{:>7}{:>6}  {}\n", "place", "to map", "maps",
+                                 "visits: frames to lock (right + in another map + wrong, of frames)");
+  for (const PlaceVerdict& place : verdict.places) {
+    text += fmt::format("{:<14}{:>7}{:>6} ", place.name, place.to_map ? "yes" : "no", place.maps);
+    for (const VisitVerdict& visit : place.visits) {
+      const std::string lock = visit.frames_to_lock ? std::to_string(*visit.frames_to_lock) : "-";
+      text += fmt::format(" {} ({} + {} + {} of {})", lock, visit.right, visit.elsewhere, visit.wrong,
+                          visit.frames);
+    }
+    text += '\n';
+  }
+  for (const WrongLock& lock : verdict.wrong_locks) {
+    text += fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}\n",
+                        lock.walk + 1, lock.begin.seconds(), lock.frames, map_text(lock.map, lock.map_name),
+                        lock.metres, place_name(verdict, lock.shown),
+                        lock.at_unmapped ? " (unmapped place visited)" : "");
+  }
+  text += fmt::format(
+      "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places\n",
+      verdict.places_mapped(), verdict.places_to_map(), verdict.places_found(), verdict.places_to_map(),
+      verdict.wrong_locks.size(), verdict.locks_at_unmapped());
+  return text;
+}
+
+std::string verdict_json(const Verdict& verdict) {
+  nlohmann::json json = {
+      {"to_map", verdict.places_to_map()},     {"mapped", verdict.places_mapped()},
+      {"found", verdict.places_found()},       {"locks_at_unmapped", verdict.locks_at_unmapped()},
+      {"places", nlohmann::json::array()},     {"maps", nlohmann::json::array()},
+      {"wrong_locks", nlohmann::json::array()}};
+  for (const PlaceVerdict& place : verdict.places) {
+    auto visits = nlohmann::json::array();
+    for (const VisitVerdict& visit : place.visits) visits.push_back(visit_json(visit));
+    json["places"].push_back(
+        {{"name", place.name}, {"to_map", place.to_map}, {"maps", place.maps}, {"visits", visits}});
+  }
+  for (const MapVerdict& map : verdict.maps) {
+    json["maps"].push_back({{"id", to_hex(map.id.bytes)},
+                            {"name", map.name},
+                            {"home", place_name(verdict, map.home)},
+                            {"judged", map.judged},
+                            {"right", map.right},
+                            {"wrong", map.wrong}});
+  }
+  for (const WrongLock& lock : verdict.wrong_locks) {
+    json["wrong_locks"].push_back({{"map", to_hex(lock.map.bytes)},
+                                   {"shown", place_name(verdict, lock.shown)},
+                                   {"walk", lock.walk + 1},
+                                   {"t", lock.begin.seconds()},
+                                   {"frames", lock.frames},
+                                   {"metres", lock.metres},
+                                   {"at_unmapped", lock.at_unmapped}});
+  }
+  return json.dump(1) + "\n";
+}
+
+}  // namespace cairn

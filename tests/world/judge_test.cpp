@@ -1,0 +1,196 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/world/judge.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <map>
+#include <nlohmann/json.hpp>
+
+namespace cairn {
+namespace {
+
+constexpr int kPhaseFrames = 60;
+
+MapId map_id(uint8_t number) {
+  MapId id;
+  id.bytes.fill(number);
+  return id;
+}
+
+Timestamp frame_time(int frame) {
+  return Timestamp::from_seconds(frame / 30.0);
+}
+
+/// The camera circles before a place; what the tracker says of a frame is up to the test.
+SE3 place_from_camera(int frame) {
+  const double angle = 0.1 * frame;
+  return {
+      so3_exp({0.2 * std::sin(angle), 0.1, 0.05 * angle}),
+      Eigen::Vector3d(0.3 * std::cos(angle), -0.7 + 0.1 * std::sin(2 * angle), 0.4 + 0.2 * std::sin(angle))};
+}
+
+/// A map's own frame and scale: poses in it of a camera whose pose about the home is known.
+struct MapFrame {
+  MapId id;
+  Similarity3 map_from_home;
+  [[nodiscard]] StampedPose row(Timestamp time, const SE3& home_from_camera) const {
+    return {time, map_from_home.transform_camera(home_from_camera.inverse()).inverse()};
+  }
+};
+const MapFrame kFirst = {map_id(1), Similarity3(0.4, so3_exp({0.3, -1, 0.2}), {1, 2, 3})};
+const MapFrame kSecond = {map_id(2), Similarity3(2.5, so3_exp({-0.5, 0.1, 2}), {-4, 0, 1})};
+
+/// Phases of kPhaseFrames frames each, before the places that they name, 3 m apart.
+class WalkBuilder {
+ public:
+  explicit WalkBuilder(std::vector<std::string> places) { walk_.annotation.places = std::move(places); }
+
+  using Claim = std::function<void(Trajectory*, Timestamp, const SE3& place_from_camera)>;
+  WalkBuilder& phase(PhaseKind kind, int place, const Claim& claim) {
+    const SE3 map_from_place =
+        at_[place] * SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(3.0 * place, 0, 0));
+    walk_.annotation.phases.push_back({kind, place, frame_time(next_), frame_time(next_ + kPhaseFrames)});
+    for (int i = 0; i < kPhaseFrames; ++i, ++next_) {
+      const Timestamp time = frame_time(next_);
+      walk_.annotation.frames.push_back({time, {{place, 0.8, map_from_place}}});
+      walk_.truth.push_back({time, map_from_place * place_from_camera(next_)});
+      frame_in_phase_ = i;
+      claim(&walk_.estimate, time, place_from_camera(next_));
+    }
+    return *this;
+  }
+  WalkBuilder& move(int place, const SE3& by) {
+    at_[place] = by;
+    return *this;
+  }
+  [[nodiscard]] const WalkRecord& get() const { return walk_; }
+
+  /// In the map from frame `from` of the phase on.
+  Claim in(const MapFrame& map, int from = 0, const SE3& off = {}) {
+    return [this, map, from, off](Trajectory* estimate, Timestamp time, const SE3& pose) {
+      if (frame_in_phase_ < from) return;
+      if (estimate->segments.empty() || estimate->segments.back().map != map.id) {
+        estimate->segments.push_back({map.id, "m", {}});
+      }
+      estimate->segments.back().poses.push_back(map.row(time, off * pose));
+    };
+  }
+  static void lost(Trajectory* /*estimate*/, Timestamp /*time*/, const SE3& /*pose*/) {}
+
+ private:
+  WalkRecord walk_;
+  std::map<int, SE3> at_;
+  int next_ = 0;
+  int frame_in_phase_ = 0;
+};
+
+SE3 shifted(double metres) {
+  return {Eigen::Quaterniond::Identity(), Eigen::Vector3d(metres, 0, 0)};
+}
+
+TEST(Judge, MapsOfAnyFrameAndScaleAreRightWhereTheyAgree) {
+  WalkBuilder making({"a", "b"});
+  making.phase(PhaseKind::kMap, 0, making.in(kFirst, 10)).phase(PhaseKind::kMap, 1, making.in(kSecond, 20));
+  WalkBuilder coming({"b", "a"});  // names decide, not order
+  coming.phase(PhaseKind::kVisit, 0, coming.in(kSecond, 7)).phase(PhaseKind::kVisit, 1, coming.in(kFirst, 0));
+  const Verdict verdict = judge({making.get(), coming.get()});
+  ASSERT_EQ(verdict.places.size(), 2u);
+  EXPECT_EQ(verdict.places_to_map(), 2);
+  EXPECT_EQ(verdict.places_mapped(), 2);
+  EXPECT_EQ(verdict.places_found(), 2);
+  EXPECT_TRUE(verdict.wrong_locks.empty());
+  EXPECT_TRUE(verdict.passes());
+  ASSERT_EQ(verdict.places[1].visits.size(), 1u);
+  EXPECT_EQ(verdict.places[1].visits[0].frames_to_lock, 7);
+  EXPECT_EQ(verdict.places[1].visits[0].right, kPhaseFrames - 7);
+  EXPECT_EQ(verdict.places[0].visits[0].frames_to_lock, 0);
+}
+
+TEST(Judge, LockInAnotherPlacesMapIsWrong) {
+  WalkBuilder walk({"a", "b", "c"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kMap, 1, walk.in(kSecond))
+      .phase(PhaseKind::kVisit, 0, walk.in(kSecond, 15))  // b's map, as if it were b
+      .phase(PhaseKind::kVisit, 2, walk.in(kFirst, 30));  // never mapped, as if it were a
+  const Verdict verdict = judge({walk.get()});
+  EXPECT_EQ(verdict.places_to_map(), 2);
+  EXPECT_EQ(verdict.places_found(), 0);  // b was not visited
+  ASSERT_EQ(verdict.wrong_locks.size(), 2u);
+  EXPECT_EQ(verdict.wrong_locks[0].map, kSecond.id);
+  EXPECT_EQ(verdict.wrong_locks[0].frames, kPhaseFrames - 15);
+  EXPECT_NEAR(verdict.wrong_locks[0].metres, 3, 1e-6);
+  EXPECT_FALSE(verdict.wrong_locks[0].at_unmapped);
+  EXPECT_TRUE(verdict.wrong_locks[1].at_unmapped);
+  EXPECT_EQ(verdict.locks_at_unmapped(), 1);
+  EXPECT_EQ(verdict.places[0].visits[0].wrong, kPhaseFrames - 15);
+  EXPECT_FALSE(verdict.places[0].visits[0].frames_to_lock);
+  EXPECT_FALSE(verdict.passes());
+}
+
+TEST(Judge, NeighbourSeenRightlyIsNeitherFoundNorWrong) {
+  WalkBuilder walk({"a", "b"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 1, walk.in(kFirst, 0, shifted(3)));  // a's map reaches to b
+  const Verdict verdict = judge({walk.get()});
+  EXPECT_TRUE(verdict.wrong_locks.empty());
+  EXPECT_EQ(verdict.places[1].visits[0].elsewhere, kPhaseFrames);
+  EXPECT_FALSE(verdict.places[1].visits[0].frames_to_lock);
+}
+
+TEST(Judge, MapGoesWithItsHome) {
+  const SE3 moved(so3_exp({0, 0, 0.6}), Eigen::Vector3d(-2, 0.5, 0));
+  WalkBuilder walk({"robot"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst)).move(0, moved).phase(PhaseKind::kVisit, 0, walk.in(kFirst));
+  EXPECT_TRUE(judge({walk.get()}).passes());
+}
+
+TEST(Judge, BoundIsAboutTheTruth) {
+  for (const double factor : {0.9, 1.1}) {
+    WalkBuilder walk({"a"});
+    walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+        .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 0, shifted(factor * kRightMetres)));
+    EXPECT_EQ(judge({walk.get()}).passes(), factor < 1);
+  }
+}
+
+TEST(Judge, NothingTrackedIsNothingFound) {
+  WalkBuilder walk({"a"});
+  walk.phase(PhaseKind::kMap, 0, WalkBuilder::lost).phase(PhaseKind::kVisit, 0, WalkBuilder::lost);
+  const Verdict verdict = judge({walk.get()});
+  EXPECT_EQ(verdict.places_mapped(), 0);
+  EXPECT_EQ(verdict.places_found(), 0);
+  EXPECT_FALSE(verdict.passes());
+}
+
+TEST(Judge, MapOfAStandingCameraIsNotTakenForRight) {
+  WalkBuilder walk({"a"});
+  walk.phase(PhaseKind::kMap, 0, [](Trajectory* estimate, Timestamp time, const SE3& /*pose*/) {
+    if (estimate->segments.empty()) estimate->segments.push_back({map_id(1), "m", {}});
+    estimate->segments.back().poses.push_back({time, SE3()});
+  });
+  const Verdict verdict = judge({walk.get()});
+  ASSERT_EQ(verdict.maps.size(), 1u);
+  EXPECT_FALSE(verdict.maps[0].judged);
+  EXPECT_EQ(verdict.maps[0].wrong, kPhaseFrames);
+}
+
+TEST(Judge, ReportsSayWhatTheVerdictSays) {
+  WalkBuilder walk({"a", "b"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst)).phase(PhaseKind::kVisit, 1, walk.in(kFirst, 4));
+  const Verdict verdict = judge({walk.get()});
+  const auto json = nlohmann::json::parse(verdict_json(verdict));
+  EXPECT_EQ(json["mapped"], 1);
+  EXPECT_EQ(json["found"], 0);
+  EXPECT_EQ(json["locks_at_unmapped"], 1);
+  EXPECT_EQ(json["wrong_locks"].size(), 1u);
+  EXPECT_EQ(json["places"][1]["visits"][0]["wrong"], kPhaseFrames - 4);
+  EXPECT_TRUE(json["places"][1]["visits"][0]["frames_to_lock"].is_null());
+  const std::string text = verdict_text(verdict);
+  EXPECT_NE(text.find("mapped 1 of 1, found at every visit 0 of 1, wrong locks 1"), std::string::npos)
+      << text;
+}
+
+}  // namespace
+}  // namespace cairn
