@@ -93,6 +93,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   observe_status(status);
   const auto state = frame_state(result);
   lost_.frame(state, frame.time);
+  has_tracked_ = has_tracked_ || result.pose_measured;
   const auto stages = stages_.take();
   notify(&FrameObserver::on_frame,
          FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
@@ -181,9 +182,12 @@ std::optional<FrameLoop::StartOver> FrameLoop::reason_to_start_over(const Sessio
   if (options_.new_map_requested()) return StartOver{"as asked", NewMap::kInAnyCase};
   if (state != FrameState::kLost) return std::nullopt;
   if (!status.map_known) return StartOver{"lost, and the server does not know the map"};
-  if (options_.make_maps && lost_.unmapped_for() >= options_.lost_patience) {
-    return StartOver{fmt::format("lost for {:.0f} s where no map is known",
-                                 std::chrono::duration<double>(lost_.unmapped_for()).count())};
+  const auto unmapped_for = lost_.unmapped_for();
+  if (!options_.make_maps || unmapped_for <= unmapped_for.zero()) return std::nullopt;
+  if (!has_tracked_) return StartOver{"the place suggested does not hold, and no map is known of this one"};
+  if (unmapped_for >= options_.lost_patience) {
+    return StartOver{fmt::format("lost for {:.1f} s where no map is known",
+                                 std::chrono::duration<double>(unmapped_for).count())};
   }
   return std::nullopt;
 }
@@ -196,6 +200,7 @@ void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState sta
   tracker_.start_over(start->wish);
   lost_ = {};
   on_trial_ = {};
+  has_tracked_ = false;
 }
 
 template <typename Event, typename Report>

@@ -157,7 +157,7 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
       {PlaceVerdict::kNotKnown, true, "place not known", {}},
   };
   for (const Case& c : cases) {
-    Rig rig({lost, lost});
+    Rig rig({tracking, lost, lost});
     rig.tracker.wants_places = c.wanted;
     rig.link.place_answer = place_in(MapId{{7}}, c.verdict);
     ASSERT_TRUE(rig.run());
@@ -250,6 +250,7 @@ TEST(FrameLoop, AMapThatTheServerLostIsKeptWhileTrackedAndLeftWhenLost) {
 
 TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   std::vector<ScriptedTracker::Step> script(8, lost);
+  script[0] = tracking;
   script[3] = tracking;  // the wait begins anew
   for (const bool makes_maps : {true, false}) {
     Rig rig(script, regular_frames(8, 500));
@@ -258,7 +259,7 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
     rig.options.lost_patience = std::chrono::milliseconds(1500);
     ASSERT_TRUE(rig.run());
     if (makes_maps) {
-      EXPECT_THAT(rig.notes.words, ElementsAre("", "lost for 2 s where no map is known"));
+      EXPECT_THAT(rig.notes.words, ElementsAre("", "lost for 1.5 s where no map is known"));
       EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
     } else {
       EXPECT_THAT(rig.tracker.words, ::testing::Each("place not known"));
@@ -266,9 +267,18 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   }
 }
 
+TEST(FrameLoop, ABuilderNotYetTrackedAnywhereGoesOnStartingWhenASuggestionDoesNotHold) {
+  Rig rig({starting, lost, lost, starting});
+  rig.link.always_answer = PlaceAnswer{};
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
+}
+
 /// It may be that the place is known: then a map of it is there already, and once it is back it says so.
 TEST(FrameLoop, WithoutAFreshAnswerALostBuilderBeginsNoMap) {
-  Rig rig(std::vector<ScriptedTracker::Step>(20, lost), regular_frames(20, 500));
+  std::vector<ScriptedTracker::Step> script(20, lost);
+  script[0] = tracking;
+  Rig rig(script, regular_frames(20, 500));
   rig.options.lost_patience = std::chrono::milliseconds(1500);
   rig.link.place_answer = PlaceAnswer{};  // once
   ASSERT_TRUE(rig.run());
