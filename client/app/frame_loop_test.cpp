@@ -157,7 +157,7 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
       {PlaceVerdict::kNotKnown, true, "place not known", {}},
   };
   for (const Case& c : cases) {
-    Rig rig({tracking, lost, lost});
+    Rig rig({starting, starting});
     rig.tracker.wants_places = c.wanted;
     rig.link.place_answer = place_in(MapId{{7}}, c.verdict);
     ASSERT_TRUE(rig.run());
