@@ -144,10 +144,12 @@ TEST_F(MapFileTest, ADamagedRowIsNamedAndTheRestIsRead) {
     {
       auto database = sqlite::Database::open(folder_ / "copy", sqlite::OpenMode::kReadWrite);
       // The last byte of one row.
-      const Status damaged = database->execute(
-          "UPDATE " + name + " SET data = CAST(substr(data, 1, length(data) - 1) || "
-          "CASE substr(data, -1) WHEN x'00' THEN x'01' ELSE x'00' END AS BLOB) "
-          "WHERE id = (SELECT max(id) FROM " + name + ")");
+      const Status damaged =
+          database->execute("UPDATE " + name +
+                            " SET data = CAST(substr(data, 1, length(data) - 1) || "
+                            "CASE substr(data, -1) WHEN x'00' THEN x'01' ELSE x'00' END AS BLOB) "
+                            "WHERE id = (SELECT max(id) FROM " +
+                            name + ")");
       ASSERT_TRUE(damaged) << damaged.error().message;
     }
     auto file = MapFile::open(folder_ / "copy");
