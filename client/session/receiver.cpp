@@ -87,7 +87,7 @@ void Receiver::take_server_messages() {
   wire::take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
     if (!sample.message) return;
     const std::scoped_lock lock(state_.mutex);
-    act_on(state_.monitor.heard(sample.message->server));
+    act_on(state_.monitor.heard(sample.message->server, sample.message->start_count));
   });
   wire::take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
     const std::scoped_lock lock(state_.mutex);

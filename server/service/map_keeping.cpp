@@ -44,7 +44,7 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, SeedDone
       });
 }
 
-void MapRunner::keep_offer(JobOrigin origin, OfferJudgement judgement, OfferDone done) {
+void MapRunner::keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
   if (store_ == nullptr || maker_ == nullptr || frozen_) return done(std::move(judgement));
   DecisionRecord decision = record_of(origin, CommandKind::kOffer);
   decision.decision = static_cast<uint8_t>(judgement.decision);

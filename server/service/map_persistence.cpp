@@ -206,6 +206,7 @@ void MapPersistence::write_group(std::vector<Job*> group) {
     if (group.empty()) return;
   }
   std::vector<MapUpdate> updates;
+  updates.reserve(group.size());
   for (Job* job : group) updates.push_back(std::move(job->update));
   written = store_->write(group.front()->map, updates);
   note(written);

@@ -99,7 +99,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
   // Into the store (map_keeping.cpp).
   void keep_seed(const SeedJob& job, const SeedResult& result, SeedDone done);
-  void keep_offer(JobOrigin origin, OfferJudgement judgement, OfferDone done);
+  void keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void save_soon();
   void save();
   [[nodiscard]] MapUpdate take_update();

@@ -18,6 +18,7 @@ void Switchboard::resume(std::vector<RestoredMap> restored) {
 
 void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
   std::vector<KeptDecisions> kept;
+  kept.reserve(restored.size());
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
   for (auto& [name, resumed] : cairn::resume_clients(kept)) {
     Client& client = client_of(name);

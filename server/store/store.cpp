@@ -74,7 +74,7 @@ std::string utc_stamp() {
 /// `stem` with a number if there is one already.
 fs::path free_path(const fs::path& folder, const std::string& stem, const std::string& suffix) {
   fs::path path = folder / (stem + suffix);
-  for (int i = 2; fs::exists(path); ++i) path = folder / (stem + "-" + std::to_string(i) + suffix);
+  for (int i = 2; fs::exists(path); ++i) path = folder / std::string(stem).append("-").append(std::to_string(i)).append(suffix);
   return path;
 }
 
