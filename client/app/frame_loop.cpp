@@ -95,8 +95,9 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   lost_.frame(state, frame.time);
   has_tracked_ = has_tracked_ || result.pose_measured;
   const auto stages = stages_.take();
+  const auto labels = result.map ? link_.labels(result.map) : nullptr;
   notify(&FrameObserver::on_frame,
-         FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
+         FrameReport{frames_seen_, frame, result, state, snapshot, labels, status, stages, cpu, wall});
   if (sent && options_.pace == Pace::kLockstep) {
     settle();
     deliver_replies();

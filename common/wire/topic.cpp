@@ -35,6 +35,9 @@ CAIRN_WIRE_TOPIC(SeedVerdict, SeedVerdict, kState)
 CAIRN_WIRE_TOPIC(OfferVerdict, OfferVerdict, kState)
 CAIRN_WIRE_TOPIC(RelocQuery, RelocQuery, kQuery)
 CAIRN_WIRE_TOPIC(RelocAnswer, RelocAnswer, kQuery)
+CAIRN_WIRE_TOPIC(ClientRequest, ClientRequest, kCommand)
+CAIRN_WIRE_TOPIC(ClientReply, ClientReply, kState)
+CAIRN_WIRE_TOPIC(LabelMessage, Label, kState)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

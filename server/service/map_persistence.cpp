@@ -14,11 +14,10 @@ struct Loaded {
   MapId map;
   Result<RestoredMap> restored = fail(ErrorCode::kInternal, "not loaded");
   std::vector<std::string> damage;
-  std::vector<LabelRecord> labels;
 };
 
 Loaded load(const Store& store, MapId map, const MapMakerOptions& options) {
-  Loaded loaded{.map = map, .damage = {}, .labels = {}};
+  Loaded loaded{.map = map, .damage = {}};
   Result<StoredMap> stored = store.load(map);
   if (!stored) {
     loaded.restored = tl::unexpected(stored.error());
@@ -32,9 +31,12 @@ Loaded load(const Store& store, MapId map, const MapMakerOptions& options) {
     return loaded;
   }
   loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
-  loaded.labels = std::move(stored->labels);
-  loaded.restored = RestoredMap{header, std::move(made->maker), stored->record.foundation->plane_aligned,
-                                std::move(stored->epochs), std::move(stored->decisions)};
+  loaded.restored = RestoredMap{header,
+                                std::move(made->maker),
+                                stored->record.foundation->plane_aligned,
+                                std::move(stored->epochs),
+                                std::move(stored->decisions),
+                                std::move(stored->labels)};
   return loaded;
 }
 
@@ -100,7 +102,7 @@ std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options,
       continue;
     }
     if (!l.damage.empty()) {
-      MapUpdate saved{l.restored->maker->take_changes(), l.restored->decisions, l.labels, {}};
+      MapUpdate saved{l.restored->maker->take_changes(), l.restored->decisions, l.restored->labels, {}};
       const auto aside = store_->replace(l.restored->header, saved, l.damage);
       log_->error("map {} ({}) goes on without what is damaged; {}", name, l.restored->header.name,
                   aside ? "the damaged file is kept as " + aside->string() : aside.error().message);

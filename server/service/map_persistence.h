@@ -25,6 +25,7 @@ struct RestoredMap {
   bool plane_aligned = false;
   std::vector<EpochRecord> epochs;
   std::vector<DecisionRecord> decisions;
+  std::vector<LabelRecord> labels;
 };
 
 /// The store at work: one thread writes what the queues of all maps hand in. What has come while a

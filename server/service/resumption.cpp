@@ -10,7 +10,8 @@ void Switchboard::resume(std::vector<RestoredMap> restored) {
   for (RestoredMap& map : restored) {
     const MapId id = map.header.id;
     const auto runner = make_runner(id);
-    maps_.add(id, MapEntry{map.header.name, runner, {}, {}, map.plane_aligned});
+    MapEntry& entry = maps_.add(id, MapEntry{map.header.name, runner, {}, {}, map.plane_aligned});
+    entry.labels.restore(map.labels);
     runner->resume(std::move(map));
   }
   run_posted();  // each map's first revision: whoever is heard first finds them listed
@@ -23,6 +24,7 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
   for (auto& [name, resumed] : cairn::resume_clients(kept)) {
     Client& client = client_of(name);
     client.offer_gate.resume(resumed.session, std::move(resumed.offers));
+    client.request_gate.resume(resumed.session, std::move(resumed.requests));
     if (resumed.seed) {
       client.seed_gate.resume(*resumed.seed);
     } else {

@@ -23,7 +23,8 @@ constexpr std::chrono::seconds kNoticeInterval{1};
 
 bool is_map_topic(std::string_view topic) {
   const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
-                             wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>()};
+                             wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>(),
+                             wire::topic_name<wire::LabelMessage>()};
   return std::find(topics.begin(), topics.end(), topic) != topics.end();
 }
 
@@ -45,18 +46,20 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   if (!discovered) return tl::unexpected(discovered.error());
   auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
                                   wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>,
-                                  wire::Reader<wire::RelocQuery>>(*participant, wire::kEveryClient);
+                                  wire::Reader<wire::RelocQuery>, wire::Reader<wire::ClientRequest>>(
+      *participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
-  auto& [cameras, states, seeds, offers, queries] = *readers;
+  auto& [cameras, states, seeds, offers, queries, requests] = *readers;
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries}); !attached) {
+  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries, requests});
+      !attached) {
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
       new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(queries), std::move(*waiter)},
+                       std::move(offers), std::move(queries), std::move(requests), std::move(*waiter)},
                       std::move(log)));
 }
 
@@ -183,6 +186,10 @@ void Switchboard::take_messages() {
     Client* client = identify(readers_.queries, sample);
     if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
   });
+  wire::take_all(readers_.requests, [this](const auto& sample) {
+    Client* client = identify(readers_.requests, sample);
+    if (client != nullptr && sample.message) on_request(*client, *sample.message);
+  });
 }
 
 void Switchboard::feed_clients() {
@@ -294,6 +301,8 @@ void Switchboard::open_wanted_feeds(Client& client) {
     if (!feed)
       return log_->error("{}: map {} cannot be sent: {}", client.name, entry->name, feed.error().message);
     feed->update(entry->snapshot);
+    for (Label& label : entry->labels.all())
+      report(feed->show({map, entry->snapshot->epoch, std::move(label)}), "Label");
     client.feeds.emplace(map, std::move(*feed));
   }
 }
@@ -328,6 +337,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
     case Presence::Standing::kNewHolder:
       client.offer_gate.enter_session(message.session);
       client.seed_gate.enter_session(message.session);
+      client.request_gate.enter_session(message.session);
       client.camera_missed_at.reset();
       write_verdicts(client);
       break;

@@ -59,6 +59,7 @@ class Switchboard {
     wire::Reader<wire::MapSeed> seeds;
     wire::Reader<wire::KeyframeOffer> offers;
     wire::Reader<wire::RelocQuery> queries;
+    wire::Reader<wire::ClientRequest> requests;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -100,6 +101,13 @@ class Switchboard {
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
+  // Labels (requests.cpp).
+  void on_request(Client& client, const wire::ClientRequest& request);
+  void on_request_decided(const std::string& client, const wire::ClientRequest& request,
+                          LabelBook::Judgement judgement);
+  void tell_label(MapId map, const MapEntry& entry, LabelId label);
+  void move_labels(MapId map, MapEntry& entry);
+
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
   /// Why no map may grow; empty when it may.
