@@ -14,84 +14,88 @@ Timestamp wall_time() {
               .count()};
 }
 
-DecisionRecord record_of(const std::string& client, wire::CommandId command,
-                         const LabelBook::Judgement& judgement, Timestamp time) {
-  DecisionRecord record;
-  record.client = client;
-  record.session = command.session;
-  record.seq = command.seq;
-  record.kind = CommandKind::kRequest;
-  record.decision = static_cast<uint8_t>(judgement.decision);
-  record.reason = judgement.reason;
-  record.time = time;
-  record.label = judgement.label.value;
-  return record;
-}
-
 }  // namespace
 
 void Switchboard::on_request(Client& client, const wire::ClientRequest& request) {
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
-  MapEntry* entry = maps_.find(request.map);
+  const MapEntry* entry = maps_.find(request.map);
   if (entry != nullptr && entry->labels.is_busy(request.label)) return;
-  const auto refuse = [&](wire::RequestDecision decision, std::string reason) {
-    on_request_decided(client.name, request, {decision, std::move(reason), request.label, {}});
-  };
   switch (client.request_gate.admit(request.command.seq)) {
     case RequestGate::Admission::kNew:
       break;
     case RequestGate::Admission::kNoCredit:
-      return refuse(wire::RequestDecision::kBusy, "more requests under way than the credit allows");
+      return on_request_decided(client.name, request,
+                                {wire::RequestDecision::kBusy,
+                                 "more requests under way than the credit allows",
+                                 request.label,
+                                 {}});
     case RequestGate::Admission::kRepeated:
       return write_verdicts(client);
     case RequestGate::Admission::kInFlight:
     case RequestGate::Admission::kGap:
       return;
   }
+  DecisionRecord decision;
+  decision.client = client.name;
+  decision.session = request.command.session;
+  decision.seq = request.command.seq;
+  decision.kind = CommandKind::kRequest;
+  change_label(request, client.name, std::move(decision),
+               [this, name = client.name, request](const LabelBook::Judgement& judgement) {
+                 on_request_decided(name, request, judgement);
+               });
+}
+
+void Switchboard::on_request_decided(const std::string& client_name, const wire::ClientRequest& request,
+                                     const LabelBook::Judgement& judgement) {
+  log_->debug("{}: request {}: label {} {}", client_name, request.command.seq, judgement.label.value,
+              judgement.reason);
+  const auto client = clients_.find(client_name);
+  if (client == clients_.end()) return;
+  client->second.request_gate.decide(
+      request.command.session,
+      {request.command.seq, judgement.decision, judgement.reason, request.map, judgement.label});
+  write_verdicts(client->second);
+}
+
+void Switchboard::change_label(const wire::ClientRequest& request, const std::string& author,
+                               std::optional<DecisionRecord> decision, const LabelDone& done) {
+  MapEntry* entry = maps_.find(request.map);
   if (entry == nullptr || entry->snapshot == nullptr)
-    return refuse(wire::RequestDecision::kUnknownMap, "this server does not know the map");
-  if (entry->runner == nullptr) return refuse(wire::RequestDecision::kNoRight, "this map takes no labels");
+    return done({wire::RequestDecision::kUnknownMap, "this server does not know the map", request.label, {}});
+  if (entry->runner == nullptr)
+    return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
   const Timestamp now = wall_time();
-  LabelBook::Judgement judged = entry->labels.judge(request, client.name, now, *entry->snapshot);
-  if (judged.decision != wire::RequestDecision::kDone || store_ == nullptr)
-    return on_request_decided(client.name, request, std::move(judged));
+  const LabelBook::Judgement judged = entry->labels.judge(request, author, now, *entry->snapshot);
+  if (judged.decision != wire::RequestDecision::kDone) return done(judged);
+  const auto settle = [this, map = request.map, judged, done](const Status& kept) {
+    LabelBook::Judgement word = judged;
+    if (!kept) {
+      word.decision = wire::RequestDecision::kFull;
+      word.reason = kept.error().message;
+    }
+    if (MapEntry* changed = maps_.find(map); changed != nullptr && changed->snapshot != nullptr) {
+      changed->labels.settle(judged, kept.has_value(), *changed->snapshot);
+      if (kept) tell_label(map, *changed, judged.label);
+    }
+    done(word);
+  };
+  if (store_ == nullptr) return settle({});
 
   MapUpdate update;
-  update.decisions.push_back(record_of(client.name, request.command, judged, now));
   if (judged.changed) {
     update.labels.push_back(*judged.changed);
   } else {
     update.removed_labels.push_back(judged.label.value);
   }
-  store_->write(request.map, std::move(update),
-                [this, name = client.name, request, judged = std::move(judged)](const Status& kept) {
-                  LabelBook::Judgement word = judged;
-                  if (!kept) {
-                    word.decision = wire::RequestDecision::kFull;
-                    word.reason = kept.error().message;
-                  }
-                  post([this, name, request, word = std::move(word)]() mutable {
-                    on_request_decided(name, request, std::move(word));
-                  });
-                });
-}
-
-void Switchboard::on_request_decided(const std::string& client_name, const wire::ClientRequest& request,
-                                     LabelBook::Judgement judgement) {
-  const bool done = judgement.decision == wire::RequestDecision::kDone;
-  MapEntry* entry = maps_.find(request.map);
-  if (entry != nullptr && entry->snapshot != nullptr && entry->labels.is_busy(judgement.label)) {
-    entry->labels.settle(judgement, done, *entry->snapshot);
-    if (done) tell_label(request.map, *entry, judgement.label);
+  if (decision) {
+    decision->decision = static_cast<uint8_t>(judged.decision);
+    decision->label = judged.label.value;
+    decision->time = now;
+    update.decisions.push_back(std::move(*decision));
   }
-  log_->debug("{}: request {}: label {}{}", client_name, request.command.seq, judgement.label.value,
-              done ? "" : ": " + judgement.reason);
-  const auto client = clients_.find(client_name);
-  if (client == clients_.end()) return;
-  client->second.request_gate.decide(
-      request.command.session,
-      {request.command.seq, judgement.decision, std::move(judgement.reason), request.map, judgement.label});
-  write_verdicts(client->second);
+  store_->write(request.map, std::move(update),
+                [this, settle](const Status& kept) { post([settle, kept] { settle(kept); }); });
 }
 
 void Switchboard::tell_label(MapId map, const MapEntry& entry, LabelId id) {

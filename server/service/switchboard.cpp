@@ -49,17 +49,18 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
                                   wire::Reader<wire::RelocQuery>, wire::Reader<wire::ClientRequest>>(
       *participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
-  auto& [cameras, states, seeds, offers, queries, requests] = *readers;
+  auto& [cameras, states, seeds, offers, queries, client_requests] = *readers;
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries, requests});
+  if (Status attached =
+          waiter->attach({*discovered, cameras, states, seeds, offers, queries, client_requests});
       !attached) {
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
       new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(queries), std::move(requests), std::move(*waiter)},
+                       std::move(offers), std::move(queries), std::move(client_requests), std::move(*waiter)},
                       std::move(log)));
 }
 
@@ -186,8 +187,8 @@ void Switchboard::take_messages() {
     Client* client = identify(readers_.queries, sample);
     if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
   });
-  wire::take_all(readers_.requests, [this](const auto& sample) {
-    Client* client = identify(readers_.requests, sample);
+  wire::take_all(readers_.client_requests, [this](const auto& sample) {
+    Client* client = identify(readers_.client_requests, sample);
     if (client != nullptr && sample.message) on_request(*client, *sample.message);
   });
 }

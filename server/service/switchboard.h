@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -59,7 +61,7 @@ class Switchboard {
     wire::Reader<wire::MapSeed> seeds;
     wire::Reader<wire::KeyframeOffer> offers;
     wire::Reader<wire::RelocQuery> queries;
-    wire::Reader<wire::ClientRequest> requests;
+    wire::Reader<wire::ClientRequest> client_requests;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -104,7 +106,12 @@ class Switchboard {
   // Labels (requests.cpp).
   void on_request(Client& client, const wire::ClientRequest& request);
   void on_request_decided(const std::string& client, const wire::ClientRequest& request,
-                          LabelBook::Judgement judgement);
+                          const LabelBook::Judgement& judgement);
+  /// Somebody wants a label added, renamed or removed; `done` is called on this thread, when it is durable or
+  /// refused. The label must not be busy. `decision`: kept along with it.
+  using LabelDone = std::function<void(const LabelBook::Judgement& judgement)>;
+  void change_label(const wire::ClientRequest& request, const std::string& author,
+                    std::optional<DecisionRecord> decision, const LabelDone& done);
   void tell_label(MapId map, const MapEntry& entry, LabelId label);
   void move_labels(MapId map, MapEntry& entry);
 
