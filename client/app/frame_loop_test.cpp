@@ -51,6 +51,7 @@ class Notes final : public FrameObserver {
   void on_frame(const FrameReport& report) override {
     states.emplace_back(to_string(report.state));
     numbers.push_back(report.number);
+    labels.push_back(report.labels);
   }
   void on_dropped(const DroppedReport& report) override {
     states.emplace_back("dropped");
@@ -71,6 +72,7 @@ class Notes final : public FrameObserver {
 
   std::vector<std::string> states;
   std::vector<size_t> numbers;
+  std::vector<LabelListPtr> labels;
   std::vector<std::string> words;
 };
 
@@ -103,6 +105,16 @@ TEST(FrameLoop, FramesGoThroughTrackerAndStateIsPublishedForEach) {
   EXPECT_THAT(rig.notes.states, ElementsAre("starting", "starting", "tracking", "lost", "tracking"));
   EXPECT_EQ(rig.link.states_published, 5U);
   EXPECT_THAT(rig.link.sent, IsEmpty());
+}
+
+TEST(FrameLoop, AFrameIsReportedWithTheLabelsOfItsMap) {
+  Rig rig({starting, tracking});
+  auto map = std::make_shared<MapSnapshot>();
+  map->map = kMap;
+  rig.link.map = map;
+  rig.link.map_labels = std::make_shared<const std::vector<Label>>(1);
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.notes.labels, ElementsAre(nullptr, rig.link.map_labels));
 }
 
 TEST(FrameLoop, AStateWithoutAMeasuredPoseIsNotTracked) {

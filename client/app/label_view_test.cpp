@@ -215,5 +215,21 @@ TEST_F(LabelViewTest, BoxesStayInTheAreaAndAreFoundWhereTheyAre) {
   }
 }
 
+TEST_F(LabelViewTest, SeenLabelsAreBrightAndHiddenOnesFaint) {
+  LabelInView shown{label_at(1, {}), {320, 240}, 1, false};
+  const cv::Mat grey(480, 640, CV_8UC3, cv::Scalar(90, 90, 90));
+  const auto colored = [&](bool hidden) {
+    shown.hidden = hidden;
+    cv::Mat picture = grey.clone();
+    paint_labels(lay_out_labels({shown}, picture.size(), 1), {}, &picture);
+    EXPECT_GT(cv::norm(picture, grey, cv::NORM_L1), 0);
+    cv::Mat channels[3];
+    cv::split(picture, channels);
+    return cv::countNonZero(channels[0] != channels[2]);
+  };
+  EXPECT_GT(colored(false), 500);
+  EXPECT_EQ(colored(true), 0);
+}
+
 }  // namespace
 }  // namespace cairn
