@@ -2,11 +2,9 @@
 // Labels on their way between the clients of a map, and into the store.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
-
-#include <filesystem>
 
 #include "client/session/label_request.h"
+#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -20,17 +18,10 @@ using ::testing::HasSubstr;
 class LabelsTest : public ::testing::Test {
  protected:
   LabelsTest() {
-    service_options_.store =
-        std::filesystem::path(::testing::TempDir()) / ("cairn-labels-" + std::to_string(getpid()));
-    std::filesystem::remove_all(service_options_.store);
+    service_options_.store = folder_.path();
     service_ = testing::start_service(&service_options_);
     anna_ = open("anna");
   }
-  ~LabelsTest() override {
-    service_.reset();
-    std::filesystem::remove_all(service_options_.store);
-  }
-
   std::unique_ptr<Session> open(const std::string& name, bool reads_only = false) {
     SessionOptions options;
     options.domain = service_options_.domain;
@@ -81,6 +72,7 @@ class LabelsTest : public ::testing::Test {
   using Texts = std::vector<std::string>;
 
   const testing::Scene scene_{11};
+  const testing::StoreFolder folder_{"labels"};
   ServiceOptions service_options_;
   std::unique_ptr<Service> service_;
   std::unique_ptr<Session> anna_;
