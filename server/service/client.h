@@ -71,6 +71,7 @@ struct Client {
   std::map<MapId, MapFeed> feeds;        ///< of the wanted maps that exist
   MonotonicTime left_at;                 ///< when the last reader went
   std::optional<MonotonicTime> intruder_told_at;
+  SessionId intruder;            ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
 };
 

@@ -75,7 +75,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
-      places_(std::make_shared<PlaceDesk>(lanes.urgent, options.relocalization)),
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization)),
       next_tick_(steady_clock::now()),
       thread_([this] { run(); }) {}
 
@@ -361,7 +361,8 @@ void Switchboard::tell_intruder(Client& client, SessionId session, MonotonicTime
   if (client.intruder_told_at && now - *client.intruder_told_at < kNoticeInterval) return;
   client.intruder_told_at = now;
   const std::string reason = "another live process is called '" + client.name + "'; choose another --name";
-  log_->warn("{}: a second process under this name is refused", client.name);
+  if (std::exchange(client.intruder, session) != session)
+    log_->warn("{}: a second process under this name is refused", client.name);
   if (!client.writers) return;
   wire::OfferOutcome notice;  // sequence 0: on the process, not on an offer
   notice.decision = wire::OfferDecision::kNoRight;

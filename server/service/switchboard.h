@@ -32,6 +32,7 @@ class Switchboard {
   struct Lanes {
     WorkerPool& urgent;
     WorkerPool& background;
+    WorkerPool& questions;
   };
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
                                                                   MapPersistence* store,
