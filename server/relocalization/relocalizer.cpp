@@ -132,14 +132,10 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   }
   const CornerGrid grid(view, camera);
   std::vector<Tried> tried;
-  int rivals = 0;
-  bool is_known = false;
   for (const Ranked& r : ranked) {
-    if (is_known && ++rivals > options.rivals) break;
     const Confirmation said = confirm(view, grid, camera, *r.map, *r.keyframe, options.confirm);
     tried.push_back({make_candidate(r, said), said.alikeness});
     if (is_clear(said, options)) break;
-    is_known = is_known || said.confirmed;
   }
   result.candidates = in_order(std::move(tried));
   if (result.candidates.front().confirmed) {
