@@ -136,14 +136,12 @@ void FrameLoop::deliver_replies() {
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {
   const auto place = best_place(answer);
-  lost_.answered(place.has_value());
-  if (!place) {
-    (void)tracker_.place_answered(std::nullopt);
-    return;
-  }
-  if (!tracker_.place_answered(
-          PoseSuggestion{place->map, place->epoch, place->keyframe, place->camera_from_keyframe}))
-    return;
+  const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
+                                                               place->camera_from_keyframe})
+                                : std::nullopt;
+  const bool is_wanted = tracker_.place_answered(suggestion);
+  lost_.answered(is_wanted);
+  if (!is_wanted) return;
   link_.use_map(place->map, place->epoch, place->revision);
   on_trial_ = place->map;
 }
@@ -163,7 +161,9 @@ void FrameLoop::observe_status(const SessionStatus& status) {
 
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
-  if (result.keyframe) link_.send_offer(*result.keyframe, frame.image, frame.time);
+  // A server that does not know the map would refuse each keyframe of it.
+  if (result.keyframe && (!last_status_ || last_status_->map_known))
+    link_.send_offer(*result.keyframe, frame.image, frame.time);
   if (result.place_question) link_.send_question(result.place_question, frame.time);
   return result.seed || result.keyframe || result.place_question;
 }

@@ -138,7 +138,7 @@ void Receiver::act_on(LinkMonitor::Event event) {
       state_.offer_replies.push_back(std::move(reply));
     }
   } else if (event == Event::kGone) {
-    log_->warn("the server is gone");
+    log_->debug("the server is gone");  // status() says so, and what it means for the tracker
     state_.question.restart(state_.session_id);
   } else {
     log_->info("connected to {}", state_.options.server);
@@ -175,7 +175,7 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
                                    [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
   const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
   if (refusal != state_.refusal) {
-    if (!refusal.empty()) log_->error("refused by the server: {}", refusal);
+    if (!refusal.empty()) log_->warn("the server refuses us until the name is free: {}", refusal);
     state_.refusal = refusal;
     state_.seed.resend();  // what went unheard while we were refused
     state_.spool.resend_all();
