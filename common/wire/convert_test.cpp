@@ -25,9 +25,10 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
 class RoundTrip : public ::testing::Test {};
-using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
-                                     MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
-                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer>;
+using AllMessages =
+    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
+                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict,
+                     RelocQuery, RelocAnswer, AdminRequest, AdminReply>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -278,6 +279,16 @@ TEST(Validation, RelocAnswer) {
   answer.refuses("infinite score", [](auto& m) { m.answer.candidates[0].score = kInfinity; });
   answer.refuses("control character", [](auto& m) { m.answer.candidates[0].reason = std::string("\r"); });
   answer.refuses("a negative count", [](auto& m) { m.answer.candidates[0].inliers = -1; });
+}
+
+TEST(Validation, AdminRequestAndReply) {
+  const Spoiler<AdminRequest> request;
+  request.refuses("no session", [](auto& m) { m.command.session = {}; });
+  request.refuses("control character", [](auto& m) { m.request = std::string("\r"); });
+  request.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
+  const Spoiler<AdminReply> reply;
+  reply.refuses("control character", [](auto& m) { m.text = std::string("\r"); });
+  reply.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

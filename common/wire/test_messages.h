@@ -47,6 +47,8 @@ CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i)
 CAIRN_MEMBERS(PlaceCandidate, a, b, c, d, e, f, g, h, i, j, k)
 CAIRN_MEMBERS(PlaceAnswer, a, b, c)
 CAIRN_MEMBERS(RelocAnswer, a, b, c)
+CAIRN_MEMBERS(AdminRequest, a, b, c, d)
+CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -278,6 +280,16 @@ inline RelocAnswer RandomMessages::make() {
                                       text(30)});
   }
   return made;
+}
+
+template <>
+inline AdminRequest RandomMessages::make() {
+  return {id<ClientId>(), command(), text(200), std::vector<uint8_t>(number(0, 500), 7)};
+}
+template <>
+inline AdminReply RandomMessages::make() {
+  return {id<ClientId>(), command(), static_cast<uint8_t>(number(0, 6)), text(200),
+          std::vector<uint8_t>(number(0, 500), 7)};
 }
 
 }  // namespace cairn::wire::testing
