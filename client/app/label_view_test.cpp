@@ -216,7 +216,7 @@ TEST_F(LabelViewTest, BoxesStayInTheAreaAndAreFoundWhereTheyAre) {
 }
 
 TEST_F(LabelViewTest, SeenLabelsAreBrightAndHiddenOnesFaint) {
-  LabelInView shown{label_at(1, {}), {320, 240}, 1, false};
+  LabelInView shown{label_at(1, Eigen::Vector3d::Zero()), {320, 240}, 1, false};
   const cv::Mat grey(480, 640, CV_8UC3, cv::Scalar(90, 90, 90));
   const auto colored = [&](bool hidden) {
     shown.hidden = hidden;

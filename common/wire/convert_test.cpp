@@ -25,10 +25,10 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
 class RoundTrip : public ::testing::Test {};
-using AllMessages =
-    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
-                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict,
-                     RelocQuery, RelocAnswer, ClientRequest, ClientReply, LabelMessage>;
+using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
+                                     MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
+                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, ClientRequest,
+                                     ClientReply, LabelMessage, AdminRequest, AdminReply>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -309,6 +309,16 @@ TEST(Validation, Label) {
   label.refuses("infinite", [](auto& m) {
     m.label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {kInfinity, 0, 0});
   });
+}
+
+TEST(Validation, AdminRequestAndReply) {
+  const Spoiler<AdminRequest> request;
+  request.refuses("no session", [](auto& m) { m.command.session = {}; });
+  request.refuses("control character", [](auto& m) { m.request = std::string("\r"); });
+  request.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
+  const Spoiler<AdminReply> reply;
+  reply.refuses("control character", [](auto& m) { m.text = std::string("\r"); });
+  reply.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

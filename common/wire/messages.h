@@ -286,4 +286,26 @@ struct RelocAnswer {
   PlaceAnswer answer;  ///< up to 16 candidates
 };
 
+// ---- operator <-> server
+
+/// Topic AdminRequest: command, in the operator's partition.
+struct AdminRequest {
+  ClientId operator_id;
+  CommandId command;
+  std::string request;        ///< JSON: {"verb": ..., arguments}; the verbs: server/admin/README.md
+  std::vector<uint8_t> data;  ///< a piece of an archive
+};
+
+/// Topic AdminReply: state, keyed by operator. A request that comes again is answered again, not done again.
+struct AdminReply {
+  ClientId operator_id;
+  CommandId command;   ///< of the request
+  uint8_t result = 0;  ///< exit code of DESIGN 10
+  std::string text;    ///< JSON, or why not
+  std::vector<uint8_t> data;
+};
+
+/// Of a piece of an archive in either.
+constexpr size_t kMaxAdminData = 60'000;
+
 }  // namespace cairn::wire

@@ -52,6 +52,8 @@ CAIRN_MEMBERS(RequestOutcome, a, b, c, d, e)
 CAIRN_MEMBERS(ClientReply, a, b, c, d, e)
 CAIRN_MEMBERS(Label, a, b, c, d, e, f)
 CAIRN_MEMBERS(LabelMessage, a, b, c)
+CAIRN_MEMBERS(AdminRequest, a, b, c, d)
+CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -306,6 +308,15 @@ inline LabelMessage RandomMessages::make() {
   return {id<MapId>(),
           {number()},
           {{number()}, static_cast<LabelKind>(number(0, 1)), text(40), pose(), text(32), {12345}}};
+}
+template <>
+inline AdminRequest RandomMessages::make() {
+  return {id<ClientId>(), command(), text(200), std::vector<uint8_t>(number(0, 500), 7)};
+}
+template <>
+inline AdminReply RandomMessages::make() {
+  return {id<ClientId>(), command(), static_cast<uint8_t>(number(0, 6)), text(200),
+          std::vector<uint8_t>(number(0, 500), 7)};
 }
 
 }  // namespace cairn::wire::testing

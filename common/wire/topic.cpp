@@ -38,6 +38,8 @@ CAIRN_WIRE_TOPIC(RelocAnswer, RelocAnswer, kQuery)
 CAIRN_WIRE_TOPIC(ClientRequest, ClientRequest, kCommand)
 CAIRN_WIRE_TOPIC(ClientReply, ClientReply, kState)
 CAIRN_WIRE_TOPIC(LabelMessage, Label, kState)
+CAIRN_WIRE_TOPIC(AdminRequest, AdminRequest, kCommand)
+CAIRN_WIRE_TOPIC(AdminReply, AdminReply, kState)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

@@ -55,6 +55,9 @@ class MapPersistence {
   /// To be called once, before anything else.
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads);
 
+  /// One map, e.g. after Store::undelete(). On the writer's thread (run()).
+  [[nodiscard]] Result<RestoredMap> restore_one(MapId map, const MapMakerOptions& options);
+
   void create(MapHeader header, MapUpdate whole, Done done);
   void write(MapId map, MapUpdate update, Done done);
   /// Anything else to be done with the store, in its turn.
@@ -85,6 +88,9 @@ class MapPersistence {
   void carry_out(std::vector<Job> jobs);
   void write_group(std::vector<Job*> group);
   void note(const Status& written);
+  struct Loaded;
+  [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options) const;
+  [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
 
   const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs
   const std::filesystem::path folder_;

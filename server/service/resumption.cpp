@@ -7,14 +7,16 @@ namespace cairn {
 
 void Switchboard::resume(std::vector<RestoredMap> restored) {
   resume_clients(restored);
-  for (RestoredMap& map : restored) {
-    const MapId id = map.header.id;
-    const auto runner = make_runner(id);
-    MapEntry& entry = maps_.add(id, MapEntry{map.header.name, runner, {}, {}, map.plane_aligned});
-    entry.labels.restore(map.labels);
-    runner->resume(std::move(map));
-  }
+  for (RestoredMap& map : restored) resume_map(std::move(map));
   run_posted();  // each map's first revision: whoever is heard first finds them listed
+}
+
+void Switchboard::resume_map(RestoredMap restored) {
+  const MapId id = restored.header.id;
+  const auto runner = make_runner(id);
+  MapEntry& entry = maps_.add(id, MapEntry{restored.header.name, runner, {}, {}, restored.plane_aligned});
+  entry.labels.restore(restored.labels);
+  runner->resume(std::move(restored));
 }
 
 void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {

@@ -50,18 +50,20 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
       *participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
   auto& [cameras, states, seeds, offers, queries, client_requests] = *readers;
+  auto requests = wire::Reader<wire::AdminRequest>::create(*participant, wire::kEveryOperator);
+  if (!requests) return tl::unexpected(requests.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
   if (Status attached =
-          waiter->attach({*discovered, cameras, states, seeds, offers, queries, client_requests});
+          waiter->attach({*discovered, cameras, states, seeds, offers, queries, client_requests, *requests});
       !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Switchboard>(
-      new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
-                      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(queries), std::move(client_requests), std::move(*waiter)},
-                      std::move(log)));
+  return std::unique_ptr<Switchboard>(new Switchboard(
+      options, lanes, store, std::move(restored), std::move(*participant),
+      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds), std::move(offers),
+       std::move(queries), std::move(client_requests), std::move(*requests), std::move(*waiter)},
+      std::move(log)));
 }
 
 Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -190,6 +192,14 @@ void Switchboard::take_messages() {
   wire::take_all(readers_.client_requests, [this](const auto& sample) {
     Client* client = identify(readers_.client_requests, sample);
     if (client != nullptr && sample.message) on_request(*client, *sample.message);
+  });
+  wire::take_all(readers_.requests, [this](const auto& sample) {
+    const auto partition = readers_.requests.partition_of(sample.publication);
+    const auto name = partition ? wire::parse_operator_partition(*partition) : std::nullopt;
+    if (!name || !sample.message) return;
+    if (client_id_from_name(*name) != sample.message->operator_id)
+      return refuse_identity(wire::topic_name<wire::AdminRequest>(), *partition, sample.message->operator_id);
+    on_admin(*name, *sample.message);
   });
 }
 

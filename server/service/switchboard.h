@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/base/log.h"
@@ -63,6 +64,7 @@ class Switchboard {
     wire::Reader<wire::KeyframeOffer> offers;
     wire::Reader<wire::RelocQuery> queries;
     wire::Reader<wire::ClientRequest> client_requests;
+    wire::Reader<wire::AdminRequest> requests;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -92,8 +94,34 @@ class Switchboard {
   void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
 
+  // What operators ask (administration.cpp).
+  struct Operator {
+    wire::Writer<wire::AdminReply> replies;
+    std::optional<wire::AdminReply> last;
+    std::optional<wire::CommandId> in_work;
+  };
+  using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
+  static constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
+  void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
+  void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
+  [[nodiscard]] Operator* operator_of(const std::string& name);
+  [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
+  void describe_server(const AdminAnswer& answer);
+  void list_maps(const AdminAnswer& answer);
+  void rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer);
+  void delete_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  void finish_deletion(MapId id, const AdminAnswer& answer);
+  void delete_again(const std::string& wanted, const AdminAnswer& answer);
+  void undelete_map(const std::string& wanted, const AdminAnswer& answer);
+  /// On the store's thread: a map that has just come (back) into the store.
+  void take_in(MapId id, const AdminAnswer& answer);
+  void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  void transfer(const std::string& verb, const std::string& token, uint64_t offset,
+                const std::vector<uint8_t>& data, const AdminAnswer& answer);
+
   // Maps and clients from before a restart (resumption.cpp).
   void resume(std::vector<RestoredMap> restored);
+  void resume_map(RestoredMap restored);
   void resume_clients(const std::vector<RestoredMap>& restored);
 
   // What they want (commands.cpp).
@@ -137,6 +165,7 @@ class Switchboard {
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;
+  std::map<std::string, Operator> operators_;
   std::map<MapId, bool> info_due_;  ///< maps whose MapInfo has changed since it was told
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;

@@ -96,7 +96,7 @@ class ControlsTest : public ::testing::Test {
     for (const char key : keys) controls_.press(key, now_);
   }
 
-  static constexpr cv::Size kPicture{640, 524};
+  const cv::Size kPicture{640, 524};
   CameraPtr camera_ = test_camera();
   SE3 camera_from_map_ = SE3::exp((Vector6d() << -0.3, 0.1, 0.2, 0.1, -0.2, 0.3).finished());
   TestMap map_{*camera_, camera_from_map_};

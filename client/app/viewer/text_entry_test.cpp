@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr cv::Size kPicture(640, 524);
+const cv::Size kPicture(640, 524);
 
 TextEntry type(const std::string& text) {
   TextEntry entry;

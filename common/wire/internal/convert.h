@@ -72,7 +72,9 @@ template <typename Message>
   X(RelocAnswer, cairn_RelocAnswer)          \
   X(ClientRequest, cairn_ClientRequest)      \
   X(ClientReply, cairn_ClientReply)          \
-  X(LabelMessage, cairn_Label)
+  X(LabelMessage, cairn_Label)               \
+  X(AdminRequest, cairn_AdminRequest)        \
+  X(AdminReply, cairn_AdminReply)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \
