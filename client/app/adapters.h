@@ -51,6 +51,7 @@ class SessionAdapter final : public MapLink {
   std::optional<SeedReply> take_seed_reply() override { return session_.take_seed_reply(); }
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
   std::optional<PlaceAnswer> take_place_answer() override { return session_.take_place_answer(); }
+  LabelListPtr labels(MapId map) const override { return session_.labels(map); }
   SessionStatus status() const override { return session_.status(); }
   bool wait_until_settled(std::chrono::milliseconds timeout) override {
     return session_.wait_until_settled(timeout);

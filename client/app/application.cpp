@@ -17,6 +17,8 @@
 #include "client/app/stats.h"
 #include "client/app/trajectory_recorder.h"
 #include "client/app/video_writer.h"
+#include "client/app/viewer/display.h"
+#include "client/app/viewer/viewer.h"
 #include "client/capture/decode_ahead.h"
 #include "client/capture/frame_source.h"
 #include "client/session/session.h"
@@ -92,6 +94,7 @@ SessionOptions session_options(const TrackOptions& options) {
   session.profile = options.profile;
   session.name = options.name;
   session.only_map = options.map;
+  session.reads_only = options.reader;
   session.lockstep = options.pace == Pace::kLockstep;
   return session;
 }
@@ -172,6 +175,21 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
+/// A window where there is a display and one is wanted; else null, and said why.
+std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr& camera, Session& session,
+                                    const Logger& log) {
+  if (options.headless) return nullptr;
+  if (const std::string why = why_no_window(); !why.empty()) {
+    log->info("no window: {}; running headless (--video shows the same)", why);
+    return nullptr;
+  }
+  ViewerLink link{[&session](MapId map) { return session.labels(map); },
+                  [&session](wire::ClientRequest request) { session.send_request(std::move(request)); },
+                  [&session] { return session.take_request_replies(); }};
+  return std::make_unique<Viewer>(camera, "cairn-track " + options.name,
+                                  ViewerOptions{!options.reader, options.makes_maps()}, std::move(link), log);
+}
+
 /// All that is open while frames are tracked.
 struct Run {
   const TrackOptions& options;
@@ -181,6 +199,15 @@ struct Run {
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   Outputs outputs;
+  std::unique_ptr<Viewer> viewer;  ///< may be null
+
+  [[nodiscard]] bool stop_requested() const {
+    return signals.stop_requested() || (viewer && viewer->quit_requested());
+  }
+  [[nodiscard]] bool new_map_requested() const {
+    const bool by_key = viewer && viewer->take_new_map_request();
+    return signals.new_map_requested() || by_key;
+  }
 };
 
 Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
@@ -194,8 +221,15 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   auto session = Session::open(session_options(options), *camera, log);
   if (!session) return tl::unexpected(session.error());
   auto ahead = decode_ahead(std::move(*source), options, **camera, log, signals.stop_requested);
-  return Run{
-      options, log, signals, std::move(*camera), std::move(ahead), std::move(*session), std::move(*outputs)};
+  auto viewer = open_viewer(options, *camera, **session, log);
+  return Run{options,
+             log,
+             signals,
+             std::move(*camera),
+             std::move(ahead),
+             std::move(*session),
+             std::move(*outputs),
+             std::move(viewer)};
 }
 
 int track(Run& run) {
@@ -207,6 +241,7 @@ int track(Run& run) {
   std::vector<FrameObserver*> observers = {&stats};
   if (run.outputs.trajectory) observers.push_back(run.outputs.trajectory.get());
   if (run.outputs.video) observers.push_back(run.outputs.video.get());
+  if (run.viewer) observers.push_back(run.viewer.get());
   observers.push_back(&narrator);
 
   FrameLoopOptions loop_options;
@@ -215,16 +250,17 @@ int track(Run& run) {
   loop_options.height = run.camera->height();
   loop_options.make_maps = run.options.makes_maps();
   loop_options.lost_patience = std::chrono::seconds(run.options.lost_patience);
-  loop_options.new_map_requested = run.signals.new_map_requested;
+  loop_options.new_map_requested = [&run] { return run.new_map_requested(); };
   FrameLoop loop(*run.source, tracker, link, clock, loop_options, observers);
   prefer_this_thread(run.log);
   // A process under a name in use is refused until the other one is gone: a camera goes on, a recording would
   // be in vain.
   const auto finished = loop.run([&] {
     const bool in_vain = run.options.pace != Pace::kRealtime && link.status().link == ServerLink::kRefused;
-    return in_vain || run.signals.stop_requested();
+    return in_vain || run.stop_requested();
   });
-  if (finished && *finished) {
+  const bool quit = run.viewer && run.viewer->quit_requested();
+  if (finished && (*finished || quit)) {
     (void)link.wait_until_settled(kLastVerdicts);
     loop.deliver_replies();
   }
@@ -238,7 +274,7 @@ int track(Run& run) {
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
-  if (!*finished) return kInterruptedExit;
+  if (!*finished && !quit) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {
     return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
   }
@@ -251,9 +287,7 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   const wire::LogRedirect middleware_log(log);
   auto run = prepare(options, log, signals);
   if (!run) return report_error(run.error(), log);
-  if (!options.headless)
-    log->info("the viewer's window is not available yet: running headless; --video shows the same");
-  const auto& stop = signals.stop_requested;
+  const auto stop = [&run = *run] { return run.stop_requested(); };
   Session& session = *run->session;
   const auto server_is_there = [&](milliseconds slice) { return session.wait_for_server(slice); };
   if (!run->source->is_live() && !server_is_there(kPatienceSlice)) {

@@ -93,9 +93,11 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   observe_status(status);
   const auto state = frame_state(result);
   lost_.frame(state, frame.time);
+  has_tracked_ = has_tracked_ || result.pose_measured;
   const auto stages = stages_.take();
+  const auto labels = result.map ? link_.labels(result.map) : nullptr;
   notify(&FrameObserver::on_frame,
-         FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
+         FrameReport{frames_seen_, frame, result, state, snapshot, labels, status, stages, cpu, wall});
   if (sent && options_.pace == Pace::kLockstep) {
     settle();
     deliver_replies();
@@ -134,14 +136,12 @@ void FrameLoop::deliver_replies() {
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {
   const auto place = best_place(answer);
-  lost_.answered(place.has_value());
-  if (!place) {
-    (void)tracker_.place_answered(std::nullopt);
-    return;
-  }
-  if (!tracker_.place_answered(
-          PoseSuggestion{place->map, place->epoch, place->keyframe, place->camera_from_keyframe}))
-    return;
+  const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
+                                                               place->camera_from_keyframe})
+                                : std::nullopt;
+  const bool is_wanted = tracker_.place_answered(suggestion);
+  lost_.answered(is_wanted);
+  if (!is_wanted) return;
   link_.use_map(place->map, place->epoch, place->revision);
   on_trial_ = place->map;
 }
@@ -161,7 +161,9 @@ void FrameLoop::observe_status(const SessionStatus& status) {
 
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
-  if (result.keyframe) link_.send_offer(*result.keyframe, frame.image, frame.time);
+  // A server that does not know the map would refuse each keyframe of it.
+  if (result.keyframe && (!last_status_ || last_status_->map_known))
+    link_.send_offer(*result.keyframe, frame.image, frame.time);
   if (result.place_question) link_.send_question(result.place_question, frame.time);
   return result.seed || result.keyframe || result.place_question;
 }
@@ -181,9 +183,12 @@ std::optional<FrameLoop::StartOver> FrameLoop::reason_to_start_over(const Sessio
   if (options_.new_map_requested()) return StartOver{"as asked", NewMap::kInAnyCase};
   if (state != FrameState::kLost) return std::nullopt;
   if (!status.map_known) return StartOver{"lost, and the server does not know the map"};
-  if (options_.make_maps && lost_.unmapped_for() >= options_.lost_patience) {
-    return StartOver{fmt::format("lost for {:.0f} s where no map is known",
-                                 std::chrono::duration<double>(lost_.unmapped_for()).count())};
+  const auto unmapped_for = lost_.unmapped_for();
+  if (!options_.make_maps || unmapped_for <= unmapped_for.zero()) return std::nullopt;
+  if (!has_tracked_) return StartOver{"the place suggested does not hold, and no map is known of this one"};
+  if (unmapped_for >= options_.lost_patience) {
+    return StartOver{fmt::format("lost for {:.1f} s where no map is known",
+                                 std::chrono::duration<double>(unmapped_for).count())};
   }
   return std::nullopt;
 }
@@ -196,6 +201,7 @@ void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState sta
   tracker_.start_over(start->wish);
   lost_ = {};
   on_trial_ = {};
+  has_tracked_ = false;
 }
 
 template <typename Event, typename Report>

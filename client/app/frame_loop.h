@@ -77,6 +77,9 @@ class FrameLoop {
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
   LostWatch lost_;
+  /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
+  /// did not hold costs a start no patience.
+  bool has_tracked_ = false;
   MapId on_trial_;  ///< in use because a place in it was suggested, and not proven yet
 };
 

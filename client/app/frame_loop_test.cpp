@@ -51,6 +51,7 @@ class Notes final : public FrameObserver {
   void on_frame(const FrameReport& report) override {
     states.emplace_back(to_string(report.state));
     numbers.push_back(report.number);
+    labels.push_back(report.labels);
   }
   void on_dropped(const DroppedReport& report) override {
     states.emplace_back("dropped");
@@ -71,6 +72,7 @@ class Notes final : public FrameObserver {
 
   std::vector<std::string> states;
   std::vector<size_t> numbers;
+  std::vector<LabelListPtr> labels;
   std::vector<std::string> words;
 };
 
@@ -103,6 +105,16 @@ TEST(FrameLoop, FramesGoThroughTrackerAndStateIsPublishedForEach) {
   EXPECT_THAT(rig.notes.states, ElementsAre("starting", "starting", "tracking", "lost", "tracking"));
   EXPECT_EQ(rig.link.states_published, 5U);
   EXPECT_THAT(rig.link.sent, IsEmpty());
+}
+
+TEST(FrameLoop, AFrameIsReportedWithTheLabelsOfItsMap) {
+  Rig rig({starting, tracking});
+  auto map = std::make_shared<MapSnapshot>();
+  map->map = kMap;
+  rig.link.map = map;
+  rig.link.map_labels = std::make_shared<const std::vector<Label>>(1);
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.notes.labels, ElementsAre(nullptr, rig.link.map_labels));
 }
 
 TEST(FrameLoop, AStateWithoutAMeasuredPoseIsNotTracked) {
@@ -157,7 +169,7 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
       {PlaceVerdict::kNotKnown, true, "place not known", {}},
   };
   for (const Case& c : cases) {
-    Rig rig({lost, lost});
+    Rig rig({starting, starting});
     rig.tracker.wants_places = c.wanted;
     rig.link.place_answer = place_in(MapId{{7}}, c.verdict);
     ASSERT_TRUE(rig.run());
@@ -250,6 +262,7 @@ TEST(FrameLoop, AMapThatTheServerLostIsKeptWhileTrackedAndLeftWhenLost) {
 
 TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   std::vector<ScriptedTracker::Step> script(8, lost);
+  script[0] = tracking;
   script[3] = tracking;  // the wait begins anew
   for (const bool makes_maps : {true, false}) {
     Rig rig(script, regular_frames(8, 500));
@@ -258,7 +271,7 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
     rig.options.lost_patience = std::chrono::milliseconds(1500);
     ASSERT_TRUE(rig.run());
     if (makes_maps) {
-      EXPECT_THAT(rig.notes.words, ElementsAre("", "lost for 2 s where no map is known"));
+      EXPECT_THAT(rig.notes.words, ElementsAre("", "lost for 1.5 s where no map is known"));
       EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
     } else {
       EXPECT_THAT(rig.tracker.words, ::testing::Each("place not known"));
@@ -266,9 +279,18 @@ TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {
   }
 }
 
+TEST(FrameLoop, ABuilderNotYetTrackedAnywhereGoesOnStartingWhenASuggestionDoesNotHold) {
+  Rig rig({starting, lost, lost, starting});
+  rig.link.always_answer = PlaceAnswer{};
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
+}
+
 /// It may be that the place is known: then a map of it is there already, and once it is back it says so.
 TEST(FrameLoop, WithoutAFreshAnswerALostBuilderBeginsNoMap) {
-  Rig rig(std::vector<ScriptedTracker::Step>(20, lost), regular_frames(20, 500));
+  std::vector<ScriptedTracker::Step> script(20, lost);
+  script[0] = tracking;
+  Rig rig(script, regular_frames(20, 500));
   rig.options.lost_patience = std::chrono::milliseconds(1500);
   rig.link.place_answer = PlaceAnswer{};  // once
   ASSERT_TRUE(rig.run());

@@ -31,6 +31,7 @@ struct FrameReport {
   const FrameResult& result;
   FrameState state = FrameState::kStarting;
   const MapSnapshotPtr& snapshot;  ///< what it was tracked on; may be null
+  const LabelListPtr& labels;      ///< of result.map; may be null
   const SessionStatus& status;
   const StageTimes& stages;         ///< processor time
   std::chrono::nanoseconds cpu{};   ///< processor time of all work on the frame

@@ -37,6 +37,7 @@ void Narrator::on_frame(const FrameReport& report) {
   tell_tracking(report);
   map_seen_ = map_seen_ || report.snapshot;
   if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
+  seed_waits_ = seed_waits_ || report.result.seed;
   const auto now = clock_.now();
   if (last_progress_ && now - *last_progress_ < kProgressPeriod) return;
   last_progress_ = now;
@@ -104,6 +105,7 @@ void Narrator::on_undecodable(const UndecodableReport& report) {
 
 void Narrator::on_seed_reply(const SeedReply& reply) {
   made_map_ = made_map_ || reply.answer;
+  seed_waits_ = false;
   if (reply.answer) {
     log_->info("the server made map {} from our two views: {} points",
                to_hex(reply.answer->map.bytes).substr(0, 8), reply.answer->points.size());
@@ -125,6 +127,7 @@ void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
 
 /// That the server is there is told by the session itself, also before the first frame.
 void Narrator::on_status(const SessionStatus& status) {
+  server_text_ = status.text;
   const bool fault =
       status.link == ServerLink::kGone || status.link == ServerLink::kRestarted || !status.map_known;
   if (fault && !status.text.empty()) log_->warn("{}", status.text);
@@ -148,6 +151,10 @@ void Narrator::on_start_over(const StartOverReport& report) {
 void Narrator::finish() {
   if (on_terminal_ && last_progress_) std::fputs("\r\x1b[K", stderr);
   if (map_ || why_no_map_.empty()) return;
+  if (seed_waits_) {
+    log_->warn("no map: one was proposed, but the server never answered ({})", server_text_);
+    return;
+  }
   log_->warn("{}: {}", map_seen_ ? "in a map, never tracked" : "no map", why_no_map_);
 }
 

@@ -54,7 +54,9 @@ class Narrator final : public FrameObserver {
   bool made_map_ = false;  ///< of our own views
   bool map_seen_ = false;  ///< tracked in or not
   bool unsettled_ = false;
+  bool seed_waits_ = false;  ///< for the server's verdict
   std::string why_no_map_;
+  std::string server_text_;
 };
 
 }  // namespace cairn

@@ -8,6 +8,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "client/app/label_painter.h"
+#include "client/app/label_view.h"
+
 namespace cairn {
 namespace {
 
@@ -54,13 +57,6 @@ double round_step(double value) {
   return decade * (mantissa >= 5 ? 5 : mantissa >= 2 ? 2 : 1);
 }
 
-/// OpenCV's fonts have ASCII only; a name from elsewhere may hold anything.
-std::string printable(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c > 0x7e; }, '?');
-  return text;
-}
-
 }  // namespace
 
 OverlayFrame make_overlay_frame(const FrameReport& report) {
@@ -82,6 +78,10 @@ OverlayFrame make_overlay_frame(const FrameReport& report) {
   frame.attempted = result.attempted;
   frame.mean_depth = result.mean_depth;
   frame.cpu_ms = std::chrono::duration<double, std::milli>(report.cpu).count();
+  if (report.snapshot && report.snapshot->map == result.map) {
+    frame.snapshot = report.snapshot;
+    frame.labels = report.labels;
+  }
   frame.points = result.points;
   frame.trails = result.trails;
   frame.note = result.note;
@@ -101,7 +101,7 @@ cv::Size Overlay::size() const {
   return {width / 2 * 2, (height + 1) / 2 * 2};  // video codecs want even sides
 }
 
-const cv::Mat& Overlay::draw(const OverlayFrame& frame) {
+const cv::Mat& Overlay::draw(const OverlayFrame& frame, const OverlayStyle& style) {
   draw_background(frame.image->view());
   draw_trails(frame.trails);
   if (frame.camera_from_map) {
@@ -109,7 +109,8 @@ const cv::Mat& Overlay::draw(const OverlayFrame& frame) {
     draw_grid(*frame.camera_from_map);
     draw_axes(*frame.camera_from_map);
   }
-  draw_points(frame.points);
+  if (style.points) draw_points(frame.points);
+  draw_labels(frame, style.selected);
   draw_status(frame);
   return canvas_;
 }
@@ -199,6 +200,11 @@ void Overlay::draw_axes(const SE3& camera_from_map) {
     const Eigen::Vector3d tip = 2 * grid_step_ * Eigen::Vector3d::Unit(axis);
     draw_map_line(camera_from_map, Eigen::Vector3d::Zero(), tip, kAxisColors[static_cast<size_t>(axis)], 2);
   }
+}
+
+void Overlay::draw_labels(const OverlayFrame& frame, LabelId selected) {
+  paint_labels(lay_out_labels(labels_in_view(frame, *camera_), camera_area_.size(), scale_), selected,
+               &camera_area_);
 }
 
 void Overlay::draw_text(const std::string& text, int row, const cv::Scalar& color) {

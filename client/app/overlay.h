@@ -33,6 +33,8 @@ struct OverlayFrame {
   int attempted = 0;
   double mean_depth = 0;  ///< [map unit] of the found points
   double cpu_ms = 0;
+  MapSnapshotPtr snapshot;  ///< that the pose is in; may be null
+  LabelListPtr labels;      ///< of that map; may be null
   std::vector<TrackedPoint> points;
   std::vector<TrailLine> trails;
   std::string note;         ///< of the tracker
@@ -41,9 +43,15 @@ struct OverlayFrame {
 
 [[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
 
+/// What of it is drawn.
+struct OverlayStyle {
+  bool points = true;
+  LabelId selected;  ///< a label to be marked; none: 0
+};
+
 /// Draws the camera's picture with what the tracker knows: points found (coloured by pyramid level) and
-/// missed (faint), trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, and
-/// two status lines below. Deterministic; used from one thread.
+/// missed (faint), trails before there is a map, the map's Z = 0 grid and axes where a pose was measured, the
+/// map's labels, and two status lines below. Deterministic; used from one thread.
 class Overlay {
  public:
   /// Small pictures are enlarged by a whole number, so that the status lines can be read.
@@ -52,7 +60,9 @@ class Overlay {
   /// Of every picture drawn [px].
   [[nodiscard]] cv::Size size() const;
   /// BGR; valid until the next call. `frame.image` must have the camera's size.
-  [[nodiscard]] const cv::Mat& draw(const OverlayFrame& frame);
+  [[nodiscard]] const cv::Mat& draw(const OverlayFrame& frame, const OverlayStyle& style = {});
+  /// Canvas pixels per pixel of the camera.
+  [[nodiscard]] int scale() const { return scale_; }
 
  private:
   void draw_background(const GrayView& image);
@@ -60,6 +70,7 @@ class Overlay {
   void draw_points(const std::vector<TrackedPoint>& points);
   void draw_grid(const SE3& camera_from_map);
   void draw_axes(const SE3& camera_from_map);
+  void draw_labels(const OverlayFrame& frame, LabelId selected);
   void draw_status(const OverlayFrame& frame);
   void draw_text(const std::string& text, int row, const cv::Scalar& color);
   void draw_map_line(const SE3& camera_from_map, const Eigen::Vector3d& from, const Eigen::Vector3d& to,

@@ -130,6 +130,34 @@ TEST_F(OverlayTest, PointsAreColouredByLevelAndMissedOnesAreFaint) {
   }
 }
 
+TEST_F(OverlayTest, LabelsStandAtTheirPlaceAndOnlyWhereThereIsAPose) {
+  auto frame = plain_frame(*camera_);
+  frame.state = FrameState::kTracking;
+  frame.map = MapId{{1}};
+  frame.snapshot = std::make_shared<const MapSnapshot>();
+  frame.camera_from_map = looking_down();
+  Label label;
+  label.id = {1};
+  label.text = "vice";
+  const Eigen::Vector2d pixel(400, 300);
+  label.map_from_label =
+      SE3(Eigen::Quaterniond::Identity(), looking_down().inverse() * (2 * camera_->unproject(pixel)));
+  frame.labels = std::make_shared<const std::vector<Label>>(std::vector{label});
+  const cv::Rect place(396, 296, 9, 9);
+  EXPECT_GT(colored_pixels(overlay_.draw(frame), place), 20);
+  frame.camera_from_map.reset();
+  EXPECT_EQ(colored_pixels(overlay_.draw(frame), picture_area()), 0);
+}
+
+TEST_F(OverlayTest, PointsCanBeLeftOut) {
+  auto frame = plain_frame(*camera_);
+  frame.points = {{PointId{1}, 0, true, {100, 100}}};
+  EXPECT_GT(colored_pixels(overlay_.draw(frame), picture_area()), 0);
+  OverlayStyle style;
+  style.points = false;
+  EXPECT_EQ(colored_pixels(overlay_.draw(frame, style), picture_area()), 0);
+}
+
 TEST_F(OverlayTest, NoNumbersOfTheTrackerMakeItFail) {
   auto frame = plain_frame(*camera_);
   const float nan = std::numeric_limits<float>::quiet_NaN();

@@ -28,7 +28,7 @@ class StatsTest : public ::testing::Test {
     result_.reprojection_rms = 0.5;
     const Frame frame = make_frame(number_, at_ms(static_cast<int64_t>(number_) * 33));
     stages_[static_cast<size_t>(Stage::kFine)] = cpu / 2;
-    stats_.on_frame({number_++, frame, result_, state, snapshot_, status_, stages_, cpu, wall});
+    stats_.on_frame({number_++, frame, result_, state, snapshot_, labels_, status_, stages_, cpu, wall});
   }
   void drop() { stats_.on_dropped({number_, at_ms(static_cast<int64_t>(number_) * 33)}), ++number_; }
   nlohmann::json json() { return nlohmann::json::parse(stats_.to_json(1234, 5678)); }
@@ -37,6 +37,7 @@ class StatsTest : public ::testing::Test {
   size_t number_ = 0;
   FrameResult result_;
   MapSnapshotPtr snapshot_;
+  LabelListPtr labels_;
   SessionStatus status_;
   StageTimes stages_{};
   const MapId desk_{{0xAB}};
@@ -133,9 +134,9 @@ TEST_F(StatsTest, WithoutTheListTheFiguresAreTheSame) {
   const Frame frame = make_frame(0, at_ms(0));
   const auto add_to_both = [&](FrameState state) {
     counts.on_frame(
-        {0, frame, result_, state, snapshot_, status_, stages_, milliseconds(5), milliseconds(8)});
+        {0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5), milliseconds(8)});
     stats_.on_frame(
-        {0, frame, result_, state, snapshot_, status_, stages_, milliseconds(5), milliseconds(8)});
+        {0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5), milliseconds(8)});
   };
   for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kLost}) {
     add_to_both(state);

@@ -119,6 +119,9 @@ class ScriptedLink final : public MapLink {
     if (always_answer) return always_answer;
     return std::exchange(place_answer, std::nullopt);
   }
+  LabelListPtr labels(MapId wanted) const override {
+    return map && map->map == wanted ? map_labels : nullptr;
+  }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
     sent.emplace_back("settle");
@@ -127,6 +130,7 @@ class ScriptedLink final : public MapLink {
   }
 
   MapSnapshotPtr map;
+  LabelListPtr map_labels;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
   std::optional<PlaceAnswer> place_answer;   ///< once

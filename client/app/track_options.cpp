@@ -111,7 +111,7 @@ void declare(CLI::App& app, Words& words) {
       ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
       ->capture_default_str();
   app.add_option("--seed", options.seed, "of all random choices")->check(check_seed)->capture_default_str();
-  app.add_flag("--headless", options.headless, "without a window");
+  app.add_flag("--headless", options.headless, "no window, also where there is a display");
   app.add_option("--trajectory", words.trajectory, "writes TUM rows")->type_name("FILE");
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
   app.add_option("--video", words.video, "writes the picture with the tracker's view (.mp4, .mkv, .avi)")

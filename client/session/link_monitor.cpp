@@ -5,15 +5,17 @@
 
 namespace cairn {
 
-LinkMonitor::Event LinkMonitor::heard(ServerId server) {
+LinkMonitor::Event LinkMonitor::heard(ServerId server, uint64_t start_count) {
   const ServerLink before = std::exchange(link_, ServerLink::kConnected);
+  const bool same_start = std::exchange(start_count_, start_count) == start_count;
   if (server != server_) {
     const bool first = !server_;
     server_ = server;
     std::erase_if(maps_, [server](const auto& entry) { return entry.second != server; });
     return first ? Event::kConnected : Event::kRestarted;
   }
-  return before == ServerLink::kGone ? Event::kReturned : Event::kNone;
+  // A quick restart is over before its silence has been noticed.
+  return before == ServerLink::kGone || !same_start ? Event::kReturned : Event::kNone;
 }
 
 LinkMonitor::Event LinkMonitor::alive(bool is_alive) {

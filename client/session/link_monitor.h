@@ -16,12 +16,12 @@ class LinkMonitor {
     kNone,
     kConnected,  ///< the first server
     kGone,       ///< silent beyond its liveliness lease, crashed or left
-    kReturned,   ///< the same server is back: go on where we were
-    kRestarted,  ///< another server, or the same started anew: it knows nothing of us
+    kReturned,   ///< the same server is back, or was started anew with all that it had: go on where we were
+    kRestarted,  ///< another server, or one that has kept nothing: it knows nothing of us
   };
 
-  /// A ServerStatus came.
-  Event heard(ServerId server);
+  /// A ServerStatus came; `start_count` grows with every start of a server.
+  Event heard(ServerId server, uint64_t start_count);
   /// Whether the writer of ServerStatus is alive, as the middleware sees it.
   Event alive(bool is_alive);
 
@@ -41,6 +41,7 @@ class LinkMonitor {
  private:
   ServerLink link_ = ServerLink::kConnecting;
   ServerId server_;
+  uint64_t start_count_ = 0;
   std::map<MapId, ServerId> maps_;
 };
 

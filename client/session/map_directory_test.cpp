@@ -13,7 +13,7 @@ const ServerId kServer{{1}};
 TEST(MapDirectory, FindsAMapByNameWhereTheServerInSightHasIt) {
   LinkMonitor monitor;
   MapDirectory directory;
-  (void)monitor.heard(kServer);
+  (void)monitor.heard(kServer, 1);
   const auto list = [&](MapId map, const char* name) {
     monitor.map_listed(map, kServer);
     directory.listed(map, name);

@@ -24,21 +24,21 @@ SessionId random_session() {
 
 Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
-  auto readers =
-      wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
-                       wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>,
-                       wire::Reader<wire::RelocAnswer>>(participant, wire::client_partition(client_name));
+  auto readers = wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
+                                  wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>,
+                                  wire::Reader<wire::RelocAnswer>, wire::Reader<wire::ClientReply>>(
+      participant, wire::client_partition(client_name));
   if (!readers) return tl::unexpected(readers.error());
-  auto& [status, maps, seeds, offers, places] = *readers;
+  auto& [status, maps, seeds, offers, places, replies] = *readers;
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({status, maps, seeds, offers, places}); !attached) {
+  if (Status attached = waiter->attach({status, maps, seeds, offers, places, replies}); !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Receiver>(new Receiver(
-      state, participant, client_name,
-      {std::move(status), std::move(maps), std::move(seeds), std::move(offers), std::move(places)},
-      std::move(*waiter), std::move(log)));
+  return std::unique_ptr<Receiver>(new Receiver(state, participant, client_name,
+                                                {std::move(status), std::move(maps), std::move(seeds),
+                                                 std::move(offers), std::move(places), std::move(replies)},
+                                                std::move(*waiter), std::move(log)));
 }
 
 Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
@@ -66,7 +66,10 @@ void Receiver::run() {
     try {
       take_server_messages();
       follow_recent_maps();
-      for (auto& [map, channel] : channels_) take_map_messages(channel);
+      for (auto& [map, channel] : channels_) {
+        take_map_messages(channel);
+        take_labels(channel);
+      }
     } catch (const std::exception& error) {  // nothing that a peer sends may end the tracker
       if (warning_.due()) log_->error("what the server sent could not be used: {}", error.what());
     }
@@ -87,7 +90,7 @@ void Receiver::take_server_messages() {
   wire::take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
     if (!sample.message) return;
     const std::scoped_lock lock(state_.mutex);
-    act_on(state_.monitor.heard(sample.message->server));
+    act_on(state_.monitor.heard(sample.message->server, sample.message->start_count));
   });
   wire::take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
     const std::scoped_lock lock(state_.mutex);
@@ -108,6 +111,9 @@ void Receiver::take_server_messages() {
   wire::take_all(server_.places, [this](wire::Sample<wire::RelocAnswer>& sample) {
     if (sample.message) act_on(std::move(*sample.message));
   });
+  wire::take_all(server_.replies, [this](const wire::Sample<wire::ClientReply>& sample) {
+    if (sample.message) act_on(*sample.message);
+  });
   const bool is_alive = server_.status.alive_writers() > 0;
   const std::scoped_lock lock(state_.mutex);
   act_on(state_.monitor.alive(is_alive));
@@ -125,15 +131,19 @@ void Receiver::act_on(LinkMonitor::Event event) {
     state_.session_id = random_session();
     state_.seed.restart(state_.session_id);
     state_.question.restart(state_.session_id);
+    for (RequestReply& reply : state_.requests.restart(state_.session_id, kRestartedText)) {
+      state_.request_replies.push_back(std::move(reply));
+    }
     for (OfferReply& reply : state_.spool.restart(state_.session_id, kRestartedText)) {
       state_.offer_replies.push_back(std::move(reply));
     }
   } else if (event == Event::kGone) {
-    log_->warn("the server is gone");
+    log_->debug("the server is gone");  // status() says so, and what it means for the tracker
     state_.question.restart(state_.session_id);
   } else {
     log_->info("connected to {}", state_.options.server);
     state_.spool.resend_all();
+    state_.requests.resend_all();
     state_.seed.resend();
   }
   state_.tracker_changed = true;
@@ -165,10 +175,11 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
                                    [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
   const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
   if (refusal != state_.refusal) {
-    if (!refusal.empty()) log_->error("refused by the server: {}", refusal);
+    if (!refusal.empty()) log_->warn("the server refuses us until the name is free: {}", refusal);
     state_.refusal = refusal;
     state_.seed.resend();  // what went unheard while we were refused
     state_.spool.resend_all();
+    state_.requests.resend_all();
   }
   state_.name_held = refusal.empty();
   for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
@@ -213,15 +224,21 @@ void Receiver::follow_recent_maps() {
 
 Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
   auto readers = wire::create_all<wire::Reader<wire::PointPatches>, wire::Reader<wire::PointPositions>,
-                                  wire::Reader<wire::KeyframePoses>, wire::Reader<wire::MapCommit>>(
-      participant_, wire::map_partition(client_name_, map));
+                                  wire::Reader<wire::KeyframePoses>, wire::Reader<wire::MapCommit>,
+                                  wire::Reader<wire::LabelMessage>>(participant_,
+                                                                    wire::map_partition(client_name_, map));
   if (!readers) return tl::unexpected(readers.error());
-  auto& [patches, positions, keyframes, commits] = *readers;
-  if (Status attached = waiter_.attach({patches, positions, keyframes, commits}); !attached) {
+  auto& [patches, positions, keyframes, commits, labels] = *readers;
+  if (Status attached = waiter_.attach({patches, positions, keyframes, commits, labels}); !attached) {
     return tl::unexpected(attached.error());
   }
-  return MapChannel{std::move(patches), std::move(positions), std::move(keyframes), std::move(commits),
-                    Replica(map)};
+  return MapChannel{std::move(patches),
+                    std::move(positions),
+                    std::move(keyframes),
+                    std::move(commits),
+                    std::move(labels),
+                    Replica(map),
+                    {}};
 }
 
 void Receiver::take_map_messages(MapChannel& channel) {

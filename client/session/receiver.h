@@ -9,6 +9,7 @@
 #include <string>
 #include <thread>
 
+#include "client/session/label_replica.h"
 #include "client/session/map_directory.h"
 #include "client/session/replica.h"
 #include "client/session/session_state.h"
@@ -42,14 +43,17 @@ class Receiver {
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
     wire::Reader<wire::RelocAnswer> places;
+    wire::Reader<wire::ClientReply> replies;
   };
-  /// The four topics of one map and what has come of them.
+  /// The topics of one map and what has come of them.
   struct MapChannel {
     wire::Reader<wire::PointPatches> patches;
     wire::Reader<wire::PointPositions> positions;
     wire::Reader<wire::KeyframePoses> keyframes;
     wire::Reader<wire::MapCommit> commits;
+    wire::Reader<wire::LabelMessage> labels;
     Replica replica;
+    LabelReplica label_replica;
   };
 
   Receiver(SessionState& state, wire::Participant participant, std::string client_name, ServerReaders readers,
@@ -61,6 +65,8 @@ class Receiver {
   [[nodiscard]] Result<MapChannel> open_channel(MapId map);
   void take_server_messages();
   void take_map_messages(MapChannel& channel);
+  void take_labels(MapChannel& channel);
+  void act_on(const wire::ClientReply& reply);
   void act_on(LinkMonitor::Event event);
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);

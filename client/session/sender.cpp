@@ -21,17 +21,18 @@ Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::P
                                               wire::ImageEncoding encoding, Logger log) {
   auto writers = wire::create_all<wire::Writer<wire::CameraMessage>, wire::Writer<wire::TrackerStateMessage>,
                                   wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>,
-                                  wire::Writer<wire::RelocQuery>>(participant, partition);
+                                  wire::Writer<wire::RelocQuery>, wire::Writer<wire::ClientRequest>>(
+      participant, partition);
   if (!writers) return tl::unexpected(writers.error());
-  auto& [cameras, tracker, seeds, offers, questions] = *writers;
+  auto& [cameras, tracker, seeds, offers, questions, requests] = *writers;
   wire::CameraMessage message;
   message.client = state.client;
   message.parameters = camera;
   if (Status written = cameras.write(message); !written) return tl::unexpected(written.error());
-  return std::unique_ptr<Sender>(new Sender(
-      state,
-      {std::move(cameras), std::move(tracker), std::move(seeds), std::move(offers), std::move(questions)},
-      encoding, std::move(log)));
+  return std::unique_ptr<Sender>(new Sender(state,
+                                            {std::move(cameras), std::move(tracker), std::move(seeds),
+                                             std::move(offers), std::move(questions), std::move(requests)},
+                                            encoding, std::move(log)));
 }
 
 Sender::Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log)
@@ -87,14 +88,19 @@ void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now
     const auto seed = !question && writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
     const auto offer =
         !question && !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
-    if (!question && !seed && !offer) return;
+    const auto request = !question && !seed && !offer && writers_.requests.matched() > 0
+                             ? state_.requests.next(now)
+                             : std::nullopt;
+    if (!question && !seed && !offer && !request) return;
     lock.unlock();
     if (question) {
       report(writers_.questions.write(make_message(*question)), "RelocQuery");
     } else if (seed) {
       report(writers_.seeds.write(make_message(*seed)), "MapSeed");
-    } else {
+    } else if (offer) {
       report(writers_.offers.write(make_message(*offer)), "KeyframeOffer");
+    } else {
+      report(writers_.requests.write(make_message(*request)), "ClientRequest");
     }
     lock.lock();
   }
@@ -116,7 +122,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
 }
 
 wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const {
-  const KeyframeProposal& proposal = sendable.offer->proposal;
+  const KeyframeProposal& proposal = sendable.item->proposal;
   wire::KeyframeOffer message;
   message.client = state_.client;
   message.command = sendable.command;
@@ -126,8 +132,8 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.reference = proposal.reference;
   message.camera_from_reference = proposal.camera_from_reference;
   message.lockstep = state_.options.lockstep;
-  message.time = sendable.offer->time;
-  message.image = encode_image(*sendable.offer->image, encoding_);
+  message.time = sendable.item->time;
+  message.image = encode_image(*sendable.item->image, encoding_);
   message.measurements = proposal.measurements;
   return message;
 }
@@ -142,6 +148,13 @@ wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) co
   message.time = question.time;
   message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);
   message.corners = question.view->corners;
+  return message;
+}
+
+wire::ClientRequest Sender::make_message(const RequestSpool::Sendable& sendable) const {
+  wire::ClientRequest message = *sendable.item;
+  message.client = state_.client;
+  message.command = sendable.command;
   return message;
 }
 

@@ -33,6 +33,7 @@ class Sender {
     wire::Writer<wire::MapSeed> seeds;
     wire::Writer<wire::KeyframeOffer> offers;
     wire::Writer<wire::RelocQuery> questions;
+    wire::Writer<wire::ClientRequest> requests;
   };
   Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log);
 
@@ -42,6 +43,7 @@ class Sender {
   [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable) const;
   [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable) const;
   [[nodiscard]] wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable) const;
+  [[nodiscard]] wire::ClientRequest make_message(const RequestSpool::Sendable& sendable) const;
   void report(const Status& written, const char* what);
 
   SessionState& state_;

@@ -137,6 +137,31 @@ void Session::publish_state(const FrameResult& result, Timestamp time) {
   shared.for_sender.notify_one();
 }
 
+LabelListPtr Session::labels(MapId map) const {
+  const SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  const auto labels = shared.labels.find(map);
+  return labels == shared.labels.end() ? nullptr : labels->second;
+}
+
+void Session::send_request(wire::ClientRequest request) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  if (shared.options.reads_only || !shared.is_map_known()) {
+    const char* why = shared.options.reads_only ? "a reader changes no labels" : kRestartedText;
+    shared.request_replies.push_back(RequestTopic::reply(0, false, why));
+    return;
+  }
+  auto lost = shared.requests.push(std::move(request));
+  if (lost) shared.request_replies.push_back(std::move(*lost));
+  shared.for_sender.notify_one();
+}
+
+std::vector<RequestReply> Session::take_request_replies() {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return std::exchange(state_->shared.request_replies, {});
+}
+
 std::optional<SeedReply> Session::take_seed_reply() {
   const std::scoped_lock lock(state_->shared.mutex);
   return std::exchange(state_->shared.seed_reply, std::nullopt);
@@ -205,7 +230,8 @@ bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
   std::unique_lock lock(shared.mutex);
   const auto is_lost = [&] { return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known(); };
   const auto is_settled = [&] {
-    return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() && shared.is_current();
+    return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() &&
+           shared.requests.size() == 0 && shared.is_current();
   };
   shared.for_waiters.wait_for(lock, timeout, [&] { return is_lost() || is_settled(); });
   return !is_lost() && is_settled();

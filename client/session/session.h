@@ -15,8 +15,10 @@
 #include "common/geometry/camera.h"
 #include "common/image/image.h"
 #include "common/image/place.h"
+#include "common/map/label.h"
 #include "common/map/place_answer.h"
 #include "common/map/snapshot.h"
+#include "common/wire/messages.h"
 
 /// A client's side of the service: replicas of maps, seeds and keyframe offers with a spool, the server's
 /// verdicts. All DDS work is done by the session's own threads; the frame loop's calls never wait (short
@@ -31,6 +33,7 @@ struct SessionOptions {
   bool lockstep = false;
   size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
   size_t recent_maps = 4;   ///< received at the same time: switching back to one of them takes no time
+  bool reads_only = false;  ///< asks for no change of a map
   std::string only_map;     ///< the name of the one map to be used; empty: any
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
 };
@@ -61,6 +64,15 @@ struct OfferReply {
   std::string reason;
 };
 
+/// The server's word on something that was asked for.
+struct RequestReply {
+  uint64_t seq = 0;
+  bool done = false;
+  std::string reason;  ///< of a refusal, for a person
+  MapId map;
+  LabelId label;  ///< added, renamed or removed
+};
+
 class Session {
  public:
   /// Joins the domain and announces the camera; does not wait for the server.
@@ -85,6 +97,13 @@ class Session {
   /// server.
   void send_question(std::shared_ptr<const PlaceView> view, Timestamp time);
   void publish_state(const FrameResult& result, Timestamp time);
+
+  /// Labels of a map that was in use of late, in the epoch of its replica; null without any.
+  [[nodiscard]] LabelListPtr labels(MapId map) const;
+  /// Asks for a label to be added, renamed or removed (client and command are filled in); kept until the
+  /// server has decided. Who only reads is refused at once.
+  void send_request(wire::ClientRequest request);
+  [[nodiscard]] std::vector<RequestReply> take_request_replies();
 
   [[nodiscard]] std::optional<SeedReply> take_seed_reply();
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();

@@ -17,6 +17,7 @@
 
 namespace cairn {
 
+constexpr size_t kMostRequests = 32;  ///< undecided, of a person
 constexpr const char* kRestartedText = "server restarted without this map";
 
 /// A revision that must be swapped in before a lockstep client goes on.
@@ -35,7 +36,8 @@ struct SessionState {
         session_id(session),
         spool(options.spool_limit, session),
         seed(session),
-        question(session) {
+        question(session),
+        requests(kMostRequests, session) {
     tracker.client = id;
   }
 
@@ -60,12 +62,16 @@ struct SessionState {
   QuestionSlot question;
   std::optional<PlaceAnswer> place_answer;
 
+  RequestSpool requests;
+  std::vector<RequestReply> request_replies;
+
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
 
   MapId map_in_use;
   std::deque<MapId> recent_maps;             ///< received; the one chosen last first
   std::map<MapId, MapSnapshotPtr> replicas;  ///< newest whole revisions of them
+  std::map<MapId, LabelListPtr> labels;      ///< of them
   MapSnapshotPtr snapshot;  ///< of the map in use or, until its first revision is there, of the one before
   std::optional<RequiredRevision> required;
 
@@ -82,6 +88,7 @@ struct SessionState {
     recent_maps.push_front(map);
     if (recent_maps.size() > options.recent_maps) {
       replicas.erase(recent_maps.back());
+      labels.erase(recent_maps.back());
       recent_maps.pop_back();
     }
     if (const MapSnapshotPtr replica = replica_in_use()) snapshot = replica;

@@ -15,20 +15,39 @@ void ResendTimer::send_at_once() {
   *this = ResendTimer();
 }
 
-std::optional<OfferReply> Spool::push(SpooledOffer offer) {
-  std::optional<OfferReply> lost;
+OfferReply OfferTopic::reply(uint64_t seq, bool done, std::string reason) {
+  return {seq, done, std::move(reason)};
+}
+
+OfferReply OfferTopic::reply(const wire::OfferOutcome& outcome) {
+  return reply(outcome.seq, outcome.decision == wire::OfferDecision::kAccepted, outcome.reason);
+}
+
+RequestReply RequestTopic::reply(uint64_t seq, bool done, std::string reason) {
+  return {seq, done, std::move(reason), {}, {}};
+}
+
+RequestReply RequestTopic::reply(const wire::RequestOutcome& outcome) {
+  return {outcome.seq, outcome.decision == wire::RequestDecision::kDone, outcome.reason, outcome.map,
+          outcome.label};
+}
+
+template <typename Topic>
+std::optional<typename Topic::Reply> CommandSpool<Topic>::push(Item item) {
+  std::optional<Reply> lost;
   if (entries_.size() >= limit_) {
-    lost = OfferReply{0, false, "spool full: the oldest offer not yet sent was dropped"};
+    lost = Topic::reply(0, false, "spool full: the oldest not yet sent was dropped");
     const auto unsent =
         std::find_if(entries_.begin(), entries_.end(), [](const Entry& e) { return e.seq == 0; });
     if (unsent == entries_.end()) return lost;
     entries_.erase(unsent);
   }
-  entries_.push_back({0, std::make_shared<const SpooledOffer>(std::move(offer)), {}});
+  entries_.push_back({0, std::make_shared<const Item>(std::move(item)), {}});
   return lost;
 }
 
-std::optional<Spool::Sendable> Spool::next(MonotonicTime now) {
+template <typename Topic>
+std::optional<typename CommandSpool<Topic>::Sendable> CommandSpool<Topic>::next(MonotonicTime now) {
   for (Entry& entry : entries_) {
     if (entry.seq == 0) {
       if (last_seq_ + 1 > last_decided_ + credit_) return std::nullopt;
@@ -36,41 +55,46 @@ std::optional<Spool::Sendable> Spool::next(MonotonicTime now) {
     }
     if (entry.timer.due(now)) {
       entry.timer.sent(now);
-      return Sendable{{session_, entry.seq}, entry.offer};
+      return Sendable{{session_, entry.seq}, entry.item};
     }
   }
   return std::nullopt;
 }
 
-std::vector<OfferReply> Spool::apply(const wire::OfferVerdict& verdict) {
-  std::vector<OfferReply> replies;
+template <typename Topic>
+std::vector<typename Topic::Reply> CommandSpool<Topic>::apply(const typename Topic::Verdict& verdict) {
+  std::vector<Reply> replies;
   if (verdict.session != session_) return replies;
   credit_ = verdict.credit;
   last_decided_ = std::max(last_decided_, std::min(verdict.last_decided, last_seq_));
   while (!entries_.empty() && entries_.front().seq != 0 && entries_.front().seq <= last_decided_) {
-    OfferReply reply{entries_.front().seq, false, "decided; the reason was missed"};
+    const uint64_t seq = entries_.front().seq;
     const auto outcome = std::find_if(verdict.recent.begin(), verdict.recent.end(),
-                                      [&](const wire::OfferOutcome& o) { return o.seq == reply.seq; });
-    if (outcome != verdict.recent.end()) {
-      reply.accepted = outcome->decision == wire::OfferDecision::kAccepted;
-      reply.reason = outcome->reason;
-    }
-    replies.push_back(std::move(reply));
+                                      [seq](const auto& o) { return o.seq == seq; });
+    replies.push_back(outcome != verdict.recent.end()
+                          ? Topic::reply(*outcome)
+                          : Topic::reply(seq, false, "decided; the reason was missed"));
     entries_.pop_front();
   }
   return replies;
 }
 
-void Spool::resend_all() {
+template <typename Topic>
+void CommandSpool<Topic>::resend_all() {
   for (Entry& entry : entries_) entry.timer.send_at_once();
 }
 
-std::vector<OfferReply> Spool::restart(SessionId session, const std::string& reason) {
-  std::vector<OfferReply> replies;
-  for (const Entry& entry : entries_) replies.push_back({entry.seq, false, reason});
-  *this = Spool(limit_, session);
+template <typename Topic>
+std::vector<typename Topic::Reply> CommandSpool<Topic>::restart(SessionId session,
+                                                                const std::string& reason) {
+  std::vector<Reply> replies;
+  for (const Entry& entry : entries_) replies.push_back(Topic::reply(entry.seq, false, reason));
+  *this = CommandSpool(limit_, session);
   return replies;
 }
+
+template class CommandSpool<OfferTopic>;
+template class CommandSpool<RequestTopic>;
 
 void SeedSlot::put(SeedProposal proposal) {
   proposal_ = std::make_shared<const SeedProposal>(std::move(proposal));

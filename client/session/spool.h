@@ -40,35 +40,56 @@ struct SpooledOffer {
   Timestamp time;
 };
 
-/// Offers from the moment they are made until the server has decided: bounded, in order, each with a sequence
-/// number from the first sending on (1, 2, ... within a session). At most `credit` are in flight. Pure: the
-/// time is handed in. One thread.
-class Spool {
- public:
-  Spool(size_t limit, SessionId session) : limit_(limit), session_(session) {}
+/// Keyframe offers in a CommandSpool.
+struct OfferTopic {
+  using Item = SpooledOffer;
+  using Verdict = wire::OfferVerdict;
+  using Reply = OfferReply;
+  [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
+  [[nodiscard]] static Reply reply(const wire::OfferOutcome& outcome);
+};
+/// What people ask for in a CommandSpool.
+struct RequestTopic {
+  using Item = wire::ClientRequest;  ///< but for client and command
+  using Verdict = wire::ClientReply;
+  using Reply = RequestReply;
+  [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
+  [[nodiscard]] static Reply reply(const wire::RequestOutcome& outcome);
+};
 
-  /// Takes an offer. When full, the oldest that was not sent yet goes (or, if all were, this one); the loss
+/// Commands of a topic from the moment they are made until the server has decided: bounded, in order, each
+/// with a sequence number from the first sending on (1, 2, ... within a session). At most `credit` are in
+/// flight. Pure: the time is handed in. One thread.
+template <typename Topic>
+class CommandSpool {
+ public:
+  using Item = typename Topic::Item;
+  using Reply = typename Topic::Reply;
+
+  CommandSpool(size_t limit, SessionId session) : limit_(limit), session_(session) {}
+
+  /// Takes a command. When full, the oldest that was not sent yet goes (or, if all were, this one); the loss
   /// is reported.
-  [[nodiscard]] std::optional<OfferReply> push(SpooledOffer offer);
+  [[nodiscard]] std::optional<Reply> push(Item item);
 
   struct Sendable {
     wire::CommandId command;
-    std::shared_ptr<const SpooledOffer> offer;
+    std::shared_ptr<const Item> item;
   };
-  /// The next offer that is due and within the credit, marked as sent now; nothing if there is none.
+  /// The next command that is due and within the credit, marked as sent now; nothing if there is none.
   [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
 
   /// Takes in the server's word: what is newly decided leaves the spool and is reported. Verdicts on other
   /// sessions are passed over; a decision that has left the list of recent ones is reported without its
   /// reason.
-  [[nodiscard]] std::vector<OfferReply> apply(const wire::OfferVerdict& verdict);
+  [[nodiscard]] std::vector<Reply> apply(const typename Topic::Verdict& verdict);
 
   /// The link was interrupted: everything undecided is due again.
   void resend_all();
 
-  /// The server is another one and knows none of the maps: every offer is reported lost for `reason`,
+  /// The server is another one and knows none of the maps: every command is reported lost for `reason`,
   /// counting begins anew.
-  [[nodiscard]] std::vector<OfferReply> restart(SessionId session, const std::string& reason);
+  [[nodiscard]] std::vector<Reply> restart(SessionId session, const std::string& reason);
 
   [[nodiscard]] size_t size() const { return entries_.size(); }
   [[nodiscard]] SessionId session() const { return session_; }
@@ -76,7 +97,7 @@ class Spool {
  private:
   struct Entry {
     uint64_t seq = 0;  ///< 0: never sent
-    std::shared_ptr<const SpooledOffer> offer;
+    std::shared_ptr<const Item> item;
     ResendTimer timer;
   };
 
@@ -87,6 +108,9 @@ class Spool {
   uint64_t last_decided_ = 0;
   uint32_t credit_ = 1;  ///< until the server has said more
 };
+
+using Spool = CommandSpool<OfferTopic>;
+using RequestSpool = CommandSpool<RequestTopic>;
 
 /// The one seed that may be under way (the tracker makes another only after a verdict). Pure. One thread.
 class SeedSlot {

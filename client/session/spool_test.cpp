@@ -50,6 +50,28 @@ TEST(Spool, SendsInOrderWithinTheCreditOnly) {
   EXPECT_EQ(spool.size(), 8U);
 }
 
+TEST(Spool, OfARequestItSaysWhichLabelItWas) {
+  RequestSpool spool(2, kSession);
+  for (int i = 0; i < 2; ++i) EXPECT_FALSE(spool.push({}));
+  const auto lost = spool.push({});
+  ASSERT_TRUE(lost.has_value());
+  EXPECT_FALSE(lost->done);
+  EXPECT_FALSE(lost->reason.empty());
+  wire::ClientReply reply{{}, kSession, 0, 2, {}};
+  (void)spool.apply(reply);
+  while (spool.next({})) {
+  }
+  reply.last_decided = 2;
+  reply.recent = {{1, wire::RequestDecision::kDone, "", MapId{{1}}, LabelId{7}},
+                  {2, wire::RequestDecision::kUnknownLabel, "there is no such label", MapId{{1}}, {}}};
+  const auto replies = spool.apply(reply);
+  ASSERT_EQ(replies.size(), 2U);
+  EXPECT_TRUE(replies[0].done);
+  EXPECT_EQ(replies[0].label, LabelId{7});
+  EXPECT_FALSE(replies[1].done);
+  EXPECT_EQ(replies[1].reason, "there is no such label");
+}
+
 TEST(Spool, ReportsEachDecisionOnceWithItsReason) {
   Spool spool(32, kSession);
   for (int i = 0; i < 3; ++i) EXPECT_FALSE(spool.push(offer_at(i)));
@@ -90,7 +112,7 @@ TEST(Spool, SendsAgainTheSameOfferWithTheSameNumberUntilDecided) {
   const auto again = spool.next(now + kFirstResend);
   ASSERT_TRUE(again.has_value());
   EXPECT_EQ(again->command, first->command);
-  EXPECT_EQ(again->offer, first->offer);
+  EXPECT_EQ(again->item, first->item);
   EXPECT_FALSE(spool.next(now + kFirstResend + 2 * kFirstResend - milliseconds(1)))
       << "then after twice as long";
   spool.resend_all();
@@ -111,7 +133,7 @@ TEST(Spool, WhenFullTheOldestUnsentGoes) {
   (void)spool.apply(verdict(1, 8));
   const auto next = spool.next({});
   ASSERT_TRUE(next.has_value());
-  EXPECT_EQ(next->offer->time, Timestamp{3}) << "offer 2 was dropped";
+  EXPECT_EQ(next->item->time, Timestamp{3}) << "offer 2 was dropped";
   EXPECT_EQ(next->command.seq, 2U) << "numbers have no gaps";
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/tracking/place_question.h"
 
+#include <utility>
+
 #include "client/tracking/place_memory.h"
 
 namespace cairn {
@@ -25,11 +27,24 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.corners));
 }
 
-void PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
+bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
   under_way_ = false;
   nobody_answers_ = false;
-  suggestion_ = suggestion;
-  not_known_ = suggestion ? std::nullopt : asked_;
+  const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
+  suggestion_ = is_news ? suggestion : std::nullopt;
+  not_known_ = is_news ? std::nullopt : asked_;
+  return is_news || !suggestion;
+}
+
+void PlaceQuestion::restart() {
+  RefutedPlaces refuted = std::move(refuted_);
+  *this = {};
+  refuted_ = std::move(refuted);
+}
+
+void PlaceQuestion::refute(Timestamp time) {
+  if (taken_) refuted_.refute(*taken_, time);
+  taken_.reset();
 }
 
 bool PlaceQuestion::suggests(const MapSnapshot& map) const {
@@ -40,6 +55,7 @@ std::optional<SE3> PlaceQuestion::take(const FrameImages& frame, const Camera& c
                                        const MapSnapshot& map) {
   if (!suggests(map)) return std::nullopt;
   const PoseSuggestion taken = *suggestion_;
+  taken_ = taken;
   suggestion_.reset();
   const KeyframePose* keyframe = map.find(taken.reference);
   if (keyframe == nullptr) return std::nullopt;

@@ -6,6 +6,7 @@
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/pose_suggestion.h"
+#include "client/tracking/refuted_places.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/image/place.h"
@@ -20,9 +21,19 @@ class PlaceQuestion {
  public:
   /// The frame described, if a question may be asked now; null otherwise.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time);
-  /// The answer: a place to try, or that no place is known.
-  void answered(const std::optional<PoseSuggestion>& suggestion);
+  /// The answer: a place to try, or that no place is known. A place that has been refuted again and again
+  /// counts as none; false then.
+  bool answered(const std::optional<PoseSuggestion>& suggestion);
+  /// The place taken last did not show in the frame, or not in the next ones.
+  void refute(Timestamp time);
+  /// It did: the camera is where the map says.
+  void prove() {
+    taken_.reset();
+    refuted_.forget();
+  }
   void drop_suggestion() { suggestion_.reset(); }
+  /// As new, but for the places refuted: who starts over must not be led to them again.
+  void restart();
 
   /// Whether a place suggested in this map waits to be tried.
   [[nodiscard]] bool suggests(const MapSnapshot& map) const;
@@ -42,6 +53,8 @@ class PlaceQuestion {
   TinyImage tiny_;                      ///< of the frame asked about
   std::optional<Timestamp> not_known_;  ///< when the frame was taken of which the latest answer says so
   std::optional<PoseSuggestion> suggestion_;
+  std::optional<PoseSuggestion> taken_;  ///< and not refuted yet
+  RefutedPlaces refuted_;
 };
 
 }  // namespace cairn

@@ -206,7 +206,7 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerd
   }
   if (unproven > 0 && --unproven > 0) {
     result.state = TrackingState::kLost;
-    result.note = "lost: proving a pose that was found";
+    result.note = "proving a pose that was found";
     return;
   }
   publish(verdict);
@@ -214,6 +214,7 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerd
 
 void Tracker::State::publish(PoseVerdict verdict) {
   lost_frames = 0;
+  question.prove();
   proven = latest;
   result.state = verdict == PoseVerdict::kGood ? TrackingState::kTracking : TrackingState::kPoor;
   result.note.clear();
@@ -255,6 +256,7 @@ void Tracker::State::track_map(Timestamp time) {
   if (unproven > 0) {
     unproven = 0;
     bad_frames = options.lost_after_bad_frames;
+    question.refute(time);
   }
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
@@ -266,11 +268,12 @@ void Tracker::State::recover(Timestamp time) {
   const ScopedStage stage(probe, Stage::kRecover);
   result.state = TrackingState::kLost;
   result.note = question.nobody_answers()
-                    ? "lost: looking from where it was before; nobody answers, more cannot be done"
-                    : "lost: asking where this is";
+                    ? "looking from where it was before; nobody answers, more cannot be done"
+                    : "asking where this is";
   const SearchEffort wide = wide_effort(options);
   if (const auto place = question.take(now(), *camera, *map)) {
     if (found_from(*place, wide, kSuggestedQuality, time)) return;
+    question.refute(time);
   }
   if (const auto place = places.recall(now(), *camera, *map, lost_frames++ % kMemoriesTried)) {
     if (found_from(*place, wide, kRecoveredQuality, time)) return;
@@ -358,8 +361,7 @@ void Tracker::seed_refused(const std::string& reason) {
 }
 
 bool Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
-  const bool is_wanted = suggestion && state_->is_looking();
-  state_->question.answered(suggestion);
+  const bool is_wanted = state_->question.answered(suggestion) && suggestion && state_->is_looking();
   if (!is_wanted) state_->question.drop_suggestion();
   return is_wanted;
 }
@@ -370,7 +372,7 @@ void Tracker::start_over(NewMap wish) {
   s.insists = wish == NewMap::kInAnyCase && s.options.make_maps;
   s.awaited.reset();
   s.trails.restart();
-  s.question = {};
+  s.question.restart();
   s.map.reset();
   s.latest = s.proven = {};
   s.bad_frames = 0;

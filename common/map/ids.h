@@ -25,6 +25,7 @@ using PointId = CounterId<struct PointTag>;        ///< unique within a map, fro
 using Revision = CounterId<struct RevisionTag>;    ///< of a map; grows by one with every published change
 using Epoch = CounterId<struct EpochTag>;  ///< of a map; block layouts and revisions never mix across it
 using SessionId = CounterId<struct SessionTag>;  ///< random, one per run of a client (kept with its spool)
+using LabelId = CounterId<struct LabelTag>;      ///< unique within a map, from 1
 using TrailId = CounterId<struct TrailTag>;      ///< a trail of the two-view start, unique within a client
 
 /// A global identity of 16 bytes, printed as 32 hex digits. All zero means "none".

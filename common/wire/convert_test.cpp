@@ -27,7 +27,8 @@ template <typename Message>
 class RoundTrip : public ::testing::Test {};
 using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
                                      MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
-                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer>;
+                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, ClientRequest,
+                                     ClientReply, LabelMessage, AdminRequest, AdminReply>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -278,6 +279,46 @@ TEST(Validation, RelocAnswer) {
   answer.refuses("infinite score", [](auto& m) { m.answer.candidates[0].score = kInfinity; });
   answer.refuses("control character", [](auto& m) { m.answer.candidates[0].reason = std::string("\r"); });
   answer.refuses("a negative count", [](auto& m) { m.answer.candidates[0].inliers = -1; });
+}
+
+TEST(Validation, ClientRequest) {
+  const Spoiler<ClientRequest> request;
+  request.refuses("unknown action", [](auto& m) { m.action = static_cast<RequestAction>(3); });
+  request.refuses("unknown kind", [](auto& m) { m.kind = static_cast<LabelKind>(2); });
+  request.refuses("no number", [](auto& m) { m.command.seq = 0; });
+  request.refuses("text too long", [](auto& m) { m.text.assign(kMaxLabelBytes + 1, 'x'); });
+  request.refuses("control character", [](auto& m) { m.text = std::string("a\x1b[2J"); });
+  request.refuses("not a number", [](auto& m) {
+    m.reference_from_label = SE3(Eigen::Quaterniond::Identity(), {kNan, 0, 0});
+  });
+}
+
+TEST(Validation, ClientReply) {
+  const Spoiler<ClientReply> reply([](const auto& m) { return !m.recent.empty(); });
+  reply.refuses("unknown decision", [](auto& m) { m.recent[0].decision = static_cast<RequestDecision>(8); });
+  reply.refuses("too many outcomes", [](auto& m) { m.recent.resize(17, m.recent[0]); });
+  reply.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
+}
+
+TEST(Validation, Label) {
+  const Spoiler<LabelMessage> label;
+  label.refuses("none", [](auto& m) { m.label.id = {}; });
+  label.refuses("unknown kind", [](auto& m) { m.label.kind = static_cast<LabelKind>(2); });
+  label.refuses("text too long", [](auto& m) { m.label.text.assign(kMaxLabelBytes + 1, 'x'); });
+  label.refuses("control character", [](auto& m) { m.label.author = std::string("\n"); });
+  label.refuses("infinite", [](auto& m) {
+    m.label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {kInfinity, 0, 0});
+  });
+}
+
+TEST(Validation, AdminRequestAndReply) {
+  const Spoiler<AdminRequest> request;
+  request.refuses("no session", [](auto& m) { m.command.session = {}; });
+  request.refuses("control character", [](auto& m) { m.request = std::string("\r"); });
+  request.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
+  const Spoiler<AdminReply> reply;
+  reply.refuses("control character", [](auto& m) { m.text = std::string("\r"); });
+  reply.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

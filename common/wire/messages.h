@@ -11,6 +11,7 @@
 #include "common/image/image.h"
 #include "common/image/place.h"
 #include "common/map/ids.h"
+#include "common/map/label.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/place_answer.h"
@@ -94,6 +95,27 @@ struct RelocQuery {
   Timestamp time;
   ImageMessage small_image;  ///< raw; pyramid level 3 of the frame
   std::vector<PlaceCorner> corners;
+};
+
+enum class RequestAction : uint8_t {
+  kAddLabel = 0,
+  kRenameLabel = 1,  ///< another text
+  kRemoveLabel = 2,
+};
+
+/// Topic ClientRequest: command. What a person in front of a viewer asks for.
+struct ClientRequest {
+  ClientId client;
+  CommandId command;
+  RequestAction action = RequestAction::kAddLabel;
+  MapId map;
+  LabelId label;                      ///< to be renamed or removed
+  LabelKind kind = LabelKind::kText;  ///< of one to be added
+  std::string text;                   ///< at most kMaxLabelBytes
+  /// Where to add it: relative to a keyframe, so it survives adjustments on the way.
+  Epoch epoch;
+  KeyframeId reference;
+  SE3 reference_from_label;  ///< the keyframe's camera from the label
 };
 
 /// Topic TrackerState: stream, liveliness 3 s.
@@ -221,11 +243,69 @@ struct OfferVerdict {
   std::vector<OfferOutcome> recent;  ///< the last up to 16
 };
 
+enum class RequestDecision : uint8_t {
+  kDone = 0,
+  kUnfit = 1,  ///< e.g. no text
+  kNoRight = 2,
+  kUnknownMap = 3,
+  kUnknownLabel = 4,
+  kStale = 5,  ///< what the place was relative to is gone: to be pointed at again
+  kFull = 6,   ///< the map has all the labels it may have, or nothing can be kept
+  kBusy = 7,   ///< more requests in flight than the credit allows
+};
+
+struct RequestOutcome {
+  uint64_t seq = 0;
+  RequestDecision decision = RequestDecision::kDone;
+  std::string reason;
+  MapId map;
+  LabelId label;  ///< added, renamed or removed
+};
+
+/// Topic ClientReply: state, keyed by client.
+struct ClientReply {
+  ClientId client;
+  SessionId session;
+  uint64_t last_decided = 0;           ///< every seq up to here has been decided
+  uint32_t credit = 0;                 ///< requests that may be in flight beyond last_decided
+  std::vector<RequestOutcome> recent;  ///< the last up to 16
+};
+
+/// Topic Label: state, keyed by (map, label), in the partition of one client and map; disposed when the label
+/// is removed. The pose is that in the newest revision: it is sent again when an adjustment has moved it.
+struct LabelMessage {
+  MapId map;
+  Epoch epoch;
+  Label label;
+};
+
 /// Topic RelocAnswer: query, keyed by client.
 struct RelocAnswer {
   ClientId client;
   CommandId command;   ///< of the query answered
   PlaceAnswer answer;  ///< up to 16 candidates
 };
+
+// ---- operator <-> server
+
+/// Topic AdminRequest: command, in the operator's partition.
+struct AdminRequest {
+  ClientId operator_id;
+  CommandId command;
+  std::string request;        ///< JSON: {"verb": ..., arguments}; the verbs: server/admin/README.md
+  std::vector<uint8_t> data;  ///< a piece of an archive
+};
+
+/// Topic AdminReply: state, keyed by operator. A request that comes again is answered again, not done again.
+struct AdminReply {
+  ClientId operator_id;
+  CommandId command;   ///< of the request
+  uint8_t result = 0;  ///< exit code of DESIGN 10
+  std::string text;    ///< JSON, or why not
+  std::vector<uint8_t> data;
+};
+
+/// Of a piece of an archive in either.
+constexpr size_t kMaxAdminData = 60'000;
 
 }  // namespace cairn::wire

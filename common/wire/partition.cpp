@@ -5,12 +5,23 @@ namespace cairn::wire {
 namespace {
 
 constexpr std::string_view kClientPrefix = "client.";
+constexpr std::string_view kOperatorPrefix = "operator.";
 constexpr std::string_view kMapInfix = ".map.";
 
 }  // namespace
 
 std::string client_partition(std::string_view name) {
   return std::string(kClientPrefix).append(name);
+}
+
+std::string operator_partition(std::string_view name) {
+  return std::string(kOperatorPrefix).append(name);
+}
+
+std::optional<std::string> parse_operator_partition(std::string_view partition) {
+  if (!partition.starts_with(kOperatorPrefix)) return std::nullopt;
+  partition.remove_prefix(kOperatorPrefix.size());
+  return is_valid_name(partition) ? std::optional(std::string(partition)) : std::nullopt;
 }
 
 std::string map_partition(std::string_view name, const MapId& map) {

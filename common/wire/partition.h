@@ -17,6 +17,12 @@ constexpr std::string_view kEveryClient = "client.*";
 
 /// `client.<name>`; the name is valid (is_valid_name).
 [[nodiscard]] std::string client_partition(std::string_view name);
+/// Where the server hears operators, and where one of them speaks and listens: `operator.<name>`.
+constexpr std::string_view kEveryOperator = "operator.*";
+[[nodiscard]] std::string operator_partition(std::string_view name);
+/// Name of the operator whose partition it is; nothing for any other text.
+[[nodiscard]] std::optional<std::string> parse_operator_partition(std::string_view partition);
+
 /// `client.<name>.map.<map>`.
 [[nodiscard]] std::string map_partition(std::string_view name, const MapId& map);
 

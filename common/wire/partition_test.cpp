@@ -29,5 +29,14 @@ TEST(Partition, AnythingElseIsNobody) {
   }
 }
 
+TEST(Partition, OperatorsHaveTheirOwn) {
+  EXPECT_EQ(parse_operator_partition(operator_partition("ada")), "ada");
+  for (const std::string& text : {client_partition("ada"), std::string("operator.*"),
+                                  std::string("operator."), std::string("operator.a.b")}) {
+    EXPECT_EQ(parse_operator_partition(text), std::nullopt) << text;
+  }
+  EXPECT_EQ(parse_partition(operator_partition("ada")), std::nullopt);
+}
+
 }  // namespace
 }  // namespace cairn::wire

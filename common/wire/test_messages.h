@@ -47,6 +47,13 @@ CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i)
 CAIRN_MEMBERS(PlaceCandidate, a, b, c, d, e, f, g, h, i, j, k)
 CAIRN_MEMBERS(PlaceAnswer, a, b, c)
 CAIRN_MEMBERS(RelocAnswer, a, b, c)
+CAIRN_MEMBERS(ClientRequest, a, b, c, d, e, f, g, h, i, j)
+CAIRN_MEMBERS(RequestOutcome, a, b, c, d, e)
+CAIRN_MEMBERS(ClientReply, a, b, c, d, e)
+CAIRN_MEMBERS(Label, a, b, c, d, e, f)
+CAIRN_MEMBERS(LabelMessage, a, b, c)
+CAIRN_MEMBERS(AdminRequest, a, b, c, d)
+CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -278,6 +285,38 @@ inline RelocAnswer RandomMessages::make() {
                                       text(30)});
   }
   return made;
+}
+
+template <>
+inline ClientRequest RandomMessages::make() {
+  return {id<ClientId>(), command(),  static_cast<RequestAction>(number(0, 2)),
+          id<MapId>(),    {number()}, static_cast<LabelKind>(number(0, 1)),
+          text(40),       {number()}, {number()},
+          pose()};
+}
+template <>
+inline ClientReply RandomMessages::make() {
+  ClientReply made{id<ClientId>(), {number()}, number(), static_cast<uint32_t>(number(0, 9)), {}};
+  for (uint64_t i = 0, n = number(0, 16); i < n; ++i) {
+    made.recent.push_back(
+        {number(), static_cast<RequestDecision>(number(0, 7)), text(60), id<MapId>(), {number()}});
+  }
+  return made;
+}
+template <>
+inline LabelMessage RandomMessages::make() {
+  return {id<MapId>(),
+          {number()},
+          {{number()}, static_cast<LabelKind>(number(0, 1)), text(40), pose(), text(32), {12345}}};
+}
+template <>
+inline AdminRequest RandomMessages::make() {
+  return {id<ClientId>(), command(), text(200), std::vector<uint8_t>(number(0, 500), 7)};
+}
+template <>
+inline AdminReply RandomMessages::make() {
+  return {id<ClientId>(), command(), static_cast<uint8_t>(number(0, 6)), text(200),
+          std::vector<uint8_t>(number(0, 500), 7)};
 }
 
 }  // namespace cairn::wire::testing

@@ -35,6 +35,11 @@ CAIRN_WIRE_TOPIC(SeedVerdict, SeedVerdict, kState)
 CAIRN_WIRE_TOPIC(OfferVerdict, OfferVerdict, kState)
 CAIRN_WIRE_TOPIC(RelocQuery, RelocQuery, kQuery)
 CAIRN_WIRE_TOPIC(RelocAnswer, RelocAnswer, kQuery)
+CAIRN_WIRE_TOPIC(ClientRequest, ClientRequest, kCommand)
+CAIRN_WIRE_TOPIC(ClientReply, ClientReply, kState)
+CAIRN_WIRE_TOPIC(LabelMessage, Label, kState)
+CAIRN_WIRE_TOPIC(AdminRequest, AdminRequest, kCommand)
+CAIRN_WIRE_TOPIC(AdminReply, AdminReply, kState)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

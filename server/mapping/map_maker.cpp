@@ -261,6 +261,10 @@ std::vector<KeyframeView> MapMaker::keyframe_views() const {
   return views;
 }
 
+void MapMaker::rename(const std::string& name) {
+  state_->builder.rename(name);
+}
+
 MapRecord MapMaker::take_changes() {
   State& s = *state_;
   const FoundationRecord foundation{s.spacing.min_distance_over_depth, s.anchor.distances(), s.plane_aligned};

@@ -164,6 +164,9 @@ class MapMaker {
   /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer.
   [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
+  /// The next snapshot has this name.
+  void rename(const std::string& name);
+
   [[nodiscard]] MapStatistics statistics() const;
 
   /// What has to be kept of the map's changes since this was called last; the first time, all of the map.

@@ -172,7 +172,7 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
   next->epoch = epoch_;
   next->revision = Revision{previous_ ? previous_->revision.value + 1 : 1};
   const uint64_t version = next->revision.value;
-  bool changed = !previous_;
+  bool changed = !previous_ || previous_->name != name_;
 
   for (size_t b = 0; b < block_count(map.keyframes().size()); ++b) {
     const bool keep =

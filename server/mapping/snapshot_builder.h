@@ -14,6 +14,9 @@ class SnapshotBuilder {
   SnapshotBuilder(MapId map, std::string name, Epoch epoch)
       : map_(map), name_(std::move(name)), epoch_(epoch) {}
 
+  /// The next snapshot has this name.
+  void rename(std::string name) { name_ = std::move(name); }
+
   /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
   /// cut by more than what spans 0.2 px at the source keyframe's distance (the mean depth, for a keyframe),
   /// or is now seen from notably elsewhere. Versions of new blocks are the revision's number. Without a new

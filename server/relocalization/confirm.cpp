@@ -6,6 +6,8 @@
 #include <bitset>
 #include <utility>
 
+#include "server/relocalization/appearance.h"
+
 namespace cairn {
 namespace {
 
@@ -50,17 +52,39 @@ int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std:
   return static_cast<int>(occupied.count());
 }
 
+bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
+  return said.alikeness >= needed.alikeness && said.inliers >= needed.share * said.met &&
+         said.agreeing >= needed.agreeing;
+}
+
 void judge(const ConfirmOptions& options, Confirmation* result) {
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
-  } else if (result->inliers < options.min_share * result->met) {
-    result->reason =
-        fmt::format("only {} of {} corners look like the points there", result->inliers, result->met);
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
+  } else if (!speak(options.by_picture, *result) && !speak(options.by_corners, *result)) {
+    result->reason = fmt::format("{} of {} corners look like the points there, the picture by {:.2f}",
+                                 result->inliers, result->met, result->alikeness);
   } else {
     result->confirmed = true;
   }
+}
+
+/// The pose with which most matches agree, from three of those that are supported.
+Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
+                               std::span<const PlaceMatch> matches, std::span<const PlaceMatch> supported,
+                               const ConfirmOptions& options) {
+  PoseRansacOptions ransac;
+  ransac.threshold = kRansacThreshold;
+  ransac.iterations = options.ransac_iterations;
+  ransac.min_inliers = 0;
+  ransac.seed = options.seed;
+  const auto pose = ransac_pose(camera, to_observations(view, supported), ransac);
+  if (!pose) return pose;
+  PoseOptions all;
+  all.fixed_cutoff_after = 0;
+  all.late_squared_cutoff = kRansacThreshold * kRansacThreshold;
+  return optimize_pose(camera, pose->camera_from_map, to_observations(view, matches), all);
 }
 
 }  // namespace
@@ -69,26 +93,28 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
                      const IndexedMap& map, const IndexedKeyframe& keyframe, const ConfirmOptions& options) {
   Confirmation result;
   const auto matches = match_anywhere(view, keyframe, *map.snapshot);
+  const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
-  if (result.matches < options.min_matches) {
-    result.reason = fmt::format("{} corners look alike, {} needed", result.matches, options.min_matches);
+  result.supported = static_cast<int>(supported.size());
+  if (result.supported < options.min_supported) {
+    result.reason = fmt::format("{} of {} corners alike lie as they do there, {} needed", result.supported,
+                                result.matches, options.min_supported);
     return result;
   }
-  PoseRansacOptions ransac;
-  ransac.threshold = kRansacThreshold;
-  ransac.iterations = options.ransac_iterations;
-  ransac.min_inliers = options.ransac_inliers;
-  ransac.seed = options.seed;
-  auto pose = ransac_pose(camera, to_observations(view, matches), ransac);
-  if (!pose) {
-    result.reason = pose.error().message;
+  auto pose = find_pose(view, camera, matches, supported, options);
+  if (!pose || pose->inliers < options.min_agreeing) {
+    result.agreeing = pose ? pose->inliers : 0;
+    result.reason =
+        pose ? fmt::format("{} corners agree on a pose, {} needed", result.agreeing, options.min_agreeing)
+             : pose.error().message;
     return result;
   }
   result.agreeing = pose->inliers;
+  std::vector<ProjectedPoint> points;
   for (const double radius : kRadii) {
-    const auto around = keyframes_around(map, pose->camera_from_map);
-    const GuidedMatches guided =
-        match_by_pose(view, grid, camera, pose->camera_from_map, map, around, radius);
+    project_points(camera, pose->camera_from_map, *map.snapshot, keyframes_around(map, pose->camera_from_map),
+                   &points);
+    const GuidedMatches guided = match_near(view, grid, points, radius);
     PoseOptions refinement;
     refinement.fixed_cutoff_after = 0;
     refinement.late_squared_cutoff = radius * radius;
@@ -103,6 +129,7 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
     result.met = static_cast<int>(guided.met);
     result.cells = count_cells(view, guided.matches, pose->weights, camera);
   }
+  result.alikeness = alikeness(view, points);
   judge(options, &result);
   return result;
 }

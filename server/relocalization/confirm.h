@@ -10,15 +10,20 @@
 namespace cairn {
 
 struct ConfirmOptions {
-  int min_matches = 8;  ///< of descriptors alone, without which no pose is tried
-  int ransac_iterations = 1000;
-  int ransac_inliers = 12;
-  int min_inliers = 30;  ///< of the refined pose
-  /// Inliers, of the corners on which a point falls: what is found where a place has something must look like
-  /// it. Between another desk of the same kind (0.16 to 0.41 of look-alike things on tests/world's) and the
-  /// right place seen from aside (0.43 and more).
-  double min_share = 0.42;
-  int min_cells = 5;  ///< of the 4x3 cells of the image, in which inliers lie
+  int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
+  int ransac_iterations = 300;
+  int min_agreeing = 12;  ///< of all matches by descriptors alone, with the pose
+  int min_inliers = 30;   ///< of the refined pose
+  int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
+  /// A pose is believed when two witnesses that know nothing of each other speak for it: alikeness()
+  /// (appearance.h), and the share of inliers among the corners on which a point falls. Either of two ways.
+  struct Witnesses {
+    double alikeness = 0;
+    double share = 0;
+    int agreeing = 0;
+  };
+  Witnesses by_picture = {0.87, 0.35, 12};  ///< looks the same; things there hide points of each other
+  Witnesses by_corners = {0.70, 0.47, 25};  ///< seen from aside or partly hidden, by many corners
   uint64_t seed = 1;
 };
 
@@ -26,17 +31,20 @@ struct ConfirmOptions {
 struct Confirmation {
   bool confirmed = false;
   SE3 camera_from_map;
-  int matches = 0;     ///< by descriptors alone
-  int agreeing = 0;    ///< of these, with the pose from three of them
-  int inliers = 0;     ///< of the refined pose
-  int expected = 0;    ///< points of the neighbourhood that project into the image
-  int met = 0;         ///< corners on which one of these falls
-  int cells = 0;       ///< of 12, with an inlier in them
+  int matches = 0;    ///< by descriptors alone
+  int supported = 0;  ///< of these, by their neighbours
+  int agreeing = 0;   ///< of all, with the pose from three that are supported
+  int inliers = 0;    ///< of the refined pose
+  int expected = 0;   ///< points of the neighbourhood that project into the image
+  int met = 0;        ///< corners on which one of these falls
+  int cells = 0;      ///< of 12, with an inlier in them
+  double alikeness = -1;
   std::string reason;  ///< why it is not confirmed
 };
 
-/// Corners against the keyframe's points, a pose from three of them that most agree with (P3P in RANSAC),
-/// then all points of the keyframes around that pose, and the pose from what is found. Deterministic.
+/// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
+/// most agree (P3P in RANSAC), then all points of the keyframes around that pose, and the pose from what is
+/// found. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                                    const IndexedMap& map, const IndexedKeyframe& keyframe,
                                    const ConfirmOptions& options);

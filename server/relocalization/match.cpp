@@ -14,6 +14,10 @@ constexpr float kRatio = 0.85F;   ///< of the distance of the best rival (Lowe, 
 constexpr float kSamePlace =
     6;  ///< [px of level 0 times 2^level] nearer is no rival: the same corner, other level
 constexpr int kMaxGuidedDistance = 60;
+constexpr float kNeighbourhood = 80;    ///< [px] in the keyframe, within which matches are neighbours
+constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
+constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
+constexpr ptrdiff_t kFewestSupporters = 2;
 
 struct Best {
   int index = -1;
@@ -78,9 +82,9 @@ std::vector<PlaceMatch> match_anywhere(const PlaceView& view, const IndexedKeyfr
     const Best best = find_best(view.corners[i], keyframe);
     if (best.index < 0 || best.distance > kMaxDistance) continue;
     if (static_cast<float>(best.distance) > kRatio * static_cast<float>(best.rival)) continue;
-    const PointId point = keyframe.points[static_cast<size_t>(best.index)].id;
-    const auto position = position_of(snapshot, point);
-    if (position) matches.push_back({i, point, *position, best.distance});
+    const DescribedPoint& point = keyframe.points[static_cast<size_t>(best.index)];
+    const auto position = position_of(snapshot, point.id);
+    if (position) matches.push_back({i, point.id, *position, best.distance, point.pixel});
   }
   keep_one_to_one(&matches);
   return matches;
@@ -115,44 +119,70 @@ void CornerGrid::find(const Eigen::Vector2d& pixel, double radius, std::vector<s
   }
 }
 
-GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                            const SE3& camera_from_map, const IndexedMap& map,
-                            std::span<const IndexedKeyframePtr> keyframes, double radius) {
-  GuidedMatches found;
-  std::vector<size_t> near;
-  std::vector<PointId> projected;
-  std::vector<bool> met(view.corners.size());
+void project_points(const Camera& camera, const SE3& camera_from_map, const MapSnapshot& snapshot,
+                    std::span<const IndexedKeyframePtr> keyframes, std::vector<ProjectedPoint>* out) {
+  out->clear();
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   for (const IndexedKeyframePtr& keyframe : keyframes) {
     for (size_t k = 0; k < keyframe->points.size(); ++k) {
-      const DescribedPoint& point = keyframe->points[k];
-      const auto position = position_of(*map.snapshot, point.id);
+      const auto position = position_of(snapshot, keyframe->points[k].id);
       if (!position) continue;
       const auto pixel =
           camera.project(Eigen::Vector3d(rotation * *position + camera_from_map.translation()));
-      if (!pixel || !camera.in_image(*pixel)) continue;
-      projected.push_back(point.id);
-      grid.find(*pixel, radius * (1 << std::min<int>(point.level + 1, kPyramidLevels - 1)), &near);
-      PlaceMatch best{0, point.id, *position, kMaxGuidedDistance + 1};
-      for (const size_t i : near) {
-        const PlaceCorner& corner = view.corners[i];
-        if (std::abs(corner.level - point.level) > 1) continue;
-        const double reach = radius * (1 << corner.level);
-        if ((corner.pixel.cast<double>() - *pixel).squaredNorm() > reach * reach) continue;
-        met[i] = true;
-        const int distance = descriptor_distance(corner.descriptor, keyframe->descriptors[k]);
-        if (distance >= best.distance) continue;
-        best.corner = i;
-        best.distance = distance;
-      }
-      if (best.distance <= kMaxGuidedDistance) found.matches.push_back(best);
+      if (pixel && camera.in_image(*pixel)) out->push_back({keyframe.get(), k, *position, *pixel});
     }
+  }
+}
+
+GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
+                         std::span<const ProjectedPoint> points, double radius) {
+  GuidedMatches found;
+  std::vector<size_t> near;
+  std::vector<PointId> projected;
+  projected.reserve(points.size());
+  std::vector<bool> met(view.corners.size());
+  for (const ProjectedPoint& p : points) {
+    const DescribedPoint& point = p.keyframe->points[p.index];
+    const Descriptor& descriptor = p.keyframe->descriptors[p.index];
+    projected.push_back(point.id);
+    grid.find(p.pixel, radius * (1 << std::min<int>(point.level + 1, kPyramidLevels - 1)), &near);
+    PlaceMatch best{0, point.id, p.position, kMaxGuidedDistance + 1, point.pixel};
+    for (const size_t i : near) {
+      const PlaceCorner& corner = view.corners[i];
+      if (std::abs(corner.level - point.level) > 1) continue;
+      const double reach = radius * (1 << corner.level);
+      if ((corner.pixel.cast<double>() - p.pixel).squaredNorm() > reach * reach) continue;
+      met[i] = true;
+      const int distance = descriptor_distance(corner.descriptor, descriptor);
+      if (distance >= best.distance) continue;
+      best.corner = i;
+      best.distance = distance;
+    }
+    if (best.distance <= kMaxGuidedDistance) found.matches.push_back(best);
   }
   keep_one_to_one(&found.matches);
   std::sort(projected.begin(), projected.end());
   found.met = static_cast<size_t>(std::count(met.begin(), met.end(), true));
   found.expected = static_cast<size_t>(std::unique(projected.begin(), projected.end()) - projected.begin());
   return found;
+}
+
+std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const PlaceMatch> matches) {
+  const auto motion = [&](const PlaceMatch& m) -> Eigen::Vector2f {
+    return view.corners[m.corner].pixel - m.there;
+  };
+  const auto supports = [&](const PlaceMatch& a, const PlaceMatch& b) {
+    const float apart = (a.there - b.there).norm();
+    return apart >= kSamePlace && apart <= kNeighbourhood &&
+           (motion(a) - motion(b)).norm() <= kMotionNoise + kMotionChange * apart;
+  };
+  std::vector<PlaceMatch> kept;
+  for (const PlaceMatch& m : matches) {
+    const auto supporters =
+        std::count_if(matches.begin(), matches.end(), [&](const PlaceMatch& o) { return supports(m, o); });
+    if (supporters >= kFewestSupporters) kept.push_back(m);
+  }
+  return kept;
 }
 
 std::vector<PointObservation> to_observations(const PlaceView& view, std::span<const PlaceMatch> matches) {

@@ -16,6 +16,7 @@ struct PlaceMatch {
   PointId point;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   int distance = 0;
+  Eigen::Vector2f there = Eigen::Vector2f::Zero();  ///< where the keyframe saw it [level-0 px]
 };
 
 /// Every corner with the point of the keyframe that looks most like it, at its own pyramid level and one up
@@ -39,16 +40,34 @@ class CornerGrid {
   std::vector<std::vector<size_t>> cells_;
 };
 
-/// Points of keyframes looked for where a pose projects them, within `radius` px of the corner's level. Each
-/// corner and each point at most once. `expected`: how many points project into the image.
+/// A point of a keyframe where a pose puts it in the query.
+struct ProjectedPoint {
+  const IndexedKeyframe* keyframe = nullptr;
+  size_t index = 0;                                    ///< into its `points`
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< level 0
+};
+/// Those in the image, keyframe by keyframe; a point stands once for each scale at which it is described.
+/// `out` keeps its memory.
+void project_points(const Camera& camera, const SE3& camera_from_map, const MapSnapshot& snapshot,
+                    std::span<const IndexedKeyframePtr> keyframes, std::vector<ProjectedPoint>* out);
+
+/// Projected points looked for within `radius` px of the corner's level. Each corner and each point at most
+/// once.
 struct GuidedMatches {
   std::vector<PlaceMatch> matches;
-  size_t expected = 0;
-  size_t met = 0;  ///< corners on which a point of about their level falls, whether alike or not
+  size_t expected = 0;  ///< different points
+  size_t met = 0;       ///< corners on which a point of about their level falls, whether alike or not
 };
-[[nodiscard]] GuidedMatches match_by_pose(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                                          const SE3& camera_from_map, const IndexedMap& map,
-                                          std::span<const IndexedKeyframePtr> keyframes, double radius);
+[[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
+                                       std::span<const ProjectedPoint> points, double radius);
+
+/// Matches that moved from the keyframe's picture to the query's as at least two of their neighbours did (the
+/// idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do, by chance:
+/// sampling from these finds a pose in tens of trials where sampling from all needs thousands. In the given
+/// order.
+[[nodiscard]] std::vector<PlaceMatch> keep_supported(const PlaceView& view,
+                                                     std::span<const PlaceMatch> matches);
 
 /// As observations of a pose: sigma 2^level px.
 [[nodiscard]] std::vector<PointObservation> to_observations(const PlaceView& view,

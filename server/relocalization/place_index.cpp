@@ -60,6 +60,7 @@ IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
   indexed->camera = view.camera;
   indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
   indexed->contrast = root_mean_square(indexed->tiny);
+  indexed->small.assign(view.pyramid->level(kPyramidLevels - 1));
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
   GrayImage smoothed;

@@ -34,6 +34,7 @@ struct IndexedKeyframe {
   CameraPtr camera;
   TinyImage tiny;                 ///< blur kPlaceBlur, zero mean
   float contrast = 0;             ///< root mean square of `tiny` [grey levels]
+  GrayImage small;                ///< pyramid level 3, as a PlaceView has it
   std::vector<PointId> measured;  ///< ascending: what the keyframe measured when it was indexed
   /// By scale, then id: each point measured at level l stands at scales 2 l and 2 l + 1.
   std::vector<DescribedPoint> points;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 namespace cairn {
 namespace {
@@ -29,9 +30,9 @@ float correlation(float squared_difference, float contrast_a, float contrast_b) 
   return (contrast_a * contrast_a + contrast_b * contrast_b - squared_difference) / product;
 }
 
-/// All keyframes with a tiny image of the query's size, best first. The scan reads 5 kB per keyframe and
-/// takes about a microsecond for each (README.md: it beats an index up to thousands).
-std::vector<Ranked> rank(const PlaceIndex& index, const TinyImage& tiny, RelocMethod method) {
+/// The best `count` keyframes with a tiny image of the query's size, best first. The scan reads 5 kB per
+/// keyframe and takes about a microsecond for each (README.md: it beats an index up to thousands).
+std::vector<Ranked> rank(const PlaceIndex& index, const TinyImage& tiny, RelocMethod method, size_t count) {
   const float contrast = root_mean_square(tiny);
   std::vector<Ranked> ranked;
   ranked.reserve(index.keyframe_count());
@@ -45,8 +46,12 @@ std::vector<Ranked> rank(const PlaceIndex& index, const TinyImage& tiny, RelocMe
       ranked.push_back({cost, map.get(), keyframe.get()});
     }
   }
-  std::stable_sort(ranked.begin(), ranked.end(),
-                   [](const Ranked& a, const Ranked& b) { return a.cost < b.cost; });
+  const auto best = ranked.begin() + static_cast<ptrdiff_t>(std::min(count, ranked.size()));
+  std::partial_sort(ranked.begin(), best, ranked.end(), [](const Ranked& a, const Ranked& b) {
+    return std::tuple(a.cost, a.map->snapshot->map, a.keyframe->id) <
+           std::tuple(b.cost, b.map->snapshot->map, b.keyframe->id);
+  });
+  ranked.erase(best, ranked.end());
   return ranked;
 }
 
@@ -69,11 +74,9 @@ PlaceCandidate guess(const Ranked& best, const Camera& camera, const TinyImage& 
   return candidate;
 }
 
-PlaceCandidate try_keyframe(const Ranked& ranked, const Camera& camera, const PlaceView& view,
-                            const CornerGrid& grid, const ConfirmOptions& options) {
+PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
   PlaceCandidate candidate = begin_candidate(ranked);
   candidate.score = 1 - ranked.cost;
-  const Confirmation said = confirm(view, grid, camera, *ranked.map, *ranked.keyframe, options);
   candidate.matches = said.agreeing;
   candidate.expected = said.expected;
   candidate.inliers = said.inliers;
@@ -85,13 +88,28 @@ PlaceCandidate try_keyframe(const Ranked& ranked, const Camera& camera, const Pl
   return candidate;
 }
 
-/// Confirmed first, by inliers; the rest in the order they were tried.
-void sort_candidates(std::vector<PlaceCandidate>* candidates) {
-  std::stable_sort(candidates->begin(), candidates->end(),
-                   [](const PlaceCandidate& a, const PlaceCandidate& b) {
-                     if (a.confirmed != b.confirmed) return a.confirmed;
-                     return a.confirmed && a.inliers > b.inliers;
-                   });
+/// So much that no other place can look better: the rest need not be tried.
+bool is_clear(const Confirmation& said, const RelocOptions& options) {
+  return said.confirmed && said.agreeing >= options.confirm.by_corners.agreeing &&
+         said.alikeness >= options.confirm.by_picture.alikeness;
+}
+
+struct Tried {
+  PlaceCandidate candidate;
+  double alikeness = -1;
+};
+
+/// Confirmed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
+/// and inliers do not tell. The rest in the order they were tried.
+std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
+  std::stable_sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) {
+    if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
+    return a.candidate.confirmed && a.alikeness > b.alikeness;
+  });
+  std::vector<PlaceCandidate> candidates;
+  candidates.reserve(tried.size());
+  for (Tried& t : tried) candidates.push_back(std::move(t.candidate));
+  return candidates;
 }
 
 }  // namespace
@@ -100,7 +118,8 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
                        const RelocOptions& options) {
   PlaceAnswer result;
   const TinyImage tiny(view.small, kPlaceBlur);
-  const std::vector<Ranked> ranked = rank(index, tiny, options.method);
+  const std::vector<Ranked> ranked =
+      rank(index, tiny, options.method, static_cast<size_t>(options.shortlist));
   if (ranked.empty()) {
     result.reason = "there is no keyframe to compare with";
     return result;
@@ -112,18 +131,18 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
     return result;
   }
   const CornerGrid grid(view, camera);
+  std::vector<Tried> tried;
   for (const Ranked& r : ranked) {
-    if (static_cast<int>(result.candidates.size()) == options.shortlist) break;
-    result.candidates.push_back(try_keyframe(r, camera, view, grid, options.confirm));
-    const PlaceCandidate& last = result.candidates.back();
-    if (last.confirmed && last.inliers >= options.sure_inliers) break;
+    const Confirmation said = confirm(view, grid, camera, *r.map, *r.keyframe, options.confirm);
+    tried.push_back({make_candidate(r, said), said.alikeness});
+    if (is_clear(said, options)) break;
   }
-  sort_candidates(&result.candidates);
+  result.candidates = in_order(std::move(tried));
   if (result.candidates.front().confirmed) {
     result.verdict = PlaceVerdict::kConfirmed;
   } else {
     result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",
-                                result.candidates.size(), ranked.size());
+                                result.candidates.size(), index.keyframe_count());
   }
   return result;
 }

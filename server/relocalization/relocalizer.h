@@ -24,7 +24,6 @@ struct RelocOptions {
   /// Keyframes handed to geometry at most. Neighbours in a map look alike: they are tried when the best of
   /// each place have failed.
   int shortlist = 12;
-  int sure_inliers = 80;  ///< with so many no other candidate is tried
   ConfirmOptions confirm;
 };
 

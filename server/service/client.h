@@ -22,6 +22,7 @@ struct ClientWriters {
   wire::Writer<wire::SeedVerdict> seeds;
   wire::Writer<wire::OfferVerdict> offers;
   wire::Writer<wire::RelocAnswer> places;
+  wire::Writer<wire::ClientReply> replies;
 
   [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
                                                     const std::string& client);
@@ -58,6 +59,7 @@ struct Client {
   ClientId id;
   OfferGate offer_gate;
   SeedGate seed_gate;
+  RequestGate request_gate;
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;
@@ -69,6 +71,7 @@ struct Client {
   std::map<MapId, MapFeed> feeds;        ///< of the wanted maps that exist
   MonotonicTime left_at;                 ///< when the last reader went
   std::optional<MonotonicTime> intruder_told_at;
+  SessionId intruder;            ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
 };
 

@@ -6,17 +6,19 @@
 
 namespace cairn {
 
-void OfferGate::enter_session(SessionId session) {
-  if (session != session_) *this = OfferGate();
+template <typename Verdict>
+void CommandGate<Verdict>::enter_session(SessionId session) {
+  if (session != session_) *this = CommandGate();
   session_ = session;
 }
 
-void OfferGate::resume(SessionId session, std::vector<wire::OfferOutcome> decided) {
+template <typename Verdict>
+void CommandGate<Verdict>::resume(SessionId session, std::vector<Outcome> decided) {
   enter_session(session);
   if (decided.empty()) return;
   const uint64_t last = decided.back().seq;
   last_decided_ = last > kCredit ? last - kCredit : 0;
-  for (wire::OfferOutcome& outcome : decided) {
+  for (Outcome& outcome : decided) {
     if (outcome.seq > last_decided_) {
       decide(session, std::move(outcome));
     } else {
@@ -26,7 +28,8 @@ void OfferGate::resume(SessionId session, std::vector<wire::OfferOutcome> decide
   while (recent_.size() > kRecent) recent_.pop_front();
 }
 
-OfferGate::Admission OfferGate::admit(uint64_t seq) {
+template <typename Verdict>
+typename CommandGate<Verdict>::Admission CommandGate<Verdict>::admit(uint64_t seq) {
   if (!has_admitted_ && seq > last_decided_ + 1 && is_lowest_wanted(seq)) {
     last_decided_ = seq - 1;
     decided_ahead_.erase(decided_ahead_.begin(), decided_ahead_.lower_bound(seq));
@@ -42,7 +45,8 @@ OfferGate::Admission OfferGate::admit(uint64_t seq) {
   return seq > last_decided_ + kCredit ? Admission::kNoCredit : Admission::kNew;
 }
 
-bool OfferGate::is_lowest_wanted(uint64_t seq) {
+template <typename Verdict>
+bool CommandGate<Verdict>::is_lowest_wanted(uint64_t seq) {
   if (times_seen_ == 0 || seq < lowest_seen_) {
     lowest_seen_ = seq;
     times_seen_ = 0;
@@ -50,14 +54,16 @@ bool OfferGate::is_lowest_wanted(uint64_t seq) {
   return seq == lowest_seen_ && ++times_seen_ >= kSentAgain;
 }
 
-void OfferGate::decide(SessionId session, wire::OfferOutcome outcome) {
+template <typename Verdict>
+void CommandGate<Verdict>::decide(SessionId session, Outcome outcome) {
   if (session != session_) return;
   const uint64_t seq = outcome.seq;
   decided_ahead_.insert_or_assign(seq, std::move(outcome));
   close_ranks();
 }
 
-void OfferGate::close_ranks() {
+template <typename Verdict>
+void CommandGate<Verdict>::close_ranks() {
   while (!decided_ahead_.empty() && decided_ahead_.begin()->first == last_decided_ + 1) {
     recent_.push_back(std::move(decided_ahead_.begin()->second));
     if (recent_.size() > kRecent) recent_.pop_front();
@@ -66,9 +72,13 @@ void OfferGate::close_ranks() {
   }
 }
 
-wire::OfferVerdict OfferGate::verdict(ClientId client) const {
+template <typename Verdict>
+Verdict CommandGate<Verdict>::verdict(ClientId client) const {
   return {client, session_, last_decided_, kCredit, {recent_.begin(), recent_.end()}};
 }
+
+template class CommandGate<wire::OfferVerdict>;
+template class CommandGate<wire::ClientReply>;
 
 void SeedGate::enter_session(SessionId session) {
   if (session != session_) *this = SeedGate();

@@ -10,13 +10,17 @@
 
 namespace cairn {
 
-/// Sees to it that each offer of a client is judged once, in order, and that no client has more of them in
-/// flight than its credit. Clients send again what has no decision; the middleware may repeat a history or
-/// lose what was sent before both sides had matched. A gate that was made anew in mid-session (the server has
-/// forgotten the client) goes on with the lowest number that the client sends, once it has sent it again and
-/// again: nothing before that is wanted. Pure. One per client; used from one thread.
-class OfferGate {
+/// Sees to it that each command of a topic (keyframe offers, requests) of a client is judged once, in order,
+/// and that no client has more of them in flight than its credit. `Verdict`: the topic that answers. Clients
+/// send again what has no decision; the middleware may repeat a history or lose what was sent before both
+/// sides had matched. A gate that was made anew in mid-session (the server has forgotten the client) goes on
+/// with the lowest number that the client sends, once it has sent it again and again: nothing before that is
+/// wanted. Pure. One per client; used from one thread.
+template <typename Verdict>
+class CommandGate {
  public:
+  using Outcome = typename decltype(Verdict::recent)::value_type;
+
   static constexpr uint32_t kCredit = 4;
   static constexpr uint32_t kMaxAhead = 4 * kCredit;  ///< beyond the last decided: no more are taken in
   static constexpr int kSentAgain = 3;                ///< times, before a number is believed to be the lowest
@@ -32,19 +36,19 @@ class OfferGate {
 
   /// A new session begins counting anew; what is still being judged for the old one is forgotten.
   void enter_session(SessionId session);
-  /// Goes on with a session from before a restart, of which these offers (ascending) had been decided. What
+  /// Goes on with a session from before a restart, of which these commands (ascending) had been decided. What
   /// is missing among them is judged when it comes; what lies a credit before the last was known to the
   /// client.
-  void resume(SessionId session, std::vector<wire::OfferOutcome> decided);
+  void resume(SessionId session, std::vector<Outcome> decided);
   [[nodiscard]] SessionId session() const { return session_; }
 
-  /// Whether to judge offer `seq` of the present session.
+  /// Whether to judge command `seq` of the present session.
   [[nodiscard]] Admission admit(uint64_t seq);
-  /// The decision on an admitted offer, in any order; those of an older session are passed over.
-  void decide(SessionId session, wire::OfferOutcome outcome);
+  /// The decision on an admitted command, in any order; those of an older session are passed over.
+  void decide(SessionId session, Outcome outcome);
 
   /// The state to publish.
-  [[nodiscard]] wire::OfferVerdict verdict(ClientId client) const;
+  [[nodiscard]] Verdict verdict(ClientId client) const;
 
  private:
   /// Whether `seq` is the lowest that the client sends, again and again: a gate that knows nothing of this
@@ -59,9 +63,12 @@ class OfferGate {
   bool has_admitted_ = false;
   uint64_t last_admitted_ = 0;
   uint64_t last_decided_ = 0;
-  std::map<uint64_t, wire::OfferOutcome> decided_ahead_;  ///< while an earlier one is being judged
-  std::deque<wire::OfferOutcome> recent_;
+  std::map<uint64_t, Outcome> decided_ahead_;  ///< while an earlier one is being judged
+  std::deque<Outcome> recent_;
 };
+
+using OfferGate = CommandGate<wire::OfferVerdict>;
+using RequestGate = CommandGate<wire::ClientReply>;
 
 /// The same for seeds, of which a client has one at a time and a later one supersedes. Pure.
 class SeedGate {
@@ -69,7 +76,7 @@ class SeedGate {
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };
 
   void enter_session(SessionId session);
-  /// As OfferGate::resume(): the last seed that was accepted.
+  /// As CommandGate::resume(): the last seed that was accepted.
   void resume(const wire::SeedVerdict& verdict);
   [[nodiscard]] Admission admit(uint64_t seq);
   /// The verdict on an admitted seed. True if it is still the newest one, that is, to be published.

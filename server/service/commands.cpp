@@ -227,6 +227,7 @@ void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, cons
   if (entry == nullptr) return;
   entry->snapshot = snapshot;
   entry->statistics = statistics;
+  move_labels(map, *entry);
   info_due_[map] = true;
   {
     const std::scoped_lock lock(mutex_);
@@ -255,6 +256,7 @@ void Switchboard::write_verdicts(Client& client) {
   if (client.seed_gate.verdict().command.seq != 0) {
     report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
   }
+  report(client.writers->replies.write(client.request_gate.verdict(client.id)), "ClientReply");
 }
 
 void Switchboard::tell_all(const wire::MapInfo& info) {

@@ -28,8 +28,10 @@ sigset_t block_signals() {
 
 int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   const auto log = cairn::make_logger("cairn-server", options.verbosity);
-  // A file-size limit is a full disk like any other: an error of the write, not the end.
+  // A file-size limit is a full disk like any other, and a log that nobody reads any more is no reason to go:
+  // errors of the write, not the end.
   std::signal(SIGXFSZ, SIG_IGN);
+  std::signal(SIGPIPE, SIG_IGN);
   const cairn::wire::LogRedirect middleware_log(log);
   cairn::ServiceOptions service;
   service.domain = options.domain;

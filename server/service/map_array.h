@@ -8,6 +8,7 @@
 
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
+#include "server/service/label_book.h"
 #include "server/service/map_runner.h"
 
 namespace cairn {
@@ -19,6 +20,7 @@ struct MapEntry {
   MapSnapshotPtr snapshot;            ///< null while its seed is being judged
   MapStatistics statistics;
   bool plane_aligned = false;
+  LabelBook labels{};
 };
 
 /// The maps by id; gives out ids and names. With a seed, ids are the same on every run; without, they are

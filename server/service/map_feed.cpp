@@ -9,13 +9,22 @@ namespace cairn {
 
 Result<MapFeed> MapFeed::create(const wire::Participant& participant, const std::string& client, MapId map,
                                 Logger log) {
-  auto writers = wire::create_all<wire::Writer<wire::PointPatches>, wire::Writer<wire::PointPositions>,
-                                  wire::Writer<wire::KeyframePoses>, wire::Writer<wire::MapCommit>>(
-      participant, wire::map_partition(client, map));
+  auto writers =
+      wire::create_all<wire::Writer<wire::PointPatches>, wire::Writer<wire::PointPositions>,
+                       wire::Writer<wire::KeyframePoses>, wire::Writer<wire::MapCommit>,
+                       wire::Writer<wire::LabelMessage>>(participant, wire::map_partition(client, map));
   if (!writers) return tl::unexpected(writers.error());
-  auto& [patches, positions, keyframes, commits] = *writers;
-  return MapFeed({std::move(patches), std::move(positions), std::move(keyframes), std::move(commits)},
-                 std::move(log));
+  auto& [patches, positions, keyframes, commits, labels] = *writers;
+  return MapFeed(
+      {std::move(patches), std::move(positions), std::move(keyframes), std::move(commits), std::move(labels)},
+      std::move(log));
+}
+
+Status MapFeed::hide(MapId map, LabelId label) {
+  wire::LabelMessage key;
+  key.map = map;
+  key.label.id = label;
+  return writers_.labels.dispose(key);
 }
 
 std::optional<MonotonicTime> MapFeed::deadline() const {

@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// One map on its way to one client: the four writers in the client's partition for that map, behind a
+/// One map on its way to one client: the writers in the client's partition for that map, behind a
 /// MapPublisher. A large burst is written in slices, so that one client's first map does not hold up the
 /// others. Used from one thread.
 class MapFeed {
@@ -21,6 +21,10 @@ class MapFeed {
 
   void update(MapSnapshotPtr newest) { publisher_.update(std::move(newest)); }
   void client_has(Epoch epoch, Revision revision) { publisher_.client_has(epoch, revision); }
+
+  /// Labels are not part of a revision: they are written at once.
+  Status show(const wire::LabelMessage& label) { return writers_.labels.write(label); }
+  Status hide(MapId map, LabelId label);
 
   /// Writes what is due, at most kBlocksPerTurn blocks of it.
   void work(MonotonicTime now);
@@ -35,6 +39,7 @@ class MapFeed {
     wire::Writer<wire::PointPositions> positions;
     wire::Writer<wire::KeyframePoses> keyframes;
     wire::Writer<wire::MapCommit> commits;
+    wire::Writer<wire::LabelMessage> labels;
   };
   struct Progress {
     Burst burst;

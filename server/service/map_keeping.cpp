@@ -44,7 +44,7 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, SeedDone
       });
 }
 
-void MapRunner::keep_offer(JobOrigin origin, OfferJudgement judgement, OfferDone done) {
+void MapRunner::keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
   if (store_ == nullptr || maker_ == nullptr || frozen_) return done(std::move(judgement));
   DecisionRecord decision = record_of(origin, CommandKind::kOffer);
   decision.decision = static_cast<uint8_t>(judgement.decision);
@@ -82,7 +82,7 @@ void MapRunner::save_soon() {
 
 void MapRunner::save() {
   save_scheduled_ = false;
-  if (stopping_ || frozen_ || maker_ == nullptr) return;
+  if (store_ == nullptr || stopping_ || frozen_ || maker_ == nullptr) return;
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
   store_->write(published_->map, std::move(update), [self = shared_from_this()](const Status& kept) {
@@ -95,6 +95,26 @@ void MapRunner::save() {
 void MapRunner::save_last_changes() {
   if (store_ == nullptr || frozen_ || maker_ == nullptr || published_ == nullptr) return;
   store_->write(published_->map, take_update(), {});
+}
+
+void MapRunner::flush(std::function<void()> then) {
+  queue_.post([self = shared_from_this(), then = std::move(then)] {
+    self->guarded([&] { self->save(); });
+    then();
+  });
+}
+
+void MapRunner::rename(std::string name, std::function<void(Status)> done) {
+  queue_.post([self = shared_from_this(), name = std::move(name), done = std::move(done)] {
+    if (self->maker_ == nullptr || self->frozen_) return done(fail(ErrorCode::kRefused, "the map is frozen"));
+    self->guarded([&] {
+      self->maker_->rename(name);
+      self->publish();
+    });
+    if (self->store_ == nullptr) return done({});
+    self->store_->run(
+        [map = self->published_->map, name, done](Store& store) { done(store.rename(map, name)); });
+  });
 }
 
 }  // namespace cairn

@@ -7,38 +7,13 @@
 #include <utility>
 
 namespace cairn {
-namespace {
 
 /// A restored map, or one that has to be set aside.
-struct Loaded {
+struct MapPersistence::Loaded {
   MapId map;
   Result<RestoredMap> restored = fail(ErrorCode::kInternal, "not loaded");
   std::vector<std::string> damage;
-  std::vector<LabelRecord> labels;
 };
-
-Loaded load(const Store& store, MapId map, const MapMakerOptions& options) {
-  Loaded loaded{.map = map, .damage = {}, .labels = {}};
-  Result<StoredMap> stored = store.load(map);
-  if (!stored) {
-    loaded.restored = tl::unexpected(stored.error());
-    return loaded;
-  }
-  loaded.damage = std::move(stored->damage);
-  const MapHeader& header = stored->header;
-  auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options);
-  if (!made) {
-    loaded.restored = tl::unexpected(made.error());
-    return loaded;
-  }
-  loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
-  loaded.labels = std::move(stored->labels);
-  loaded.restored = RestoredMap{header, std::move(made->maker), stored->record.foundation->plane_aligned,
-                                std::move(stored->epochs), std::move(stored->decisions)};
-  return loaded;
-}
-
-}  // namespace
 
 Result<std::unique_ptr<MapPersistence>> MapPersistence::start(const std::filesystem::path& folder,
                                                               Logger log) {
@@ -64,52 +39,78 @@ MapPersistence::~MapPersistence() {
   thread_.join();
 }
 
+MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options) const {
+  Loaded loaded{.map = map, .damage = {}};
+  const auto fail_with = [&loaded](const Error& error) {
+    loaded.restored = tl::unexpected(error);
+    return std::move(loaded);
+  };
+  try {
+    Result<StoredMap> stored = store_->load(map);
+    if (!stored) return fail_with(stored.error());
+    loaded.damage = std::move(stored->damage);
+    const MapHeader& header = stored->header;
+    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options);
+    if (!made) return fail_with(made.error());
+    loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
+    loaded.restored = RestoredMap{header,
+                                  std::move(made->maker),
+                                  stored->record.foundation->plane_aligned,
+                                  std::move(stored->epochs),
+                                  std::move(stored->decisions),
+                                  std::move(stored->labels)};
+  } catch (const std::exception& problem) {  // memory, a library
+    return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
+  }
+  return loaded;
+}
+
+Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
+  const std::string name = to_hex(loaded.map.bytes);
+  for (const std::string& line : loaded.damage) log_->error("map {}: {}", name, line);
+  if (!loaded.restored) {
+    const Error& error = loaded.restored.error();
+    if (error.code == ErrorCode::kDamaged) {
+      loaded.damage.push_back(error.message);
+      const auto aside = store_->set_aside(loaded.map, loaded.damage);
+      log_->error("map {} cannot be used: {}; {}", name, error.message,
+                  aside ? "kept as " + aside->string() : aside.error().message);
+    } else if (error.code != ErrorCode::kNotFound) {  // that one was never made
+      log_->error("map {} is left alone: {}", name, error.message);
+    }
+    return std::move(loaded.restored);
+  }
+  RestoredMap& map = *loaded.restored;
+  MapRecord whole = map.maker->take_changes();  // from here on, only what changes
+  if (!loaded.damage.empty()) {
+    const MapUpdate saved{std::move(whole), map.decisions, map.labels, {}};
+    const auto aside = store_->replace(map.header, saved, loaded.damage);
+    log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
+                aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
+  }
+  return std::move(loaded.restored);
+}
+
 std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads) {
   const std::vector<MapId> maps = store_->maps();
   std::vector<Loaded> loaded(maps.size());
   std::atomic<size_t> next{0};
   const auto load_some = [&] {
-    for (size_t i = next++; i < maps.size(); i = next++) {
-      try {
-        loaded[i] = load(*store_, maps[i], options);
-      } catch (const std::exception& problem) {
-        loaded[i].map = maps[i];
-        loaded[i].restored = fail(ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what());
-      }
-    }
+    for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options);
   };
   std::vector<std::thread> helpers;
   for (int i = 1; i < threads; ++i) helpers.emplace_back(load_some);
   load_some();
   for (std::thread& helper : helpers) helper.join();
-
   std::vector<RestoredMap> restored;
-  for (Loaded& l : loaded) {
-    const std::string name = to_hex(l.map.bytes);
-    if (!l.restored && l.restored.error().code == ErrorCode::kNotFound) continue;  // never made
-    if (!l.restored && l.restored.error().code != ErrorCode::kDamaged) {
-      log_->error("map {} is left alone: {}", name, l.restored.error().message);
-      continue;
-    }
-    for (const std::string& line : l.damage) log_->error("map {}: {}", name, line);
-    if (!l.restored) {
-      l.damage.push_back(l.restored.error().message);
-      const auto aside = store_->set_aside(l.map, l.damage);
-      log_->error("map {} cannot be used: {}; {}", name, l.restored.error().message,
-                  aside ? "kept as " + aside->string() : aside.error().message);
-      continue;
-    }
-    if (!l.damage.empty()) {
-      MapUpdate saved{l.restored->maker->take_changes(), l.restored->decisions, l.labels, {}};
-      const auto aside = store_->replace(l.restored->header, saved, l.damage);
-      log_->error("map {} ({}) goes on without what is damaged; {}", name, l.restored->header.name,
-                  aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
-    } else {
-      (void)l.restored->maker->take_changes();  // the store has them
-    }
-    restored.push_back(std::move(*l.restored));
+  for (Loaded& one : loaded) {
+    if (auto map = settle(std::move(one))) restored.push_back(std::move(*map));
   }
   return restored;
+}
+
+Result<RestoredMap> MapPersistence::restore_one(MapId map, const MapMakerOptions& options) {
+  return settle(load(map, options));
 }
 
 void MapPersistence::create(MapHeader header, MapUpdate whole, Done done) {
@@ -206,6 +207,7 @@ void MapPersistence::write_group(std::vector<Job*> group) {
     if (group.empty()) return;
   }
   std::vector<MapUpdate> updates;
+  updates.reserve(group.size());
   for (Job* job : group) updates.push_back(std::move(job->update));
   written = store_->write(group.front()->map, updates);
   note(written);

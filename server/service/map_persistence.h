@@ -25,6 +25,7 @@ struct RestoredMap {
   bool plane_aligned = false;
   std::vector<EpochRecord> epochs;
   std::vector<DecisionRecord> decisions;
+  std::vector<LabelRecord> labels;
 };
 
 /// The store at work: one thread writes what the queues of all maps hand in. What has come while a
@@ -53,6 +54,9 @@ class MapPersistence {
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
   /// To be called once, before anything else.
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads);
+
+  /// One map, e.g. after Store::undelete(). On the writer's thread (run()).
+  [[nodiscard]] Result<RestoredMap> restore_one(MapId map, const MapMakerOptions& options);
 
   void create(MapHeader header, MapUpdate whole, Done done);
   void write(MapId map, MapUpdate update, Done done);
@@ -84,6 +88,9 @@ class MapPersistence {
   void carry_out(std::vector<Job> jobs);
   void write_group(std::vector<Job*> group);
   void note(const Status& written);
+  struct Loaded;
+  [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options) const;
+  [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
 
   const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs
   const std::filesystem::path folder_;

@@ -121,7 +121,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
-    JobOrigin origin = std::move(job.origin);
+    const JobOrigin origin = std::move(job.origin);
     OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
     self->guarded([&] {
       OfferJudgement judged = self->judge(std::move(job));
@@ -132,7 +132,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
     });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
     if (self->published_ != nullptr) judgement.revision = self->published_->revision;
-    self->keep_offer(std::move(origin), std::move(judgement), std::move(done));
+    self->keep_offer(origin, std::move(judgement), std::move(done));
     if (accepted && !lockstep) self->schedule_upkeep();
   });
 }

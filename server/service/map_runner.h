@@ -83,6 +83,10 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     stopping_ = true;
     queue_.close();
   }
+  /// Publishes the map under another name. `done` is called when the store has it.
+  void rename(std::string name, std::function<void(Status kept)> done);
+  /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.
+  void flush(std::function<void()> then);
   /// Hands what has changed to the store. For the end, when no lane runs any more.
   void save_last_changes();
 
@@ -99,7 +103,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
   // Into the store (map_keeping.cpp).
   void keep_seed(const SeedJob& job, const SeedResult& result, SeedDone done);
-  void keep_offer(JobOrigin origin, OfferJudgement judgement, OfferDone done);
+  void keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void save_soon();
   void save();
   [[nodiscard]] MapUpdate take_update();

@@ -10,7 +10,7 @@ void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views)
   const MapId map = snapshot->map;
   reported_.insert_or_assign(map, Reported{std::move(snapshot), std::move(views)});
   if (std::exchange(scheduled_, true)) return;
-  workers_.submit([self = shared_from_this()] {
+  indexers_.submit([self = shared_from_this()] {
     {
       const std::scoped_lock taken(self->mutex_);
       self->scheduled_ = false;
@@ -50,7 +50,7 @@ std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
 
 void PlaceDesk::ask(PlaceQuery query, Done done) {
   auto shared = std::make_shared<const PlaceQuery>(std::move(query));
-  workers_.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
+  answerers_.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
     if (query->lockstep) self->catch_up();
     done(relocalize(*self->index(), *query->camera, query->view, self->options_));
   });

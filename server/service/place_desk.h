@@ -19,19 +19,20 @@ struct PlaceQuery {
   bool lockstep = false;  ///< answered with all that has been reported, not with what is indexed yet
 };
 
-/// The relocalizer at work: keeps the index over all maps and answers questions, both on workers and never on
-/// a map's queue. Queries read an immutable index; a new one is made beside them. Thread-safe; tasks keep it
-/// alive.
+/// The relocalizer at work: keeps the index over all maps and answers questions, each on workers of its own
+/// lane and never on a map's queue: who is lost waits neither for map work nor for an index in the making.
+/// Queries read an immutable index; a new one is made beside them. Thread-safe; tasks keep it alive.
 class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
  public:
   using Done = std::function<void(PlaceAnswer answer)>;
 
-  PlaceDesk(WorkerPool& workers, const RelocOptions& options) : workers_(workers), options_(options) {}
+  PlaceDesk(WorkerPool& indexers, WorkerPool& answerers, const RelocOptions& options)
+      : indexers_(indexers), answerers_(answerers), options_(options) {}
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views);
   void remove(const MapId& map);
-  /// `done` is called on a worker.
+  /// `done` is called on an answerer.
   void ask(PlaceQuery query, Done done);
 
  private:
@@ -43,7 +44,8 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void catch_up();
   [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
 
-  WorkerPool& workers_;
+  WorkerPool& indexers_;
+  WorkerPool& answerers_;
   const RelocOptions options_;
 
   std::mutex catching_up_;  ///< held while indexing; before mutex_

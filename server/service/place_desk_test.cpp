@@ -41,9 +41,9 @@ PlaceQuery query_of(const KeyframeView& keyframe) {
 
 class PlaceDeskTest : public ::testing::Test {
  protected:
-  PlaceDeskTest() : workers_(2, 0, make_logger("test")) {
+  PlaceDeskTest() : indexers_(1, 0, make_logger("test")), answerers_(1, 0, make_logger("test")) {
     options_.method = RelocMethod::kPaper;  // answers by pictures alone
-    desk_ = std::make_shared<PlaceDesk>(workers_, options_);
+    desk_ = std::make_shared<PlaceDesk>(indexers_, answerers_, options_);
   }
   PlaceAnswer ask(const KeyframeView& keyframe) {
     std::promise<PlaceAnswer> answer;
@@ -51,7 +51,8 @@ class PlaceDeskTest : public ::testing::Test {
     return answer.get_future().get();
   }
 
-  WorkerPool workers_;
+  WorkerPool indexers_;
+  WorkerPool answerers_;
   RelocOptions options_;
   std::shared_ptr<PlaceDesk> desk_;
 };

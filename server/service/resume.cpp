@@ -18,6 +18,11 @@ wire::OfferOutcome outcome_of(const DecisionRecord& decision, const KeptDecision
   return outcome;
 }
 
+wire::RequestOutcome request_outcome_of(const DecisionRecord& decision, const KeptDecisions& map) {
+  return {decision.seq, static_cast<wire::RequestDecision>(decision.decision), decision.reason, map.map,
+          LabelId{decision.label}};
+}
+
 wire::SeedVerdict verdict_of(const DecisionRecord& decision, const KeptDecisions& map) {
   wire::SeedVerdict verdict;
   verdict.client = client_id_from_name(decision.client);
@@ -50,14 +55,17 @@ std::map<std::string, ResumedClient> resume_clients(std::span<const KeptDecision
       if (d.session != client.session) continue;
       if (d.kind == CommandKind::kOffer) {
         client.offers.push_back(outcome_of(d, map));
+      } else if (d.kind == CommandKind::kRequest) {
+        client.requests.push_back(request_outcome_of(d, map));
       } else if (!client.seed || client.seed->command.seq < d.seq) {
         client.seed = verdict_of(d, map);
       }
     }
   }
   for (auto& [name, client] : clients) {
-    std::sort(client.offers.begin(), client.offers.end(),
-              [](const auto& a, const auto& b) { return a.seq < b.seq; });
+    const auto by_seq = [](const auto& a, const auto& b) { return a.seq < b.seq; };
+    std::sort(client.offers.begin(), client.offers.end(), by_seq);
+    std::sort(client.requests.begin(), client.requests.end(), by_seq);
   }
   return clients;
 }

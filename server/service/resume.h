@@ -17,9 +17,10 @@ namespace cairn {
 
 /// What is known of a client from before.
 struct ResumedClient {
-  SessionId session;                       ///< of its newest decision
-  std::vector<wire::OfferOutcome> offers;  ///< decided in that session, ascending by seq
-  std::optional<wire::SeedVerdict> seed;   ///< accepted in that session, the newest
+  SessionId session;                           ///< of its newest decision
+  std::vector<wire::OfferOutcome> offers;      ///< decided in that session, ascending by seq
+  std::optional<wire::SeedVerdict> seed;       ///< accepted in that session, the newest
+  std::vector<wire::RequestOutcome> requests;  ///< decided in that session, ascending by seq
 };
 
 /// The decisions kept with a map, as it is served now.

@@ -7,21 +7,26 @@ namespace cairn {
 
 void Switchboard::resume(std::vector<RestoredMap> restored) {
   resume_clients(restored);
-  for (RestoredMap& map : restored) {
-    const MapId id = map.header.id;
-    const auto runner = make_runner(id);
-    maps_.add(id, MapEntry{map.header.name, runner, {}, {}, map.plane_aligned});
-    runner->resume(std::move(map));
-  }
+  for (RestoredMap& map : restored) resume_map(std::move(map));
   run_posted();  // each map's first revision: whoever is heard first finds them listed
+}
+
+void Switchboard::resume_map(RestoredMap restored) {
+  const MapId id = restored.header.id;
+  const auto runner = make_runner(id);
+  MapEntry& entry = maps_.add(id, MapEntry{restored.header.name, runner, {}, {}, restored.plane_aligned});
+  entry.labels.restore(restored.labels);
+  runner->resume(std::move(restored));
 }
 
 void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
   std::vector<KeptDecisions> kept;
+  kept.reserve(restored.size());
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
   for (auto& [name, resumed] : cairn::resume_clients(kept)) {
     Client& client = client_of(name);
     client.offer_gate.resume(resumed.session, std::move(resumed.offers));
+    client.request_gate.resume(resumed.session, std::move(resumed.requests));
     if (resumed.seed) {
       client.seed_gate.resume(*resumed.seed);
     } else {

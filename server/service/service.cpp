@@ -25,15 +25,17 @@ void name_this_start(ServiceOptions* options) {
       static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
 }
 
-/// In order: the switchboard takes nothing more, both lanes end (running work may still call it and the other
-/// lane), the last changes go to the store, whose writer ends (its callbacks may call all of them), then all
+/// In order: the switchboard takes nothing more, all lanes end (running work may still call it and the other
+/// lanes), the last changes go to the store, whose writer ends (its callbacks may call all of them), then all
 /// go.
 struct Service::State {
-  State(int workers, const Logger& log) : urgent(workers, 0, log), background(1, kBackgroundNice, log) {}
+  State(int workers, const Logger& log)
+      : urgent(workers, 0, log), background(1, kBackgroundNice, log), questions(1, 0, log) {}
   ~State() {
     if (switchboard) switchboard->stop();
     urgent.stop();
     background.stop();
+    questions.stop();
     if (switchboard) switchboard->save_last_changes();
     store.reset();
   }
@@ -41,6 +43,7 @@ struct Service::State {
   std::unique_ptr<Switchboard> switchboard;
   WorkerPool urgent;
   WorkerPool background;
+  WorkerPool questions;
 };
 
 Service::Service(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -62,8 +65,8 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     restored = state->store->restore(options.mapping, options.workers);
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  auto switchboard = Switchboard::start(known, {state->urgent, state->background}, state->store.get(),
-                                        std::move(restored), std::move(log));
+  auto switchboard = Switchboard::start(known, {state->urgent, state->background, state->questions},
+                                        state->store.get(), std::move(restored), std::move(log));
   if (!switchboard) return tl::unexpected(switchboard.error());
   state->switchboard = std::move(*switchboard);
   return std::unique_ptr<Service>(new Service(std::move(state)));

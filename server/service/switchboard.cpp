@@ -23,7 +23,8 @@ constexpr std::chrono::seconds kNoticeInterval{1};
 
 bool is_map_topic(std::string_view topic) {
   const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
-                             wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>()};
+                             wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>(),
+                             wire::topic_name<wire::LabelMessage>()};
   return std::find(topics.begin(), topics.end(), topic) != topics.end();
 }
 
@@ -45,19 +46,24 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   if (!discovered) return tl::unexpected(discovered.error());
   auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
                                   wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>,
-                                  wire::Reader<wire::RelocQuery>>(*participant, wire::kEveryClient);
+                                  wire::Reader<wire::RelocQuery>, wire::Reader<wire::ClientRequest>>(
+      *participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
-  auto& [cameras, states, seeds, offers, queries] = *readers;
+  auto& [cameras, states, seeds, offers, queries, client_requests] = *readers;
+  auto requests = wire::Reader<wire::AdminRequest>::create(*participant, wire::kEveryOperator);
+  if (!requests) return tl::unexpected(requests.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries}); !attached) {
+  if (Status attached =
+          waiter->attach({*discovered, cameras, states, seeds, offers, queries, client_requests, *requests});
+      !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Switchboard>(
-      new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
-                      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(queries), std::move(*waiter)},
-                      std::move(log)));
+  return std::unique_ptr<Switchboard>(new Switchboard(
+      options, lanes, store, std::move(restored), std::move(*participant),
+      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds), std::move(offers),
+       std::move(queries), std::move(client_requests), std::move(*requests), std::move(*waiter)},
+      std::move(log)));
 }
 
 Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -71,7 +77,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
-      places_(std::make_shared<PlaceDesk>(lanes.urgent, options.relocalization)),
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization)),
       next_tick_(steady_clock::now()),
       thread_([this] { run(); }) {}
 
@@ -182,6 +188,18 @@ void Switchboard::take_messages() {
   wire::take_all(readers_.queries, [this](auto& sample) {
     Client* client = identify(readers_.queries, sample);
     if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
+  });
+  wire::take_all(readers_.client_requests, [this](const auto& sample) {
+    Client* client = identify(readers_.client_requests, sample);
+    if (client != nullptr && sample.message) on_request(*client, *sample.message);
+  });
+  wire::take_all(readers_.requests, [this](const auto& sample) {
+    const auto partition = readers_.requests.partition_of(sample.publication);
+    const auto name = partition ? wire::parse_operator_partition(*partition) : std::nullopt;
+    if (!name || !sample.message) return;
+    if (client_id_from_name(*name) != sample.message->operator_id)
+      return refuse_identity(wire::topic_name<wire::AdminRequest>(), *partition, sample.message->operator_id);
+    on_admin(*name, *sample.message);
   });
 }
 
@@ -294,6 +312,8 @@ void Switchboard::open_wanted_feeds(Client& client) {
     if (!feed)
       return log_->error("{}: map {} cannot be sent: {}", client.name, entry->name, feed.error().message);
     feed->update(entry->snapshot);
+    for (Label& label : entry->labels.all())
+      report(feed->show({map, entry->snapshot->epoch, std::move(label)}), "Label");
     client.feeds.emplace(map, std::move(*feed));
   }
 }
@@ -328,6 +348,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
     case Presence::Standing::kNewHolder:
       client.offer_gate.enter_session(message.session);
       client.seed_gate.enter_session(message.session);
+      client.request_gate.enter_session(message.session);
       client.camera_missed_at.reset();
       write_verdicts(client);
       break;
@@ -350,7 +371,8 @@ void Switchboard::tell_intruder(Client& client, SessionId session, MonotonicTime
   if (client.intruder_told_at && now - *client.intruder_told_at < kNoticeInterval) return;
   client.intruder_told_at = now;
   const std::string reason = "another live process is called '" + client.name + "'; choose another --name";
-  log_->warn("{}: a second process under this name is refused", client.name);
+  if (std::exchange(client.intruder, session) != session)
+    log_->warn("{}: a second process under this name is refused", client.name);
   if (!client.writers) return;
   wire::OfferOutcome notice;  // sequence 0: on the process, not on an offer
   notice.decision = wire::OfferDecision::kNoRight;

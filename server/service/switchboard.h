@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/base/log.h"
@@ -30,6 +33,7 @@ class Switchboard {
   struct Lanes {
     WorkerPool& urgent;
     WorkerPool& background;
+    WorkerPool& questions;
   };
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
                                                                   MapPersistence* store,
@@ -59,6 +63,8 @@ class Switchboard {
     wire::Reader<wire::MapSeed> seeds;
     wire::Reader<wire::KeyframeOffer> offers;
     wire::Reader<wire::RelocQuery> queries;
+    wire::Reader<wire::ClientRequest> client_requests;
+    wire::Reader<wire::AdminRequest> requests;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -88,8 +94,34 @@ class Switchboard {
   void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
 
+  // What operators ask (administration.cpp).
+  struct Operator {
+    wire::Writer<wire::AdminReply> replies;
+    std::optional<wire::AdminReply> last;
+    std::optional<wire::CommandId> in_work;
+  };
+  using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
+  static constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
+  void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
+  void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
+  [[nodiscard]] Operator* operator_of(const std::string& name);
+  [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
+  void describe_server(const AdminAnswer& answer);
+  void list_maps(const AdminAnswer& answer);
+  void rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer);
+  void delete_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  void finish_deletion(MapId id, const AdminAnswer& answer);
+  void delete_again(const std::string& wanted, const AdminAnswer& answer);
+  void undelete_map(const std::string& wanted, const AdminAnswer& answer);
+  /// On the store's thread: a map that has just come (back) into the store.
+  void take_in(MapId id, const AdminAnswer& answer);
+  void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  void transfer(const std::string& verb, const std::string& token, uint64_t offset,
+                const std::vector<uint8_t>& data, const AdminAnswer& answer);
+
   // Maps and clients from before a restart (resumption.cpp).
   void resume(std::vector<RestoredMap> restored);
+  void resume_map(RestoredMap restored);
   void resume_clients(const std::vector<RestoredMap>& restored);
 
   // What they want (commands.cpp).
@@ -100,6 +132,18 @@ class Switchboard {
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
+  // Labels (requests.cpp).
+  void on_request(Client& client, const wire::ClientRequest& request);
+  void on_request_decided(const std::string& client, const wire::ClientRequest& request,
+                          const LabelBook::Judgement& judgement);
+  /// Somebody wants a label added, renamed or removed; `done` is called on this thread, when it is durable or
+  /// refused. The label must not be busy. `decision`: kept along with it.
+  using LabelDone = std::function<void(const LabelBook::Judgement& judgement)>;
+  void change_label(const wire::ClientRequest& request, const std::string& author,
+                    std::optional<DecisionRecord> decision, const LabelDone& done);
+  void tell_label(MapId map, const MapEntry& entry, LabelId label);
+  void move_labels(MapId map, MapEntry& entry);
+
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
   /// Why no map may grow; empty when it may.
@@ -121,6 +165,7 @@ class Switchboard {
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;
+  std::map<std::string, Operator> operators_;
   std::map<MapId, bool> info_due_;  ///< maps whose MapInfo has changed since it was told
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;

@@ -84,6 +84,7 @@ Blob encode_decision(const DecisionRecord& decision) {
     out.put(trail.value);
     out.put(point.value);
   }
+  if (decision.kind == CommandKind::kRequest) out.put(decision.label);
   return out.take();
 }
 
@@ -103,21 +104,36 @@ std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row) {
     trail.value = in.get<uint64_t>();
     point.value = in.get<uint64_t>();
   }
+  if (kind == static_cast<uint8_t>(CommandKind::kRequest)) decision.label = in.get<uint64_t>();
   const bool sound = in.finished() && is_valid_name(decision.client) &&
-                     kind <= static_cast<uint8_t>(CommandKind::kOffer) &&
+                     kind <= static_cast<uint8_t>(CommandKind::kRequest) &&
                      decision.seed_points.size() <= kMaxTrails;
   if (!sound) return std::nullopt;
   decision.kind = static_cast<CommandKind>(kind);
   return decision;
 }
 
+void put_label_pose(const SE3& pose, ByteWriter* out) {
+  out->put(Eigen::Vector4d(pose.rotation().coeffs()));
+  out->put(pose.translation());
+}
+
+std::optional<SE3> get_label_pose(ByteReader* in) {
+  const auto rotation = in->get_vector<Eigen::Vector4d>();
+  const auto translation = in->get_vector<Eigen::Vector3d>();
+  if (!(rotation.norm() > 0.5) || !translation.allFinite()) return std::nullopt;
+  return SE3(Eigen::Quaterniond(rotation), translation);
+}
+
 Blob encode_label(const LabelRecord& label) {
   ByteWriter out;
+  out.put(static_cast<uint8_t>(label.kind));
   out.put_text(label.text);
-  out.put(Eigen::Vector4d(label.map_from_label.rotation().coeffs()));
-  out.put(label.map_from_label.translation());
+  put_label_pose(label.map_from_label, &out);
   out.put_text(label.author);
   out.put(label.time.nanoseconds);
+  out.put(label.anchor.value);
+  put_label_pose(label.anchor_from_label, &out);
   return out.take();
 }
 
@@ -125,13 +141,19 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   ByteReader in(row);
   LabelRecord label;
   label.id = static_cast<uint64_t>(id);
+  const auto kind = in.get<uint8_t>();
   label.text = in.get_text();
-  const auto rotation = in.get_vector<Eigen::Vector4d>();
-  const auto translation = in.get_vector<Eigen::Vector3d>();
+  const auto map_from_label = get_label_pose(&in);
   label.author = in.get_text();
   label.time.nanoseconds = in.get<int64_t>();
-  if (!in.finished() || !(rotation.norm() > 0.5) || !translation.allFinite()) return std::nullopt;
-  label.map_from_label = SE3(Eigen::Quaterniond(rotation), translation);
+  label.anchor.value = in.get<uint64_t>();
+  const auto anchor_from_label = get_label_pose(&in);
+  const bool sound = in.finished() && id > 0 && map_from_label && anchor_from_label &&
+                     kind <= static_cast<uint8_t>(LabelKind::kModel) && label.text.size() <= kMaxLabelBytes;
+  if (!sound) return std::nullopt;
+  label.kind = static_cast<LabelKind>(kind);
+  label.map_from_label = *map_from_label;
+  label.anchor_from_label = *anchor_from_label;
   return label;
 }
 

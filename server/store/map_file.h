@@ -13,6 +13,7 @@
 #include "common/base/result.h"
 #include "common/base/time.h"
 #include "common/map/ids.h"
+#include "common/map/label.h"
 #include "server/mapping/map_record.h"
 #include "server/store/sqlite.h"
 
@@ -27,7 +28,7 @@ struct MapHeader {
   Timestamp created;
 };
 
-enum class CommandKind : uint8_t { kSeed = 0, kOffer = 1 };
+enum class CommandKind : uint8_t { kSeed = 0, kOffer = 1, kRequest = 2 };
 
 /// The server's word on a client's command, kept with the map that it concerns: a command that is sent again
 /// after a restart is answered, not carried out twice.
@@ -36,20 +37,25 @@ struct DecisionRecord {
   SessionId session;
   uint64_t seq = 0;
   CommandKind kind = CommandKind::kOffer;
-  uint8_t decision = 0;  ///< wire::OfferDecision; of a seed that was accepted, 0
+  /// wire::OfferDecision or wire::RequestDecision; of a seed that was accepted, 0
+  uint8_t decision = 0;
   std::string reason;
   KeyframeId keyframe;  ///< when accepted
   Timestamp time;
   std::vector<std::pair<TrailId, PointId>> seed_points;  ///< of a seed
+  uint64_t label = 0;                                    ///< of a request
 };
 
 /// Things said of a place in the map (DESIGN 4, Label).
 struct LabelRecord {
   uint64_t id = 0;  ///< unique in the map, from 1
   std::string text;
-  SE3 map_from_label;
+  SE3 map_from_label;  ///< when it was written: for when the anchor is not there
   std::string author;
   Timestamp time;
+  LabelKind kind = LabelKind::kText;
+  KeyframeId anchor{};      ///< that it sticks to
+  SE3 anchor_from_label{};  ///< that keyframe's camera from the label
 };
 
 /// An epoch and how many ids had been given out when it began: what an earlier epoch called by a higher id

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/map_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <fstream>
+#include <random>
+
+#include "server/mapping/map_maker.h"
+#include "server/store/kept_map_fixture.h"
+#include "server/store/schema.h"
+
+namespace cairn {
+namespace {
+
+using testing::bytes_of;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class MapFileTest : public testing::KeptMapFixture {
+ protected:
+  MapFileTest() : path_(folder_ / "map.cairnmap") {}
+
+  /// A map of three keyframes, written as it grew.
+  void keep() {
+    start();
+    MapUpdate first = take_update();
+    first.decisions = {decision(1)};
+    auto file = MapFile::create(path_, header_, first);
+    ASSERT_TRUE(file) << file.error().message;
+    ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+    MapUpdate second = take_update();
+    second.decisions = {decision(2), decision(3)};
+    second.labels = {{1, "vice", SE3(), "anna", Timestamp{5}}, {2, "gone", SE3(), "anna", Timestamp{6}}};
+    MapUpdate third;
+    third.removed_labels = {2};
+    adjust_globally();
+    third.record = maker_->take_changes();
+    const Status written = file->write(std::vector{second, third});
+    ASSERT_TRUE(written) << written.error().message;
+  }
+  [[nodiscard]] StoredMap load() const {
+    auto file = MapFile::open(path_);
+    EXPECT_TRUE(file) << file.error().message;
+    return file ? file->load() : StoredMap();
+  }
+  [[nodiscard]] sqlite::Database open_raw() const {
+    return *sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
+  }
+
+  std::filesystem::path path_;
+};
+
+TEST_F(MapFileTest, WhatIsReadIsWhatWasWritten) {
+  keep();
+  const StoredMap stored = load();
+  EXPECT_THAT(stored.damage, IsEmpty());
+  EXPECT_EQ(stored.header.id, header_.id);
+  EXPECT_EQ(stored.header.name, "desk");
+  EXPECT_EQ(stored.header.epoch, Epoch{3});
+  EXPECT_TRUE(bytes_of(stored.record) == bytes_of(whole()));
+  ASSERT_EQ(stored.decisions.size(), 3U);
+  EXPECT_EQ(stored.decisions[2].seq, 3U);
+  EXPECT_EQ(stored.decisions[2].client, "anna");
+  EXPECT_EQ(stored.decisions[2].session, SessionId{42});
+  EXPECT_EQ(stored.decisions[2].reason, "because");
+  ASSERT_EQ(stored.labels.size(), 1U);
+  EXPECT_EQ(stored.labels[0].text, "vice");
+  const auto restored =
+      MapMaker::restore(stored.record, {stored.header.id, stored.header.name, Epoch{4}}, options_);
+  ASSERT_TRUE(restored) << restored.error().message;
+  EXPECT_THAT(restored->repairs, IsEmpty());
+  EXPECT_EQ(restored->maker->statistics().measurements, maker_->statistics().measurements);
+}
+
+TEST_F(MapFileTest, ANewEpochSaysWhatTheOldOneHadGivenOut) {
+  keep();
+  {
+    auto file = MapFile::open(path_);
+    ASSERT_TRUE(file);
+    ASSERT_TRUE(file->begin_epoch(Epoch{9}));
+    ASSERT_TRUE(file->rename("bench"));
+  }
+  const StoredMap stored = load();
+  EXPECT_EQ(stored.header.epoch, Epoch{9});
+  EXPECT_EQ(stored.header.name, "bench");
+  ASSERT_EQ(stored.epochs.size(), 2U);
+  EXPECT_EQ(stored.epochs[0].epoch, Epoch{3});
+  EXPECT_EQ(stored.epochs[1].epoch, Epoch{9});
+  EXPECT_EQ(stored.epochs[1].keyframes, 3U);
+  EXPECT_EQ(stored.epochs[1].points, stored.record.point_count);
+}
+
+TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
+  keep();
+  const std::vector<uint8_t> before = bytes_of(load().record);
+  {
+    sqlite::Database database = open_raw();
+    ASSERT_TRUE(database.execute("DROP TABLE labels; PRAGMA user_version=1"));  // as version 1 wrote it
+  }
+  const StoredMap stored = load();
+  EXPECT_THAT(stored.damage, IsEmpty());
+  EXPECT_THAT(stored.labels, IsEmpty());
+  EXPECT_TRUE(bytes_of(stored.record) == before);
+  sqlite::Database database = open_raw();
+  EXPECT_EQ(*database.number("PRAGMA user_version"), map_schema_version());
+  EXPECT_EQ(*database.number("SELECT count(*) FROM labels"), 0);
+}
+
+TEST_F(MapFileTest, AFileOfANewerVersionIsLeftAlone) {
+  keep();
+  {
+    sqlite::Database database = open_raw();
+    ASSERT_TRUE(database.execute("PRAGMA user_version=99"));
+  }
+  const auto file = MapFile::open(path_);
+  ASSERT_FALSE(file);
+  EXPECT_EQ(file.error().code, ErrorCode::kConfiguration);
+  EXPECT_THAT(file.error().message, HasSubstr("newer version"));
+}
+
+TEST_F(MapFileTest, WhatIsNoMapFileIsSaidToBeNone) {
+  EXPECT_EQ(MapFile::open(folder_ / "none").error().code, ErrorCode::kNotFound);
+  std::ofstream(folder_ / "text") << std::string(5000, 'x');
+  EXPECT_EQ(MapFile::open(folder_ / "text").error().code, ErrorCode::kDamaged);
+  ASSERT_TRUE(sqlite::Database::open(folder_ / "other", sqlite::OpenMode::kCreate)
+                  ->execute("CREATE TABLE t(x); PRAGMA user_version=1"));
+  EXPECT_EQ(MapFile::open(folder_ / "other").error().code, ErrorCode::kDamaged);
+  (void)sqlite::Database::open(folder_ / "empty", sqlite::OpenMode::kCreate);
+  EXPECT_EQ(MapFile::open(folder_ / "empty").error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(MapFileTest, ADamagedRowIsNamedAndTheRestIsRead) {
+  keep();
+  const StoredMap sound = load();
+  for (const char* table : {"epochs", "cameras", "keyframes", "images", "measurements", "sources",
+                            "positions", "decisions", "labels"}) {
+    SCOPED_TRACE(table);
+    const std::string name(table);
+    std::filesystem::copy_file(path_, folder_ / "copy", std::filesystem::copy_options::overwrite_existing);
+    {
+      auto database = sqlite::Database::open(folder_ / "copy", sqlite::OpenMode::kReadWrite);
+      // The last byte of one row.
+      const Status damaged =
+          database->execute("UPDATE " + name +
+                            " SET data = CAST(substr(data, 1, length(data) - 1) || "
+                            "CASE substr(data, -1) WHEN x'00' THEN x'01' ELSE x'00' END AS BLOB) "
+                            "WHERE id = (SELECT max(id) FROM " +
+                            name + ")");
+      ASSERT_TRUE(damaged) << damaged.error().message;
+    }
+    auto file = MapFile::open(folder_ / "copy");
+    ASSERT_TRUE(file) << file.error().message;
+    const StoredMap stored = file->load();
+    ASSERT_FALSE(stored.damage.empty());
+    EXPECT_THAT(stored.damage.front(), HasSubstr("table " + name + ", row"));
+    EXPECT_THAT(stored.damage.front(), HasSubstr("checksum"));
+    EXPECT_EQ(stored.record.sources.size(), sound.record.sources.size() - (name == "sources" ? 1 : 0));
+  }
+  // A row that stands where another should.
+  {
+    sqlite::Database database = open_raw();
+    ASSERT_TRUE(database.execute("UPDATE measurements SET id = 77 WHERE id = 2"));
+  }
+  EXPECT_THAT(load().damage.front(), HasSubstr("table measurements, row 77: the checksum is wrong"));
+}
+
+TEST_F(MapFileTest, NoDamageToTheFileGoesUnnoticed) {
+  constexpr unsigned kSeed = 99;
+  keep();
+  const std::vector<uint8_t> sound = bytes_of(load().record);
+  std::string content;
+  {
+    std::ifstream in(path_, std::ios::binary);
+    content.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  std::mt19937 random(kSeed);
+  for (int i = 0; i < 150; ++i) {
+    SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", case " << i);
+    std::string damaged = content;
+    if (i % 10 == 0) {
+      damaged.resize(random() % damaged.size());
+    } else {
+      for (int flips = 0; flips < 4; ++flips)
+        damaged[random() % damaged.size()] ^= static_cast<char>(1U << random() % 8);
+    }
+    for (const char* end : {"", "-wal", "-shm"})
+      std::filesystem::remove(folder_ / ("copy" + std::string(end)));
+    std::ofstream(folder_ / "copy", std::ios::binary) << damaged;
+    auto file = MapFile::open(folder_ / "copy");
+    if (!file) continue;
+    const StoredMap stored = file->load();
+    if (!stored.damage.empty() || bytes_of(stored.record) == sound) continue;
+    const auto restored = MapMaker::restore(stored.record, {header_.id, "", Epoch{4}}, options_);
+    EXPECT_TRUE(!restored || !restored->repairs.empty()) << "a row was lost without a word";
+  }
+}
+
+/// Files of this process may not grow beyond the limit while it lives: a full disk.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) {
+    std::signal(SIGXFSZ, SIG_IGN);
+    getrlimit(RLIMIT_FSIZE, &before_);
+    const rlimit limit{bytes, before_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &limit);
+  }
+  ~FileSizeLimit() { setrlimit(RLIMIT_FSIZE, &before_); }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit before_{};
+};
+
+TEST_F(MapFileTest, AFullDiskIsAnErrorAndLosesNothing) {
+  keep();
+  const std::vector<uint8_t> before = bytes_of(load().record);
+  auto file = MapFile::open(path_);
+  ASSERT_TRUE(file);
+  ASSERT_EQ(offer(8).verdict, KeyframeVerdict::kAccepted);
+  const MapUpdate update = take_update();
+  {
+    const FileSizeLimit limit(64 << 10);
+    const Status written = file->write({&update, 1});
+    ASSERT_FALSE(written);
+    EXPECT_EQ(written.error().code, ErrorCode::kIo);
+    EXPECT_THAT(written.error().message, HasSubstr(path_.string()));
+    EXPECT_TRUE(bytes_of(file->load().record) == before);
+  }
+  const Status written = file->write({&update, 1});
+  ASSERT_TRUE(written) << written.error().message;
+  EXPECT_TRUE(bytes_of(file->load().record) == bytes_of(whole()));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/row_codec.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <random>
+
+namespace cairn {
+namespace {
+
+constexpr unsigned kSeed = 4711;
+
+/// Rows with random content, and what decoding one and encoding it again gives.
+class RowCodecTest : public ::testing::Test {
+ protected:
+  struct Kind {
+    const char* name;
+    Blob row;
+    std::function<std::optional<Blob>(const Blob&)> again;
+  };
+
+  RowCodecTest() {
+    cameras_[7] = *make_camera(camera_);
+    cameras_[8] = *make_camera({CameraModel::kFov, 320, 240, {200, 201, 160, 120, 0.9}});
+  }
+
+  double number() { return std::uniform_real_distribution<double>(-3, 3)(random_); }
+  float small() { return static_cast<float>(number()); }
+  uint64_t id() { return random_() % 100'000 + 1; }
+  SE3 pose() {
+    return {Eigen::Quaterniond(number(), number(), number(), number()).normalized(),
+            {number(), number(), number()}};
+  }
+
+  KeyframeRecord keyframe() {
+    return {KeyframeId{9},      KeyframeId{4},       cameras_[8], Timestamp{-17}, pose(), number() + 3,
+            1 / (number() + 4), 10 * (number() + 3), true};
+  }
+  MeasurementsRecord measurements() {
+    MeasurementsRecord record{KeyframeId{9}, {}, {PointId{3}, PointId{5'000'000'000}}};
+    uint64_t point = 0;
+    for (int i = 0; i < 500; ++i) {
+      point += random_() % 5 + 1;
+      record.measurements.push_back(
+          {PointId{point}, static_cast<uint8_t>(random_() % 4), {small(), small()}});
+    }
+    return record;
+  }
+  SourcesRecord sources() {
+    SourcesRecord record{3, {}};
+    for (int i = 0; i < 40; ++i) {
+      PointSource& p = record.points.emplace_back();
+      p.id = PointId{3 * kBlockSlots + static_cast<uint64_t>(i) + 1};
+      p.keyframe = KeyframeId{id()};
+      p.level = static_cast<uint8_t>(random_() % 4);
+      p.corner = {static_cast<int16_t>(random_()), static_cast<int16_t>(random_())};
+      for (auto* vector : {&p.ray_center, &p.ray_right, &p.ray_down, &p.normal})
+        *vector = {small(), small(), small()};
+      for (uint8_t& pixel : p.pixels) pixel = static_cast<uint8_t>(random_());
+    }
+    return record;
+  }
+  PositionsRecord positions() {
+    PositionsRecord record{3, {}};
+    for (int i = 0; i < kBlockSlots; ++i)
+      record.points.push_back({{number(), number(), number()}, i, i / 2, i % 3 != 0});
+    return record;
+  }
+  WorkRecord work() {
+    return {{{KeyframeId{5}, 2, 777, 31}}, {PointId{id()}, PointId{id()}}, KeyframeId{6}, true, false, true};
+  }
+
+  std::vector<Kind> kinds() {
+    const auto again = [](const auto& decoded, auto encode) {
+      return decoded ? std::optional(encode(*decoded)) : std::nullopt;
+    };
+    const FoundationRecord foundation{0.07, {{PointId{1}, 0.5}, {PointId{9}, 1.25}}, true};
+    return {
+        {"camera", encode_camera(camera_),
+         [again](const Blob& row) { return again(decode_camera(row), encode_camera); }},
+        {"keyframe", encode_keyframe(keyframe(), 8),
+         [this, again](const Blob& row) {
+           return again(decode_keyframe(KeyframeId{9}, row, cameras_), [this](const KeyframeRecord& k) {
+             return encode_keyframe(k, k.camera == cameras_[8] ? 8 : 7);
+           });
+         }},
+        {"measurements", encode_measurements(measurements()),
+         [again](const Blob& row) {
+           return again(decode_measurements(KeyframeId{9}, row), encode_measurements);
+         }},
+        {"sources", encode_sources(sources()),
+         [again](const Blob& row) { return again(decode_sources(3, row), encode_sources); }},
+        {"positions", encode_positions(positions()),
+         [again](const Blob& row) { return again(decode_positions(3, row), encode_positions); }},
+        {"foundation", encode_foundation(foundation),
+         [again](const Blob& row) { return again(decode_foundation(row), encode_foundation); }},
+        {"work", encode_work(work()),
+         [again](const Blob& row) { return again(decode_work(row), encode_work); }},
+    };
+  }
+
+  std::mt19937_64 random_{kSeed};
+  CameraParameters camera_{CameraModel::kPinholeRadtan, 640, 480, {525, 526, 319, 239, -0.1, 0.01, 0, 0, 0}};
+  CameraRows cameras_;
+};
+
+TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
+  for (const Kind& kind : kinds()) {
+    SCOPED_TRACE(kind.name);
+    const auto again = kind.again(kind.row);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(*again, kind.row);
+  }
+  const KeyframeRecord k = keyframe();
+  const auto read = decode_keyframe(k.id, encode_keyframe(k, 8), cameras_);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->id, k.id);
+  EXPECT_EQ(read->camera, k.camera);
+  EXPECT_EQ(read->camera_from_map.rotation().coeffs(), k.camera_from_map.rotation().coeffs());
+  const SourcesRecord s = sources();
+  EXPECT_EQ(decode_sources(3, encode_sources(s))->points[39].id, s.points[39].id);
+}
+
+TEST_F(RowCodecTest, CutAndLengthenedRowsAreRefused) {
+  for (const Kind& kind : kinds()) {
+    SCOPED_TRACE(kind.name);
+    for (size_t size = 0; size < kind.row.size(); size += 1 + kind.row.size() / 300)
+      EXPECT_FALSE(kind.again(Blob(kind.row.begin(), kind.row.begin() + static_cast<ptrdiff_t>(size))));
+    Blob longer = kind.row;
+    longer.push_back(0);
+    EXPECT_FALSE(kind.again(longer));
+  }
+}
+
+TEST_F(RowCodecTest, NoBytesDoHarm) {
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
+  for (const Kind& kind : kinds()) {
+    for (int i = 0; i < 300; ++i) {
+      Blob row = kind.row;
+      for (int flips = 0; flips < 3; ++flips) row[random_() % row.size()] ^= static_cast<uint8_t>(random_());
+      (void)kind.again(row);  // sanitizers judge
+      for (uint8_t& byte : row) byte = static_cast<uint8_t>(random_());
+      (void)kind.again(row);
+    }
+  }
+}
+
+TEST_F(RowCodecTest, NumbersThatNoMapHasAreRefused) {
+  KeyframeRecord far = keyframe();
+  far.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e9, 0, 0});
+  EXPECT_FALSE(decode_keyframe(far.id, encode_keyframe(far, 8), cameras_));
+  EXPECT_FALSE(decode_keyframe(far.id, encode_keyframe(keyframe(), 99), cameras_)) << "no such camera";
+  MeasurementsRecord twice = measurements();
+  twice.measurements[1].point = twice.measurements[0].point;
+  EXPECT_FALSE(decode_measurements(twice.keyframe, encode_measurements(twice)));
+  MeasurementsRecord level = measurements();
+  level.measurements[0].level = kPyramidLevels;
+  EXPECT_FALSE(decode_measurements(level.keyframe, encode_measurements(level)));
+  PositionsRecord nan = positions();
+  nan.points[5].position.y() = std::nan("");
+  EXPECT_FALSE(decode_positions(3, encode_positions(nan)));
+}
+
+TEST_F(RowCodecTest, ImagesAreKeptPixelByPixel) {
+  GrayImage image(101, 57);  // rows are padded
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) image.row(y)[x] = static_cast<uint8_t>(random_());
+  }
+  const GrayImagePtr read = decode_image_row(encode_image_row(image));
+  ASSERT_NE(read, nullptr);
+  ASSERT_EQ(read->width(), image.width());
+  ASSERT_EQ(read->height(), image.height());
+  for (int y = 0; y < image.height(); ++y)
+    ASSERT_EQ(std::memcmp(read->row(y), image.row(y), static_cast<size_t>(image.width())), 0);
+  EXPECT_EQ(decode_image_row(Blob{1, 2, 3}), nullptr);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -74,7 +74,8 @@ std::string utc_stamp() {
 /// `stem` with a number if there is one already.
 fs::path free_path(const fs::path& folder, const std::string& stem, const std::string& suffix) {
   fs::path path = folder / (stem + suffix);
-  for (int i = 2; fs::exists(path); ++i) path = folder / (stem + "-" + std::to_string(i) + suffix);
+  for (int i = 2; fs::exists(path); ++i)
+    path = folder / std::string(stem).append("-").append(std::to_string(i)).append(suffix);
   return path;
 }
 
@@ -137,7 +138,7 @@ Store::~Store() = default;
 
 Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   std::error_code problem;
-  for (const char* part : {"maps", "deleted", "damaged"}) {
+  for (const char* part : {"maps", "deleted", "damaged", "transfer"}) {
     fs::create_directories(folder / part, problem);
     if (problem) return io_failure(folder / part, "cannot be made: " + problem.message());
   }
@@ -151,6 +152,8 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   }
   std::unique_ptr<Store> store(new Store(folder, std::move(lock), std::move(log)));
   finish_replacements(folder / "maps");
+  for (const auto& left_over : fs::directory_iterator(folder / "transfer"))
+    fs::remove_all(left_over, problem);
   if (Status opened = store->open_catalogue(); !opened) return tl::unexpected(opened.error());
   return store;
 }

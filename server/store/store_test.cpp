@@ -1,0 +1,176 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "server/store/kept_map_fixture.h"
+
+namespace cairn {
+namespace {
+
+using testing::bytes_of;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class StoreTest : public testing::KeptMapFixture {
+ protected:
+  [[nodiscard]] std::unique_ptr<Store> open() const {
+    auto store = Store::open(folder_, null_logger());
+    EXPECT_TRUE(store) << store.error().message;
+    return store ? std::move(*store) : nullptr;
+  }
+  void keep(Store* store) {
+    start();
+    const Status made = store->create(header_, take_update());
+    ASSERT_TRUE(made) << made.error().message;
+  }
+  [[nodiscard]] std::vector<std::string> files_in(const char* part) const {
+    std::vector<std::string> names;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / part))
+      names.push_back(entry.path().filename().string());
+    std::sort(names.begin(), names.end());
+    return names;
+  }
+};
+
+TEST_F(StoreTest, IsTheSameServerAndLaterAtEveryStart) {
+  uint64_t last = 0;
+  ServerId server;
+  for (int i = 0; i < 3; ++i) {
+    const auto store = open();
+    EXPECT_GT(store->start_count(), last);
+    last = store->start_count();
+    EXPECT_TRUE(store->server());
+    EXPECT_TRUE(i == 0 || store->server() == server);
+    server = store->server();
+  }
+}
+
+TEST_F(StoreTest, BelongsToOneServerAtATime) {
+  const auto first = open();
+  const auto second = Store::open(folder_, null_logger());
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(second.error().message, HasSubstr(folder_.string()));
+}
+
+TEST_F(StoreTest, MapsComeBackUnderLaterEpochs) {
+  std::vector<uint8_t> kept;
+  {
+    const auto store = open();
+    keep(store.get());
+    ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+    const MapUpdate update = take_update();
+    ASSERT_TRUE(store->write(header_.id, {&update, 1}));
+    EXPECT_EQ(store->create(header_, {}).error().code, ErrorCode::kRefused);
+  }
+  Epoch last = header_.epoch;
+  for (int i = 0; i < 3; ++i) {
+    const auto store = open();
+    EXPECT_THAT(store->maps(), ElementsAre(header_.id));
+    const auto map = store->load(header_.id);
+    ASSERT_TRUE(map) << map.error().message;
+    EXPECT_GT(map->header.epoch, last);
+    last = map->header.epoch;
+    EXPECT_EQ(map->epochs.size(), static_cast<size_t>(i) + 2);
+    EXPECT_TRUE(bytes_of(map->record) == bytes_of(whole()));
+  }
+}
+
+TEST_F(StoreTest, DeletedMapsCanBeHadBack) {
+  const auto store = open();
+  keep(store.get());
+  for (int times = 0; times < 2; ++times) EXPECT_TRUE(store->remove(header_.id)) << "idempotent";
+  EXPECT_THAT(store->maps(), IsEmpty());
+  ASSERT_EQ(store->deleted_maps().size(), 1U);
+  EXPECT_EQ(store->deleted_maps()[0].name, "desk");
+  EXPECT_EQ(store->create(header_, {}).error().code, ErrorCode::kRefused) << "its id is not given again";
+  for (int times = 0; times < 2; ++times) EXPECT_TRUE(store->undelete(header_.id));
+  EXPECT_THAT(store->maps(), ElementsAre(header_.id));
+  EXPECT_TRUE(store->load(header_.id));
+  EXPECT_EQ(store->remove(MapId{{9}}).error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(store->undelete(MapId{{9}}).error().code, ErrorCode::kNotFound);
+}
+
+TEST_F(StoreTest, ADamagedMapIsKeptAsideAndWhatIsLeftOfItGoesOn) {
+  const auto store = open();
+  keep(store.get());
+  const auto aside = store->replace(header_, {whole(), {}, {}, {}}, {"row 3 of images is damaged"});
+  ASSERT_TRUE(aside) << aside.error().message;
+  EXPECT_TRUE(MapFile::open(*aside));
+  EXPECT_THAT(store->maps(), ElementsAre(header_.id));
+  EXPECT_TRUE(store->load(header_.id));
+  std::ifstream reasons(aside->string() + ".txt");
+  std::string reason;
+  std::getline(reasons, reason);
+  EXPECT_EQ(reason, "row 3 of images is damaged");
+  ASSERT_TRUE(store->set_aside(header_.id, {"no map"}));
+  EXPECT_THAT(store->maps(), IsEmpty());
+}
+
+TEST_F(StoreTest, ADamagedCatalogueIsSetAsideAndTheMapsStay) {
+  ServerId server;
+  {
+    const auto store = open();
+    keep(store.get());
+    server = store->server();
+  }
+  std::ofstream(folder_ / "catalogue.db") << "this is not a database, whatever its name says";
+  const auto store = open();
+  ASSERT_NE(store, nullptr);
+  EXPECT_NE(store->server(), server);
+  EXPECT_TRUE(store->load(header_.id));
+  EXPECT_THAT(files_in("damaged"), ElementsAre(::testing::StartsWith("catalogue-")));
+}
+
+TEST_F(StoreTest, WhatAnEndLeftHalfDoneIsPutInOrder) {
+  {
+    const auto store = open();
+    keep(store.get());
+  }
+  const std::filesystem::path maps = folder_ / "maps";
+  const std::string name = to_hex(header_.id.bytes);
+  // Ended while a map was being made: no content was ever committed.
+  (void)sqlite::Database::open(maps / (to_hex(MapId{{8}}.bytes) + ".cairnmap"), sqlite::OpenMode::kCreate);
+  // Ended between setting a damaged map aside and putting the saved one in its place.
+  std::filesystem::rename(maps / (name + ".cairnmap"), maps / (name + ".new"));
+  const auto store = open();
+  EXPECT_TRUE(store->load(header_.id)) << "the saved one is in place";
+  EXPECT_EQ(store->load(MapId{{8}}).error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(store->maps(), ElementsAre(header_.id));
+}
+
+TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  {
+    const auto store = open();
+    keep(store.get());
+    const Status exported = store->export_map(header_.id, archive);
+    ASSERT_TRUE(exported) << exported.error().message;
+    const auto again = store->import_map(archive);
+    ASSERT_FALSE(again);
+    EXPECT_EQ(again.error().code, ErrorCode::kRefused);
+  }
+  const auto other = Store::open(folder_ / "other", null_logger());
+  ASSERT_TRUE(other);
+  const auto imported = (*other)->import_map(archive);
+  ASSERT_TRUE(imported) << imported.error().message;
+  EXPECT_EQ(*imported, header_.id);
+  const auto map = (*other)->load(header_.id);
+  ASSERT_TRUE(map);
+  EXPECT_EQ(map->header.name, "desk");
+  EXPECT_TRUE(bytes_of(map->record) == bytes_of(whole()));
+
+  std::filesystem::resize_file(archive, std::filesystem::file_size(archive) / 2);
+  const auto third = Store::open(folder_ / "third", null_logger());
+  EXPECT_EQ((*third)->import_map(archive).error().code, ErrorCode::kDamaged);
+  EXPECT_THAT((*third)->maps(), IsEmpty());
+}
+
+}  // namespace
+}  // namespace cairn

@@ -41,6 +41,7 @@ double percentile(std::vector<double> values, double p) {
 
 struct Arguments {
   std::string source, calibration, queries, sequence, truth;
+  std::vector<std::string> foreign;
   std::string method = "improved";
   size_t map_frames = 0;
   double tolerance = 0.05;
@@ -260,6 +261,42 @@ Result<CameraPtr> choose_camera(const Arguments& arguments) {
               arguments.source + ": no camera.txt beside it; pass --calibration FILE");
 }
 
+/// Asks for every few frames of a recording of somewhere else: whatever is answered is wrong.
+Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
+                   bool verbose) {
+  constexpr uint64_t kEvery = 5;
+  Arguments of_source;
+  of_source.source = foreign;
+  const auto camera = choose_camera(of_source);
+  if (!camera) return tl::unexpected(camera.error());
+  auto source = open_source(foreign);
+  if (!source) return tl::unexpected(source.error());
+  int asked = 0;
+  int answered = 0;
+  std::vector<double> query_ms;
+  for (;;) {
+    const auto next = (*source)->next();
+    if (!next) continue;
+    if (!*next) break;
+    const Frame& frame = **next;
+    if (frame.index % kEvery != 0) continue;
+    FrameImages images;
+    images.build_pyramid(frame.image->view());
+    images.find_corners();
+    const PlaceView view = describe_place(images.pyramid, images.corners);
+    const double begin = thread_cpu_ms();
+    const PlaceAnswer result = relocalize(index, **camera, view, options);
+    query_ms.push_back(thread_cpu_ms() - begin);
+    ++asked;
+    if (result.verdict == PlaceVerdict::kNotKnown) continue;
+    ++answered;
+    if (verbose) std::printf("%s %lu: WRONG\n", foreign.c_str(), static_cast<unsigned long>(frame.index));
+  }
+  std::printf("%s, never mapped: asked %d answered %d; answer p50 %.2f p95 %.2f ms\n", foreign.c_str(), asked,
+              answered, percentile(query_ms, 0.5), percentile(query_ms, 0.95));
+  return {};
+}
+
 /// A tracker that is told of a place and nothing else, and has some frames to prove it.
 struct Proof {
   std::unique_ptr<Tracker> tracker;
@@ -341,6 +378,11 @@ Status run(const Arguments& arguments) {
   Judge judge(arguments, truth, *truth_from_map);
   ask(source->get(), *queries, *camera, mapping, options, &judge);
   judge.report();
+  PlaceIndex index;
+  index.put(index_map(nullptr, mapping.snapshot(), mapping.maker()->keyframe_views()));
+  for (const std::string& foreign : arguments.foreign) {
+    if (const Status done = ask_foreign(foreign, index, options, arguments.verbose); !done) return done;
+  }
   return {};
 }
 
@@ -357,6 +399,7 @@ int main(int argc, char** argv) {
   app.add_option("--truth", arguments.truth, "TUM trajectory")->required();
   app.add_option("--map-frames", arguments.map_frames, "frames that the map is made of")->required();
   app.add_option("--tolerance", arguments.tolerance, "[m] of a right answer");
+  app.add_option("--foreign", arguments.foreign, "a recording of somewhere else, any number of times");
   app.add_option("--method", arguments.method, "improved or paper")
       ->check(CLI::IsMember({"improved", "paper"}));
   app.add_option("--seed", arguments.seed, "of every random choice");

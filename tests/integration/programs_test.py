@@ -28,10 +28,10 @@ def command(program, *arguments):
 class ServerProcess:
     """In the first domain that is free."""
 
-    def __init__(self):
+    def __init__(self, *arguments):
         for domain in range(FIRST_DOMAIN, FIRST_DOMAIN + DOMAINS):
             self.domain = domain
-            self.process = subprocess.Popen(command("cairn-server", "--domain", domain), stderr=subprocess.PIPE, text=True)
+            self.process = subprocess.Popen(command("cairn-server", "--domain", domain, *arguments), stderr=subprocess.PIPE, text=True)
             said = ""
             for line in self.process.stderr:
                 said += line

@@ -9,12 +9,14 @@
 #include <csignal>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "tests/integration/test_domain.h"
 
 namespace cairn::testing {
 
-ServerProcess::ServerProcess(int domain) {
+ServerProcess::ServerProcess(int domain, std::vector<std::string> arguments)
+    : arguments_(std::move(arguments)) {
   if (domain != 0) {
     // The killed server's socket may linger for a moment.
     if (!eventually([&] { return start(domain); })) throw std::runtime_error("cairn-server does not come up");
@@ -33,11 +35,15 @@ ServerProcess::~ServerProcess() {
 bool ServerProcess::start(int domain) {
   std::array<int, 2> pipe_ends{};
   if (pipe2(pipe_ends.data(), O_CLOEXEC) != 0) throw std::runtime_error("pipe");
-  const std::string number = std::to_string(domain);
+  std::vector<std::string> words{"cairn-server", "--domain", std::to_string(domain), "-q"};
+  words.insert(words.end(), arguments_.begin(), arguments_.end());
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
   pid_ = fork();
   if (pid_ == 0) {
     dup2(pipe_ends[1], STDERR_FILENO);
-    execl(CAIRN_SERVER_PROGRAM, "cairn-server", "--domain", number.c_str(), "-q", nullptr);
+    execv(CAIRN_SERVER_PROGRAM, argv.data());
     _exit(127);
   }
   close(pipe_ends[1]);

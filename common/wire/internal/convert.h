@@ -69,7 +69,12 @@ template <typename Message>
   X(SeedVerdict, cairn_SeedVerdict)          \
   X(OfferVerdict, cairn_OfferVerdict)        \
   X(RelocQuery, cairn_RelocQuery)            \
-  X(RelocAnswer, cairn_RelocAnswer)
+  X(RelocAnswer, cairn_RelocAnswer)          \
+  X(ClientRequest, cairn_ClientRequest)      \
+  X(ClientReply, cairn_ClientReply)          \
+  X(LabelMessage, cairn_Label)               \
+  X(AdminRequest, cairn_AdminRequest)        \
+  X(AdminReply, cairn_AdminReply)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \

@@ -1,0 +1,129 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/label_view.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+/// Parts of the picture's width.
+constexpr double kPointed = 1.0 / 50;       ///< a finger or mouse means a point this near
+constexpr double kAround = 1.0 / 25;        ///< points that tell whether a label is hidden
+constexpr double kNeighbourhood = 1.0 / 5;  ///< points that tell the surface pointed at
+
+/// A point nearer than a label by this factor stands before it, and not on its surface: across kAround in a
+/// view of 60 degrees, a surface differs by less unless it is turned by more than 70 degrees.
+constexpr double kBefore = 1.15;
+constexpr int kLeastBefore = 2;
+constexpr size_t kLeastNeighbours = 3;
+constexpr size_t kMostNeighbours = 12;
+constexpr double kOneSurface = 1.3;   ///< neighbours differ less in distance than by this factor
+constexpr double kLeastFacing = 0.1;  ///< cosine of ray and normal below which a plane is seen edge-on
+
+/// The nearest seen points in the picture within `radius`, nearest first.
+std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vector2d& pixel, double radius,
+                               size_t most) {
+  std::vector<SeenPoint> near;
+  std::copy_if(seen.begin(), seen.end(), std::back_inserter(near),
+               [&](const SeenPoint& p) { return (p.pixel - pixel).norm() <= radius; });
+  std::sort(near.begin(), near.end(), [&](const SeenPoint& a, const SeenPoint& b) {
+    return (a.pixel - pixel).squaredNorm() < (b.pixel - pixel).squaredNorm();
+  });
+  if (near.size() > most) near.resize(most);
+  return near;
+}
+
+/// Those at about the distance of the one pointed closest to: what lies behind it or before it is of another
+/// surface.
+std::vector<Eigen::Vector3d> on_one_surface(const std::vector<SeenPoint>& near) {
+  const double reference = near.front().position.norm();
+  std::vector<Eigen::Vector3d> surface;
+  for (const SeenPoint& p : near) {
+    const double distance = p.position.norm();
+    if (distance < kOneSurface * reference && reference < kOneSurface * distance)
+      surface.push_back(p.position);
+  }
+  return surface;
+}
+
+/// Where a ray meets the plane that fits the points best (total least squares); nothing for points on a line,
+/// a plane seen edge-on, or a place far from the points.
+std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray,
+                                          const std::vector<Eigen::Vector3d>& points) {
+  if (points.size() < kLeastNeighbours) return std::nullopt;
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const auto& p : points) mean += p / static_cast<double>(points.size());
+  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
+  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(scatter);
+  constexpr double kFlat = 1e-3;  // of the variance along the points, across them
+  if (!(axes.eigenvalues()(1) > kFlat * axes.eigenvalues()(2))) return std::nullopt;
+  const Eigen::Vector3d normal = axes.eigenvectors().col(0);
+  const double facing = normal.dot(ray);
+  if (std::abs(facing) < kLeastFacing) return std::nullopt;
+  const double distance = normal.dot(mean) / facing;
+  if (distance < mean.norm() / kOneSurface || distance > mean.norm() * kOneSurface) return std::nullopt;
+  return Eigen::Vector3d(distance * ray);
+}
+
+}  // namespace
+
+std::vector<SeenPoint> seen_points(std::span<const TrackedPoint> points, const MapSnapshot& map,
+                                   const SE3& camera_from_map) {
+  std::vector<SeenPoint> seen;
+  for (const TrackedPoint& point : points) {
+    const auto slot = point.found ? map.find(point.id) : std::nullopt;
+    if (!slot) continue;
+    const PointBlock& block = *map.point_blocks[static_cast<size_t>(slot->block)];
+    seen.push_back({point.pixel.cast<double>(), camera_from_map * block.position(slot->slot)});
+  }
+  return seen;
+}
+
+std::vector<LabelInView> labels_in_view(const std::vector<Label>& labels, const SE3& camera_from_map,
+                                        const Camera& camera, std::span<const SeenPoint> seen) {
+  const double radius = kAround * camera.width();
+  std::vector<LabelInView> in_view;
+  for (const Label& label : labels) {
+    const Eigen::Vector3d place = camera_from_map * label.map_from_label.translation();
+    const auto pixel = camera.project(place);
+    if (!pixel || !camera.in_image(*pixel)) continue;
+    const double distance = place.norm();
+    int before = 0;
+    int others = 0;
+    for (const SeenPoint& p : seen) {
+      if ((p.pixel - *pixel).norm() > radius) continue;
+      ++(kBefore * p.position.norm() < distance ? before : others);
+    }
+    in_view.push_back({label, *pixel, distance, before >= kLeastBefore && before > others});
+  }
+  std::stable_sort(in_view.begin(), in_view.end(),
+                   [](const LabelInView& a, const LabelInView& b) { return a.distance > b.distance; });
+  return in_view;
+}
+
+std::vector<LabelInView> labels_in_view(const OverlayFrame& frame, const Camera& camera) {
+  if (!frame.camera_from_map || !frame.snapshot || !frame.labels) return {};
+  return labels_in_view(*frame.labels, *frame.camera_from_map, camera,
+                        seen_points(frame.points, *frame.snapshot, *frame.camera_from_map));
+}
+
+std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Camera& camera,
+                                          std::span<const SeenPoint> seen) {
+  const double width = camera.width();
+  const auto near = nearest(seen, pixel, kNeighbourhood * width, kMostNeighbours);
+  if (near.empty()) return std::nullopt;
+  if ((near.front().pixel - pixel).norm() <= kPointed * width) return near.front().position;
+  const auto surface = on_one_surface(near);
+  const Eigen::Vector3d ray = camera.unproject(pixel);
+  if (const auto met = meet_plane(ray, surface)) return met;
+  if (surface.size() < kLeastNeighbours) return std::nullopt;
+  // No plane to be made out: as far as its neighbours.
+  double distance = 0;
+  for (const auto& p : surface) distance += p.norm() / static_cast<double>(surface.size());
+  return Eigen::Vector3d(distance * ray);
+}
+
+}  // namespace cairn

@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/viewer/controls.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "client/app/label_painter.h"
+#include "client/app/label_view.h"
+#include "client/session/label_request.h"
+
+namespace cairn {
+namespace {
+
+constexpr std::chrono::seconds kMessageTime{4};
+
+}  // namespace
+
+std::vector<std::string> ViewerControls::help() {
+  return {"click or touch a place   put a label there; on a label: select it",
+          "e   change the text of the selected label",
+          "d   delete the selected label",
+          "n   new map",
+          "f   freeze the view, and go on",
+          "p   show points, and hide them",
+          "h   this help",
+          "q   quit"};
+}
+
+void ViewerControls::show(OverlayFrame frame) {
+  if (!frozen_ || !frame_) frame_ = std::move(frame);
+}
+
+void ViewerControls::press(int key_code, MonotonicTime now) {
+  if (typing_) {
+    if (const auto stroke = stroke_of(key_code)) type(*stroke, now);
+  } else if (key_code == 0x1b || key_code == 0xff1b) {
+    selected_ = {};
+    help_shown_ = false;
+  } else if (key_code > 0x20 && key_code < 0x7f) {
+    command(static_cast<char>(key_code), now);
+  }
+}
+
+void ViewerControls::command(char key, MonotonicTime now) {
+  switch (key) {
+    case 'e':
+      return edit_selected(now);
+    case 'd':
+      return delete_selected(now);
+    case 'n':
+      wishes_.new_map = true;
+      return say(options_.may_make_maps ? "new map: move the camera sideways" : "looking for a map", now);
+    case 'f':
+      frozen_ = !frozen_;
+      return;
+    case 'p':
+      points_shown_ = !points_shown_;
+      return;
+    case 'h':
+      help_shown_ = !help_shown_;
+      return;
+    case 'q':
+      wishes_.quit = true;
+      return;
+    default:
+      return say("h shows the keys", now);
+  }
+}
+
+void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now) {
+  if (typing_) {
+    const auto keys = lay_out_keyboard(picture, typing_->entry.shifted());
+    if (const auto stroke = stroke_at(keys, point)) type(*stroke, now);
+    return;
+  }
+  if (std::exchange(help_shown_, false) || !frame_) return;
+  const cv::Size area(camera_->width() * scale, camera_->height() * scale);
+  if (!cv::Rect({0, 0}, area).contains(point)) return;
+  const auto boxes = lay_out_labels(labels_in_view(*frame_, *camera_), area, scale);
+  if (const LabelBox* label = find_label(boxes, point)) {
+    selected_ = {frame_->map, label->shown.label.id};
+    return say(printable(label->shown.label.text) + ", by " + label->shown.label.author, now);
+  }
+  selected_ = {};
+  point_at({(point.x + 0.5) / scale - 0.5, (point.y + 0.5) / scale - 0.5}, now);
+}
+
+void ViewerControls::point_at(const Eigen::Vector2d& pixel, MonotonicTime now) {
+  if (!options_.may_label) return say("a reader places no labels", now);
+  if (!frame_->camera_from_map || !frame_->snapshot) return say("no map here: no place for a label", now);
+  const SE3& camera_from_map = *frame_->camera_from_map;
+  const auto place =
+      pick_place(pixel, *camera_, seen_points(frame_->points, *frame_->snapshot, camera_from_map));
+  if (!place) return say("the map has no points there", now);
+  auto request =
+      request_new_label(*frame_->snapshot, camera_from_map, camera_from_map.inverse() * *place, {});
+  if (request) typing_ = Typing{std::move(*request), TextEntry()};
+}
+
+void ViewerControls::type(EntryStroke stroke, MonotonicTime now) {
+  TextEntry& entry = typing_->entry;
+  entry.press(stroke);
+  if (entry.state() == TextEntry::State::kTyping) return;
+  if (entry.state() == TextEntry::State::kAccepted) {
+    typing_->request.text = entry.text();
+    wishes_.requests.push_back(std::move(typing_->request));
+    say("sent: " + printable(entry.text()), now);
+  }
+  typing_.reset();
+}
+
+const Label* ViewerControls::selected_label() const {
+  if (!frame_ || !frame_->labels || frame_->map != selected_.map) return nullptr;
+  const auto found = std::find_if(frame_->labels->begin(), frame_->labels->end(),
+                                  [this](const Label& label) { return label.id == selected_.id; });
+  return found == frame_->labels->end() ? nullptr : &*found;
+}
+
+void ViewerControls::delete_selected(MonotonicTime now) {
+  if (!options_.may_label) return say("a reader deletes no labels", now);
+  if (selected_label() == nullptr) return say("click a label first", now);
+  wishes_.requests.push_back(request_label_removal(selected_.map, selected_.id));
+  selected_ = {};
+}
+
+void ViewerControls::edit_selected(MonotonicTime now) {
+  if (!options_.may_label) return say("a reader changes no labels", now);
+  const Label* label = selected_label();
+  if (label == nullptr) return say("click a label first", now);
+  typing_ = Typing{request_label_text(selected_.map, selected_.id, {}), TextEntry(label->text)};
+}
+
+void ViewerControls::replied(const RequestReply& reply, MonotonicTime now) {
+  say(reply.done ? "kept" : "refused: " + reply.reason, now);
+}
+
+void ViewerControls::say(std::string message, MonotonicTime now) {
+  message_ = std::move(message);
+  said_at_ = now;
+}
+
+std::string ViewerControls::message(MonotonicTime now) const {
+  return now - said_at_ < kMessageTime ? message_ : std::string();
+}
+
+}  // namespace cairn

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core/types.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "client/app/overlay.h"
+#include "client/app/viewer/text_entry.h"
+#include "client/session/session.h"
+#include "common/base/time.h"
+#include "common/wire/messages.h"
+
+namespace cairn {
+
+/// What a person in front of the window wants of the rest of the program.
+struct ViewerWishes {
+  bool quit = false;
+  bool new_map = false;
+  std::vector<wire::ClientRequest> requests;
+};
+
+struct ViewerOptions {
+  bool may_label = true;      ///< --role reader: no
+  bool may_make_maps = true;  ///< else the key for a new map looks for one of the server's
+};
+
+/// The window's behaviour: what keys and touches do. Pure; knows nothing of a window system. Used from one
+/// thread.
+class ViewerControls {
+ public:
+  ViewerControls(CameraPtr camera, ViewerOptions options) : camera_(std::move(camera)), options_(options) {}
+
+  /// A frame from the tracker. It becomes the one shown unless the view is frozen.
+  void show(OverlayFrame frame);
+  /// A code of OpenCV's waitKeyEx().
+  void press(int key_code, MonotonicTime now);
+  /// At a place of the window's picture of this size, whose upper part shows the camera's picture enlarged
+  /// `scale` times.
+  void touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now);
+  void replied(const RequestReply& reply, MonotonicTime now);
+
+  /// What has been wished for since the last call.
+  [[nodiscard]] ViewerWishes take_wishes() { return std::exchange(wishes_, {}); }
+
+  // What is shown.
+  [[nodiscard]] const std::optional<OverlayFrame>& frame() const { return frame_; }
+  /// Newer ones of the map shown. Whether they are others than before.
+  bool set_labels(LabelListPtr labels) { return frame_ && std::exchange(frame_->labels, labels) != labels; }
+  [[nodiscard]] bool frozen() const { return frozen_; }
+  [[nodiscard]] bool points_shown() const { return points_shown_; }
+  [[nodiscard]] bool help_shown() const { return help_shown_; }
+  [[nodiscard]] LabelId selected() const { return selected_.id; }
+  /// While a text is being typed.
+  [[nodiscard]] const TextEntry* entry() const { return typing_ ? &typing_->entry : nullptr; }
+  /// A word to the person; empty when the last one is some seconds old.
+  [[nodiscard]] std::string message(MonotonicTime now) const;
+  /// The keys, a line each.
+  [[nodiscard]] static std::vector<std::string> help();
+
+ private:
+  struct Selection {
+    MapId map;
+    LabelId id;
+  };
+  /// The request that waits for its text.
+  struct Typing {
+    wire::ClientRequest request;
+    TextEntry entry;
+  };
+  void type(EntryStroke stroke, MonotonicTime now);
+  void command(char key, MonotonicTime now);
+  void point_at(const Eigen::Vector2d& pixel, MonotonicTime now);
+  void delete_selected(MonotonicTime now);
+  void edit_selected(MonotonicTime now);
+  [[nodiscard]] const Label* selected_label() const;
+  void say(std::string message, MonotonicTime now);
+
+  CameraPtr camera_;
+  ViewerOptions options_;
+  std::optional<OverlayFrame> frame_;
+  bool frozen_ = false;
+  bool points_shown_ = true;
+  bool help_shown_ = false;
+  Selection selected_;
+  std::optional<Typing> typing_;
+  std::string message_;
+  MonotonicTime said_at_;
+  ViewerWishes wishes_;
+};
+
+}  // namespace cairn

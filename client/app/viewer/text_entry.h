@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <opencv2/core/types.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// A line of text typed by a person, on a keyboard or on one that is drawn. Pure.
+namespace cairn {
+
+/// What a key does to a line.
+enum class EntryKey : uint8_t { kCharacter, kShift, kErase, kCancel, kAccept };
+
+struct EntryStroke {
+  EntryKey key = EntryKey::kCharacter;
+  char character = ' ';
+};
+
+/// What a code of the window system (OpenCV's waitKeyEx) means for a line; nothing: no key of it.
+[[nodiscard]] std::optional<EntryStroke> stroke_of(int key_code);
+
+class TextEntry {
+ public:
+  enum class State : uint8_t { kTyping, kAccepted, kCancelled };
+
+  explicit TextEntry(std::string text = {}) : text_(std::move(text)) {}
+
+  /// Printable ASCII, at most kMaxLabelBytes; a blank line cannot be accepted. Nothing happens any more once
+  /// it is accepted or cancelled.
+  void press(EntryStroke stroke);
+
+  [[nodiscard]] State state() const { return state_; }
+  [[nodiscard]] const std::string& text() const { return text_; }
+  /// The next letter will be a capital.
+  [[nodiscard]] bool shifted() const { return shifted_; }
+
+ private:
+  std::string text_;
+  bool shifted_ = false;
+  State state_ = State::kTyping;
+};
+
+/// A key of the keyboard that is drawn.
+struct DrawnKey {
+  cv::Rect place;
+  std::string cap;
+  EntryStroke stroke;
+};
+/// Four rows of ten characters and one of the other keys, none over another, filling the lower part of a
+/// picture.
+[[nodiscard]] std::vector<DrawnKey> lay_out_keyboard(cv::Size picture, bool shifted);
+[[nodiscard]] std::optional<EntryStroke> stroke_at(const std::vector<DrawnKey>& keys, cv::Point point);
+
+}  // namespace cairn

@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/viewer/text_entry.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cctype>
+#include <random>
+
+#include "common/map/label.h"
+
+namespace cairn {
+namespace {
+
+const cv::Size kPicture(640, 524);
+
+TextEntry type(const std::string& text) {
+  TextEntry entry;
+  for (const char c : text) entry.press(*stroke_of(c));
+  return entry;
+}
+
+/// As a finger does it: on the key with this cap, whatever the state of Shift.
+void tap(const std::string& cap, TextEntry* entry) {
+  const auto keys = lay_out_keyboard(kPicture, entry->shifted());
+  const auto key = std::find_if(keys.begin(), keys.end(), [&](const DrawnKey& k) { return k.cap == cap; });
+  ASSERT_NE(key, keys.end()) << cap;
+  const auto stroke = stroke_at(keys, (key->place.tl() + key->place.br()) / 2);
+  ASSERT_TRUE(stroke.has_value());
+  entry->press(*stroke);
+}
+
+TEST(TextEntry, IsWhatWasTypedAndErased) {
+  TextEntry entry = type("drill prest");
+  entry.press(*stroke_of('\b'));
+  entry.press(*stroke_of('s'));
+  EXPECT_EQ(entry.text(), "drill press");
+  EXPECT_EQ(entry.state(), TextEntry::State::kTyping);
+  entry.press(*stroke_of('\r'));
+  EXPECT_EQ(entry.state(), TextEntry::State::kAccepted);
+  entry.press(*stroke_of('x'));
+  EXPECT_EQ(entry.text(), "drill press") << "done is done";
+}
+
+TEST(TextEntry, ABlankLineIsNotAcceptedAndEscapeCancels) {
+  for (const char* text : {"", "   "}) {
+    TextEntry entry = type(text);
+    entry.press({EntryKey::kAccept});
+    EXPECT_EQ(entry.state(), TextEntry::State::kTyping);
+    entry.press(*stroke_of(0x1b));
+    EXPECT_EQ(entry.state(), TextEntry::State::kCancelled);
+  }
+}
+
+TEST(TextEntry, ErasingTakesWholeCharacters) {
+  TextEntry entry("caf\xc3\xa9");
+  entry.press({EntryKey::kErase});
+  EXPECT_EQ(entry.text(), "caf");
+  for (int i = 0; i < 5; ++i) entry.press({EntryKey::kErase});
+  EXPECT_EQ(entry.text(), "");
+}
+
+TEST(TextEntry, HoldsNoMoreThanALabelMay) {
+  const TextEntry entry = type(std::string(2 * kMaxLabelBytes, 'x'));
+  EXPECT_EQ(entry.text().size(), kMaxLabelBytes);
+}
+
+TEST(TextEntry, WhateverIsPressedItIsPrintable) {
+  std::mt19937 random(4);
+  TextEntry entry;
+  for (int i = 0; i < 5000; ++i) {
+    const auto stroke = stroke_of(static_cast<int>(random() % 0x10000));
+    if (stroke && stroke->key != EntryKey::kCancel && stroke->key != EntryKey::kAccept) entry.press(*stroke);
+    entry.press({EntryKey::kCharacter, static_cast<char>(random())});
+  }
+  EXPECT_FALSE(entry.text().empty());
+  EXPECT_TRUE(
+      std::all_of(entry.text().begin(), entry.text().end(), [](char c) { return c >= 0x20 && c <= 0x7e; }));
+}
+
+TEST(TextEntry, KeysOfNoLineMeanNothing) {
+  for (const int code : {-1, 0, 0x09, 0xffe1, 0xff51, 0x1ff}) EXPECT_FALSE(stroke_of(code)) << code;
+}
+
+TEST(DrawnKeyboard, WritesWhatItsCapsSay) {
+  TextEntry entry;
+  tap("Shift", &entry);
+  tap("V", &entry);
+  for (const char* cap : {"i", "c", "e", "Space", "2", "x", "Erase"}) tap(cap, &entry);
+  EXPECT_EQ(entry.text(), "Vice 2");
+  tap("Shift", &entry);
+  tap("Shift", &entry);
+  tap("a", &entry);
+  EXPECT_EQ(entry.text(), "Vice 2a") << "Shift twice is none";
+  tap("OK", &entry);
+  EXPECT_EQ(entry.state(), TextEntry::State::kAccepted);
+  TextEntry other;
+  tap("Cancel", &other);
+  EXPECT_EQ(other.state(), TextEntry::State::kCancelled);
+}
+
+TEST(DrawnKeyboard, IsInThePictureWithNoKeyOverAnother) {
+  for (const cv::Size picture : {kPicture, cv::Size(768, 620), cv::Size(1283, 970)}) {
+    const auto keys = lay_out_keyboard(picture, false);
+    int area = 0;
+    for (size_t i = 0; i < keys.size(); ++i) {
+      EXPECT_EQ(keys[i].place & cv::Rect({0, 0}, picture), keys[i].place) << keys[i].cap;
+      EXPECT_GE(keys[i].place.y, picture.height / 2 - 1) << "the upper half stays free";
+      EXPECT_GE(std::min(keys[i].place.width, keys[i].place.height), 40) << "a finger's width";
+      for (size_t j = 0; j < i; ++j) EXPECT_EQ((keys[i].place & keys[j].place).area(), 0);
+      area += keys[i].place.area();
+    }
+    EXPECT_NEAR(area, picture.area() / 2.0, 0.02 * picture.area());
+    EXPECT_FALSE(stroke_at(keys, {10, 10}));
+  }
+}
+
+}  // namespace
+}  // namespace cairn

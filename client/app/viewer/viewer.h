@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/app/viewer/controls.h"
+#include "common/base/log.h"
+
+namespace cairn {
+
+/// What the window needs of the session; called on the window's thread.
+struct ViewerLink {
+  std::function<LabelListPtr(MapId)> labels;
+  std::function<void(wire::ClientRequest)> request;
+  std::function<std::vector<RequestReply>()> take_replies;
+};
+
+/// The live view: an OpenCV window with the overlay, in a thread of its own that works on copies. The frame
+/// loop never waits for it: a frame that comes while the last one is being drawn takes its place. A window
+/// system that fails ends the window, not the tracking.
+class Viewer final : public FrameObserver {
+ public:
+  Viewer(CameraPtr camera, const std::string& title, ViewerOptions options, ViewerLink link, Logger log);
+  /// Closes the window.
+  ~Viewer() override;
+  Viewer(const Viewer&) = delete;
+  Viewer& operator=(const Viewer&) = delete;
+
+  void on_frame(const FrameReport& report) override;
+
+  /// The person has asked to quit or has closed the window.
+  [[nodiscard]] bool quit_requested() const { return quit_; }
+  /// Once for each time that it was asked for.
+  [[nodiscard]] bool take_new_map_request() { return new_map_.exchange(false); }
+
+ private:
+  struct Window;
+  void run();
+  void serve(Window* window);
+  void carry_out(ViewerWishes wishes);
+
+  const CameraPtr camera_;
+  const std::string title_;
+  const ViewerLink link_;
+  const ViewerOptions options_;
+  Logger log_;
+  std::atomic<bool> quit_{false};
+  std::atomic<bool> new_map_{false};
+  std::atomic<bool> stopping_{false};
+
+  std::mutex mutex_;
+  std::optional<OverlayFrame> newest_;  ///< guarded by mutex_
+
+  std::thread thread_;  ///< last: it uses all the above
+};
+
+}  // namespace cairn

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/refuted_places.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr int kEnough = 8;          ///< times in vain; blur alone may spoil some
+constexpr double kRemembered = 10;  ///< [s] after the latest
+
+}  // namespace
+
+void RefutedPlaces::refute(const PoseSuggestion& place, Timestamp time) {
+  std::erase_if(places_, [&](const Place& p) {
+    return std::abs(seconds_between(p.latest, time)) > kRemembered;  // recordings may jump back
+  });
+  auto known = std::find_if(places_.begin(), places_.end(), [&](const Place& p) {
+    return p.map == place.map && p.epoch == place.epoch && p.reference == place.reference;
+  });
+  if (known == places_.end())
+    known = places_.insert(places_.end(), {place.map, place.epoch, place.reference, 0, time});
+  ++known->times;
+  known->latest = time;
+}
+
+bool RefutedPlaces::is_refuted(const PoseSuggestion& place, Timestamp time) const {
+  return std::any_of(places_.begin(), places_.end(), [&](const Place& p) {
+    return p.map == place.map && p.epoch == place.epoch && p.reference == place.reference &&
+           p.times >= kEnough && std::abs(seconds_between(p.latest, time)) <= kRemembered;
+  });
+}
+
+}  // namespace cairn

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/admin/admin_client.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <fstream>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using std::chrono::steady_clock;
+
+constexpr seconds kServerPatience{5};
+constexpr milliseconds kResend{1000};
+constexpr seconds kAnswerPatience{120};  ///< a large map takes the server a while
+
+/// A name that no other process has: its replies are its own.
+std::string own_name() {
+  const char* user = std::getenv("USER");
+  std::string name;
+  for (const char c : std::string(user != nullptr ? user : "operator").substr(0, 20)) {
+    const bool plain = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9');
+    name += plain ? c : '-';
+  }
+  return name + "-" + std::to_string(getpid());
+}
+
+ErrorCode code_of(uint8_t result) {
+  for (const ErrorCode code :
+       {ErrorCode::kUsage, ErrorCode::kConfiguration, ErrorCode::kRefused, ErrorCode::kDamaged}) {
+    if (exit_code(code) == result) return code;
+  }
+  return ErrorCode::kInternal;
+}
+
+tl::unexpected<Error> gone() {
+  return fail(ErrorCode::kNoServer, "the server does not answer any more");
+}
+
+}  // namespace
+
+Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
+  if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
+    return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  const bool local = options.server == "localhost" || options.server == "127.0.0.1";
+  wire::ParticipantOptions joining;
+  joining.domain = static_cast<uint32_t>(options.domain);
+  joining.server_host = options.server;
+  joining.profile = !options.profile.empty() ? options.profile : local ? "loopback" : "wifi";
+  auto participant = wire::Participant::create(joining);
+  if (!participant) return tl::unexpected(participant.error());
+  const std::string name = own_name();
+  const std::string partition = wire::operator_partition(name);
+  auto requests = wire::Writer<wire::AdminRequest>::create(*participant, partition);
+  if (!requests) return tl::unexpected(requests.error());
+  auto replies = wire::Reader<wire::AdminReply>::create(*participant, partition);
+  if (!replies) return tl::unexpected(replies.error());
+  auto waiter = wire::Waiter::create(*participant);
+  if (!waiter) return tl::unexpected(waiter.error());
+  if (Status attached = waiter->attach({*replies}); !attached) return tl::unexpected(attached.error());
+  const auto deadline = steady_clock::now() + kServerPatience;
+  while (requests->matched() == 0) {
+    if (steady_clock::now() > deadline) {
+      return fail(ErrorCode::kNoServer, "no server answers at " + options.server + ", domain " +
+                                            std::to_string(options.domain) +
+                                            "; is cairn-server running there?");
+    }
+    std::this_thread::sleep_for(milliseconds(5));
+  }
+  return AdminClient(name, std::move(*participant), std::move(*requests), std::move(*replies),
+                     std::move(*waiter));
+}
+
+AdminClient::AdminClient(std::string name, wire::Participant participant,
+                         wire::Writer<wire::AdminRequest> requests, wire::Reader<wire::AdminReply> replies,
+                         wire::Waiter waiter)
+    : name_(std::move(name)),
+      participant_(std::move(participant)),
+      requests_(std::move(requests)),
+      replies_(std::move(replies)),
+      waiter_(std::move(waiter)) {
+  std::random_device device;
+  session_ = {uint64_t{device()} << 32 | device() | 1};
+}
+
+Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<uint8_t> data) {
+  wire::AdminRequest message{client_id_from_name(name_), {session_, ++seq_}, request.dump(), std::move(data)};
+  const auto deadline = steady_clock::now() + kAnswerPatience;
+  auto resend = steady_clock::now();
+  while (steady_clock::now() < deadline) {
+    const auto now = steady_clock::now();
+    if (now >= resend) {
+      if (requests_.matched() == 0) return gone();
+      if (Status written = requests_.write(message); !written) return tl::unexpected(written.error());
+      resend = now + kResend;
+    }
+    (void)waiter_.wait(std::chrono::ceil<milliseconds>(resend - now));
+    for (auto& sample : replies_.take()) {
+      if (!sample.message || sample.message->command != message.command) continue;
+      wire::AdminReply& reply = *sample.message;
+      if (reply.result != 0) return fail(code_of(reply.result), std::move(reply.text));
+      return Answer{json::parse(reply.text, nullptr, false), std::move(reply.data)};
+    }
+  }
+  return gone();
+}
+
+Result<json> AdminClient::download(const std::string& map, const std::filesystem::path& file,
+                                   const Progress& progress) {
+  const auto begun = ask({{"verb", "export"}, {"map", map}});
+  if (!begun) return tl::unexpected(begun.error());
+  const std::string token = begun->content.value("token", "");
+  const uint64_t size = begun->content.value("bytes", uint64_t{0});
+  const std::filesystem::path part = file.string() + ".part";
+  std::ofstream out(part, std::ios::binary | std::ios::trunc);
+  uint64_t offset = 0;
+  while (out && offset < size) {
+    const auto piece = ask({{"verb", "export-read"}, {"token", token}, {"offset", offset}});
+    if (!piece) return tl::unexpected(piece.error());
+    if (piece->data.empty()) return fail(ErrorCode::kDamaged, "the archive ends too soon");
+    out.write(reinterpret_cast<const char*>(piece->data.data()),
+              static_cast<std::streamsize>(piece->data.size()));
+    offset += piece->data.size();
+    progress(offset, size);
+  }
+  out.close();
+  std::error_code problem;
+  if (out) std::filesystem::rename(part, file, problem);
+  if (!out || problem) return fail(ErrorCode::kIo, file.string() + ": cannot be written");
+  return begun->content;
+}
+
+Result<json> AdminClient::upload(const std::filesystem::path& file, const Progress& progress) {
+  std::ifstream in(file, std::ios::binary);
+  if (!in) return fail(ErrorCode::kNotFound, file.string() + ": cannot be read");
+  const uint64_t size = std::filesystem::file_size(file);
+  const std::string token = "import-" + std::to_string(session_.value % 1'000'000'000'000);
+  if (const auto begun = ask({{"verb", "import-begin"}, {"token", token}}); !begun)
+    return tl::unexpected(begun.error());
+  for (uint64_t offset = 0; offset < size;) {
+    std::vector<uint8_t> piece(std::min<uint64_t>(wire::kMaxAdminData, size - offset));
+    in.read(reinterpret_cast<char*>(piece.data()), static_cast<std::streamsize>(piece.size()));
+    if (!in) return fail(ErrorCode::kIo, file.string() + ": cannot be read");
+    const size_t bytes = piece.size();
+    const auto written =
+        ask({{"verb", "import-write"}, {"token", token}, {"offset", offset}}, std::move(piece));
+    if (!written) return tl::unexpected(written.error());
+    offset += bytes;
+    progress(offset, size);
+  }
+  auto imported = ask({{"verb", "import"}, {"token", token}});
+  if (!imported) return tl::unexpected(imported.error());
+  return std::move(imported->content);
+}
+
+}  // namespace cairn

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+
+namespace cairn {
+
+struct AdminClientOptions {
+  std::string server = "localhost";
+  int domain = 0;
+  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+};
+
+/// An operator's line to the server: one request at a time, sent again until it is answered. One thread.
+class AdminClient {
+ public:
+  /// Waits for the server for a few seconds. Errors: kUsage (domain), kConfiguration (profile), kNoServer.
+  [[nodiscard]] static Result<AdminClient> connect(const AdminClientOptions& options);
+
+  struct Answer {
+    nlohmann::json content;
+    std::vector<uint8_t> data;
+  };
+  /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
+  [[nodiscard]] Result<Answer> ask(const nlohmann::json& request, std::vector<uint8_t> data = {});
+
+  using Progress = std::function<void(uint64_t bytes, uint64_t of)>;
+  /// The archive of a map into `file`, whole or not at all; what the server says of the map.
+  [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
+                                                const Progress& progress);
+  /// The map that the server has made of an archive.
+  [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
+
+ private:
+  AdminClient(std::string name, wire::Participant participant, wire::Writer<wire::AdminRequest> requests,
+              wire::Reader<wire::AdminReply> replies, wire::Waiter waiter);
+  std::string name_;
+  wire::Participant participant_;
+  wire::Writer<wire::AdminRequest> requests_;
+  wire::Reader<wire::AdminReply> replies_;
+  wire::Waiter waiter_;
+  SessionId session_;
+  uint64_t seq_ = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/admin/exported_scene.h"
+
+#include <algorithm>
+#include <cstdio>
+
+namespace cairn {
+namespace {
+
+/// What a scene is made of, by id.
+struct Parts {
+  explicit Parts(const MapRecord& record) {
+    for (const KeyframeRecord& k : record.keyframes) {
+      if (k.live) keyframes[k.id] = &k;
+    }
+    for (const MeasurementsRecord& m : record.measurements) measurements[m.keyframe] = &m;
+    for (const ImageRecord& i : record.images) images[i.keyframe] = i.image;
+    for (const SourcesRecord& block : record.sources) {
+      for (const PointSource& source : block.points) sources[source.id] = &source;
+    }
+  }
+  std::map<KeyframeId, const KeyframeRecord*> keyframes;
+  std::map<KeyframeId, const MeasurementsRecord*> measurements;
+  std::map<KeyframeId, GrayImagePtr> images;
+  std::map<PointId, const PointSource*> sources;
+};
+
+std::string picture_name(KeyframeId id) {
+  char text[40];
+  std::snprintf(text, sizeof(text), "keyframe-%06llu.png", static_cast<unsigned long long>(id.value));
+  return text;
+}
+
+uint32_t camera_number(const CameraParameters& camera, std::map<uint32_t, CameraParameters>* cameras) {
+  for (const auto& [number, known] : *cameras) {
+    if (known == camera) return number;
+  }
+  const auto number = static_cast<uint32_t>(cameras->size() + 1);
+  cameras->emplace(number, camera);
+  return number;
+}
+
+ExportedPoint make_point(PointId id, const Eigen::Vector3d& position, const Parts& parts) {
+  ExportedPoint point;
+  point.id = id;
+  point.position = position;
+  const auto source = parts.sources.find(id);
+  if (source == parts.sources.end()) return point;
+  constexpr size_t kMiddle = kSourcePatchSize / 2;
+  point.grey = source->second->pixels[kMiddle * kSourcePatchSize + kMiddle];
+  const auto keyframe = parts.keyframes.find(source->second->keyframe);
+  if (keyframe == parts.keyframes.end()) return point;
+  point.normal =
+      keyframe->second->camera_from_map.rotation().conjugate() * source->second->normal.cast<double>();
+  return point;
+}
+
+}  // namespace
+
+ExportedScene make_scene(const MapRecord& record) {
+  const Parts parts(record);
+  ExportedScene scene;
+  std::map<PointId, ExportedPoint> points;
+  for (const PositionsRecord& block : record.positions) {
+    for (size_t slot = 0; slot < block.points.size(); ++slot) {
+      const PointId id{uint64_t{block.block} * kBlockSlots + slot + 1};
+      if (block.points[slot].live) points[id] = make_point(id, block.points[slot].position, parts);
+    }
+  }
+  for (const auto& [id, keyframe] : parts.keyframes) {
+    ExportedPicture picture;
+    picture.id = static_cast<uint32_t>(id.value);
+    picture.camera = camera_number(keyframe->camera->parameters(), &scene.cameras);
+    picture.file = picture_name(id);
+    picture.camera_from_map = keyframe->camera_from_map;
+    const auto image = parts.images.find(id);
+    if (image != parts.images.end()) picture.image = image->second;
+    const auto measured = parts.measurements.find(id);
+    if (measured == parts.measurements.end()) continue;
+    for (const Measurement& m : measured->second->measurements) {
+      const auto point = points.find(m.point);
+      if (point == points.end()) continue;
+      const auto place = static_cast<uint32_t>(picture.found.size());
+      picture.found.emplace_back(m.point, m.pixel.cast<double>());
+      const auto pixel = keyframe->camera->project(keyframe->camera_from_map * point->second.position);
+      if (pixel) point->second.error += (*pixel - m.pixel.cast<double>()).norm();
+      point->second.track.emplace_back(picture.id, place);
+    }
+    scene.pictures.push_back(std::move(picture));
+  }
+  for (auto& [id, point] : points) {
+    if (point.track.empty()) continue;
+    point.error /= static_cast<double>(point.track.size());
+    scene.points.push_back(std::move(point));
+  }
+  return scene;
+}
+
+}  // namespace cairn

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "server/mapping/map_record.h"
+
+/// A map as programs outside see one: cameras, posed pictures, points with tracks. Pure.
+namespace cairn {
+
+struct ExportedPicture {
+  uint32_t id = 0;  ///< the keyframe's
+  uint32_t camera = 0;
+  std::string file;  ///< name of the picture's file
+  SE3 camera_from_map;
+  std::vector<std::pair<PointId, Eigen::Vector2d>> found;  ///< (0,0) is the centre of the first pixel
+  GrayImagePtr image;
+};
+
+struct ExportedPoint {
+  PointId id;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();    ///< unit, map frame
+  uint8_t grey = 0;                                    ///< of the middle of its patch
+  double error = 0;  ///< [px] mean distance of its measurements from its projections
+  std::vector<std::pair<uint32_t, uint32_t>> track;  ///< picture and place in its `found`
+};
+
+struct ExportedScene {
+  std::map<uint32_t, CameraParameters> cameras;
+  std::vector<ExportedPicture> pictures;  ///< ascending by id
+  std::vector<ExportedPoint> points;      ///< ascending by id; each is seen at least once
+};
+
+/// The live keyframes and points of a whole record.
+[[nodiscard]] ExportedScene make_scene(const MapRecord& record);
+
+}  // namespace cairn

@@ -1,0 +1,240 @@
+// SPDX-License-Identifier: Apache-2.0
+// cairnctl: what an operator does to a server (DESIGN 10).
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+#include <vector>
+
+#include "common/base/version.h"
+#include "server/admin/admin_client.h"
+#include "server/admin/scene_files.h"
+#include "server/store/store.h"
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kFooter =
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data\n\n"
+    "Examples:\n"
+    "  cairnctl maps                                   lists all maps\n"
+    "  cairnctl maps export desk --format colmap --out exported\n"
+    "  cairnctl maps export --out backup               an archive of every map\n"
+    "  cairnctl maps import backup/desk.cairnmap\n"
+    "  cairnctl map desk rename bench\n"
+    "  cairnctl map bench delete && cairnctl map bench undelete";
+
+struct Options {
+  AdminClientOptions connection;
+  bool as_json = false;
+  std::string map;
+  std::string new_name;
+  std::vector<std::string> maps;
+  std::vector<std::string> files;
+  std::string format = "archive";
+  std::string folder = ".";
+};
+
+/// To stderr, on a terminal only.
+AdminClient::Progress progress_of(const std::string& what) {
+  const bool shown = isatty(STDERR_FILENO) != 0;
+  return [what, shown](uint64_t bytes, uint64_t of) {
+    if (shown) {
+      std::fprintf(stderr, "\r%s: %.1f of %.1f MB%s", what.c_str(), static_cast<double>(bytes) * 1e-6,
+                   static_cast<double>(of) * 1e-6, bytes == of ? "\n" : "");
+    }
+  };
+}
+
+void print_map(const json& map) {
+  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB\n", map.value("name", "").c_str(),
+              map.value("id", "").c_str(), map.value("keyframes", 0), map.value("points", 0),
+              map.value("memory_bytes", 0.0) * 1e-6);
+}
+
+void print(const Options& options, const json& content, const std::function<void()>& as_text) {
+  if (options.as_json) {
+    std::printf("%s\n", content.dump(2).c_str());
+  } else {
+    as_text();
+  }
+}
+
+Status show_status(AdminClient* client, const Options& options) {
+  const auto answer = client->ask({{"verb", "status"}});
+  if (!answer) return tl::unexpected(answer.error());
+  const json& s = answer->content;
+  print(options, s, [&s] {
+    std::printf("server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %.1f MB\nclients ",
+                s.value("server", "").c_str(), s.value("version", "").c_str(), s.value("health", "").c_str(),
+                s.value("store", "").empty() ? "none: maps are in memory only" : s.value("store", "").c_str(),
+                s.value("maps", 0), s.value("memory_bytes", 0.0) * 1e-6);
+    for (const json& name : s.value("clients", json::array()))
+      std::printf(" %s", name.get<std::string>().c_str());
+    std::printf("\n");
+  });
+  return {};
+}
+
+Status list_maps(AdminClient* client, const Options& options) {
+  const auto answer = client->ask({{"verb", "maps"}});
+  if (!answer) return tl::unexpected(answer.error());
+  print(options, answer->content, [&answer] {
+    for (const json& map : answer->content["maps"]) print_map(map);
+    for (const json& map : answer->content["deleted"])
+      std::printf("%-24s %s  deleted\n", map.value("name", "").c_str(), map.value("id", "").c_str());
+  });
+  return {};
+}
+
+/// A request about one map whose answer is the map.
+Status change_map(AdminClient* client, const Options& options, json request) {
+  request["map"] = options.map;
+  const auto answer = client->ask(request);
+  if (!answer) return tl::unexpected(answer.error());
+  print(options, answer->content, [&answer] { print_map(answer->content); });
+  return {};
+}
+
+/// The formats of other programs, beside the archive that they are made of.
+Status convert(const std::filesystem::path& archive, const std::string& format,
+               const std::filesystem::path& folder) {
+  const auto map = read_archive(archive);
+  if (!map) return tl::unexpected(map.error());
+  const ExportedScene scene = make_scene(map->record);
+  const bool all = format == "all";
+  Status done;
+  if (all || format == "colmap-text") done = write_colmap_text(scene, folder / "sparse-text");
+  if (done && (all || format == "colmap")) done = write_colmap_binary(scene, folder / "sparse");
+  if (done && (all || format.starts_with("colmap"))) done = write_pictures(scene, folder / "images");
+  if (done && (all || format == "ply")) done = write_ply(scene, folder / "points.ply");
+  return done;
+}
+
+Status export_maps(AdminClient* client, const Options& options) {
+  std::vector<std::string> maps = options.maps;
+  if (maps.empty()) {
+    const auto all = client->ask({{"verb", "maps"}});
+    if (!all) return tl::unexpected(all.error());
+    for (const json& map : all->content["maps"]) maps.push_back(map.value("name", ""));
+  }
+  std::error_code problem;
+  std::filesystem::create_directories(options.folder, problem);
+  json exported = json::array();
+  for (const std::string& map : maps) {
+    const std::filesystem::path archive = std::filesystem::path(options.folder) / (map + ".cairnmap");
+    const auto got = client->download(map, archive, progress_of(map));
+    if (!got) return tl::unexpected(got.error());
+    if (options.format != "archive") {
+      if (Status done = convert(archive, options.format, std::filesystem::path(options.folder) / map); !done)
+        return done;
+    }
+    const bool keep = options.format == "archive" || options.format == "all";
+    if (!keep) std::filesystem::remove(archive, problem);
+    exported.push_back(
+        (keep && options.format == "archive" ? archive : std::filesystem::path(options.folder) / map)
+            .string());
+  }
+  print(options, exported, [&exported] {
+    for (const json& path : exported) std::printf("%s\n", path.get<std::string>().c_str());
+  });
+  return {};
+}
+
+Status import_maps(AdminClient* client, const Options& options) {
+  json imported = json::array();
+  for (const std::string& file : options.files) {
+    auto map = client->upload(file, progress_of(file));
+    if (!map) return fail(map.error().code, file + ": " + map.error().message);
+    imported.push_back(std::move(*map));
+  }
+  print(options, imported, [&imported] {
+    for (const json& map : imported) print_map(map);
+  });
+  return {};
+}
+
+using Action = std::function<Status(AdminClient*, const Options&)>;
+
+/// The words of the command line; `action` is what they ask for.
+void describe(CLI::App* app, Options* options, Action* action) {
+  app->footer(kFooter);
+  app->require_subcommand(1);
+  app->fallthrough();
+  app->add_option("--server", options->connection.server, "host of cairn-server")->capture_default_str();
+  app->add_option("--domain", options->connection.domain, "DDS domain")->capture_default_str();
+  app->add_option("--profile", options->connection.profile,
+                  "network [loopback for localhost, wifi otherwise]");
+  app->add_flag("--json", options->as_json, "for machines");
+  app->set_version_flag("--version", "cairnctl " + std::string(version()));
+
+  app->add_subcommand("status", "how the server is")->callback([action] { *action = show_status; });
+  CLI::App* maps = app->add_subcommand("maps", "all maps; without a word more, lists them");
+  maps->callback([action] {
+    if (!*action) *action = list_maps;
+  });
+  maps->add_subcommand("list", "name, id, size")->callback([action] { *action = list_maps; });
+  CLI::App* out = maps->add_subcommand("export", "maps into files");
+  out->add_option("MAP", options->maps, "names or ids [all]");
+  out->add_option("--out", options->folder, "folder")->capture_default_str();
+  out->add_option("--format", options->format,
+                  "archive can be imported again; the others are for other programs")
+      ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
+      ->capture_default_str();
+  out->callback([action] { *action = export_maps; });
+  CLI::App* in = maps->add_subcommand("import", "archives into the server");
+  in->add_option("FILE", options->files, "archives")->required();
+  in->callback([action] { *action = import_maps; });
+
+  CLI::App* map = app->add_subcommand("map", "one map");
+  map->add_option("MAP", options->map, "its name or id")->required();
+  map->require_subcommand(1);
+  const auto add = [&](const char* word, const char* help, const char* verb) {
+    CLI::App* sub = map->add_subcommand(word, help);
+    sub->callback([action, verb] {
+      *action = [verb](AdminClient* client, const Options& o) {
+        return change_map(client, o, {{"verb", verb}, {"name", o.new_name}});
+      };
+    });
+    return sub;
+  };
+  add("show", "what it is", "show");
+  add("rename", "calls it otherwise", "rename")
+      ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
+      ->required();
+  add("delete", "takes it out of service; it can be had back", "delete");
+  add("undelete", "puts it back into service", "undelete");
+}
+
+int run(int argc, char** argv) {
+  CLI::App app("Looks after the maps of a cairn-server.", "cairnctl");
+  Options options;
+  Action action;
+  describe(&app, &options, &action);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+  }
+  auto client = AdminClient::connect(options.connection);
+  const Status done = client ? action(&*client, options) : tl::unexpected(client.error());
+  if (done) return 0;
+  std::fprintf(stderr, "cairnctl: %s\n", done.error().message.c_str());
+  return exit_code(done.error().code);
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  try {
+    return cairn::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "cairnctl: internal error: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <chrono>
+#include <utility>
+
+#include "server/service/switchboard.h"
+
+/// Labels: what people ask for, on its way to the store and to all who read the map.
+namespace cairn {
+namespace {
+
+Timestamp wall_time() {
+  return {std::chrono::duration_cast<std::chrono::nanoseconds>(
+              std::chrono::system_clock::now().time_since_epoch())
+              .count()};
+}
+
+}  // namespace
+
+void Switchboard::on_request(Client& client, const wire::ClientRequest& request) {
+  if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
+  const MapEntry* entry = maps_.find(request.map);
+  if (entry != nullptr && entry->labels.is_busy(request.label)) return;
+  switch (client.request_gate.admit(request.command.seq)) {
+    case RequestGate::Admission::kNew:
+      break;
+    case RequestGate::Admission::kNoCredit:
+      return on_request_decided(client.name, request,
+                                {wire::RequestDecision::kBusy,
+                                 "more requests under way than the credit allows",
+                                 request.label,
+                                 {}});
+    case RequestGate::Admission::kRepeated:
+      return write_verdicts(client);
+    case RequestGate::Admission::kInFlight:
+    case RequestGate::Admission::kGap:
+      return;
+  }
+  DecisionRecord decision;
+  decision.client = client.name;
+  decision.session = request.command.session;
+  decision.seq = request.command.seq;
+  decision.kind = CommandKind::kRequest;
+  change_label(request, client.name, std::move(decision),
+               [this, name = client.name, request](const LabelBook::Judgement& judgement) {
+                 on_request_decided(name, request, judgement);
+               });
+}
+
+void Switchboard::on_request_decided(const std::string& client_name, const wire::ClientRequest& request,
+                                     const LabelBook::Judgement& judgement) {
+  log_->debug("{}: request {}: label {} {}", client_name, request.command.seq, judgement.label.value,
+              judgement.reason);
+  const auto client = clients_.find(client_name);
+  if (client == clients_.end()) return;
+  client->second.request_gate.decide(
+      request.command.session,
+      {request.command.seq, judgement.decision, judgement.reason, request.map, judgement.label});
+  write_verdicts(client->second);
+}
+
+void Switchboard::change_label(const wire::ClientRequest& request, const std::string& author,
+                               std::optional<DecisionRecord> decision, const LabelDone& done) {
+  MapEntry* entry = maps_.find(request.map);
+  if (entry == nullptr || entry->snapshot == nullptr)
+    return done({wire::RequestDecision::kUnknownMap, "this server does not know the map", request.label, {}});
+  if (entry->runner == nullptr)
+    return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
+  const Timestamp now = wall_time();
+  const LabelBook::Judgement judged = entry->labels.judge(request, author, now, *entry->snapshot);
+  if (judged.decision != wire::RequestDecision::kDone) return done(judged);
+  const auto settle = [this, map = request.map, judged, done](const Status& kept) {
+    LabelBook::Judgement word = judged;
+    if (!kept) {
+      word.decision = wire::RequestDecision::kFull;
+      word.reason = kept.error().message;
+    }
+    if (MapEntry* changed = maps_.find(map); changed != nullptr && changed->snapshot != nullptr) {
+      changed->labels.settle(judged, kept.has_value(), *changed->snapshot);
+      if (kept) tell_label(map, *changed, judged.label);
+    }
+    done(word);
+  };
+  if (store_ == nullptr) return settle({});
+
+  MapUpdate update;
+  if (judged.changed) {
+    update.labels.push_back(*judged.changed);
+  } else {
+    update.removed_labels.push_back(judged.label.value);
+  }
+  if (decision) {
+    decision->decision = static_cast<uint8_t>(judged.decision);
+    decision->label = judged.label.value;
+    decision->time = now;
+    update.decisions.push_back(std::move(*decision));
+  }
+  store_->write(request.map, std::move(update),
+                [this, settle](const Status& kept) { post([settle, kept] { settle(kept); }); });
+}
+
+void Switchboard::tell_label(MapId map, const MapEntry& entry, LabelId id) {
+  const std::optional<Label> label = entry.labels.find(id);
+  for (auto& [name, client] : clients_) {
+    const auto feed = client.feeds.find(map);
+    if (feed == client.feeds.end()) continue;
+    report(label ? feed->second.show({map, entry.snapshot->epoch, *label}) : feed->second.hide(map, id),
+           "Label");
+  }
+}
+
+void Switchboard::move_labels(MapId map, MapEntry& entry) {
+  LabelBook::Moves moves = entry.labels.follow(*entry.snapshot);
+  for (const LabelId label : moves.moved) tell_label(map, entry, label);
+  if (moves.anchored.empty() || store_ == nullptr) return;
+  MapUpdate update;
+  update.labels = std::move(moves.anchored);
+  store_->write(map, std::move(update), {});  // if it fails, the pose that was kept with the label serves
+}
+
+}  // namespace cairn

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "server/mapping/map_maker_fixture.h"
+#include "server/mapping/map_record.h"
+#include "server/store/map_file.h"
+#include "server/store/row_codec.h"
+
+namespace cairn::testing {
+
+/// All that a map is, as bytes, in the order of its ids.
+[[nodiscard]] inline std::vector<uint8_t> bytes_of(const MapRecord& record) {
+  std::vector<uint8_t> bytes;
+  const auto add = [&bytes](const Blob& row) { bytes.insert(bytes.end(), row.begin(), row.end()); };
+  if (record.foundation) add(encode_foundation(*record.foundation));
+  if (record.work) add(encode_work(*record.work));
+  for (const auto& r : record.keyframes) add(encode_keyframe(r, r.camera->width()));
+  for (const auto& r : record.measurements) add(encode_measurements(r));
+  for (const auto& r : record.images) add(encode_image_row(*r.image));
+  for (const auto& r : record.sources) add(encode_sources(r));
+  for (const auto& r : record.positions) add(encode_positions(r));
+  return bytes;
+}
+
+/// A map of the test scene, and a folder of its own to keep it in.
+class KeptMapFixture : public MapMakerFixture {
+ protected:
+  KeptMapFixture()
+      : folder_(std::filesystem::temp_directory_path() /
+                ("cairn-store-" + std::to_string(getpid()) + "-" +
+                 ::testing::UnitTest::GetInstance()->current_test_info()->name())) {
+    std::filesystem::remove_all(folder_);
+    std::filesystem::create_directories(folder_);
+    header_.id = MapId{{7, 1}};
+    header_.name = "desk";
+    header_.epoch = Epoch{3};
+  }
+  ~KeptMapFixture() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] MapUpdate take_update() { return {maker_->take_changes(), {}, {}, {}}; }
+  /// All of the map as it is.
+  [[nodiscard]] MapRecord whole() {
+    maker_->keep_everything_anew();
+    return maker_->take_changes();
+  }
+  [[nodiscard]] static DecisionRecord decision(uint64_t seq) {
+    DecisionRecord made;
+    made.client = "anna";
+    made.session = SessionId{42};
+    made.seq = seq;
+    made.reason = "because";
+    return made;
+  }
+
+  std::filesystem::path folder_;
+  MapHeader header_;
+};
+
+}  // namespace cairn::testing

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+// kill -9 at any moment, under load: all that was said to be accepted is there, once, and the files are
+// sound.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <mutex>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "server/store/store.h"
+#include "tests/integration/server_process.h"
+#include "tests/integration/store_folder.h"
+#include "tests/integration/test_domain.h"
+#include "tests/integration/two_views.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::ServerProcess;
+
+constexpr unsigned kSeed = 20261121;
+constexpr int kCyclesPerStore = 10;  ///< maps pile up: a new folder now and then keeps a cycle short
+constexpr int kLastStep = 16;        ///< of Scene::pose(): beyond, too little of the first views is seen
+
+int cycles() {
+  const char* wanted = std::getenv("CAIRN_KILL_CYCLES");
+  return wanted != nullptr ? std::atoi(wanted) : 100;
+}
+
+/// A tracker that maps as fast as it can: seeds a map, offers frames until the scene is used up, seeds the
+/// next. Remembers what the server has said.
+class Builder {
+ public:
+  Builder(const testing::Scene& scene, int domain, std::string name) : scene_(scene), name_(std::move(name)) {
+    SessionOptions options;
+    options.domain = domain;
+    options.name = name_;
+    session_ = testing::open_session(options, scene.camera());
+    thread_ = std::thread([this] { run(); });
+  }
+  ~Builder() {
+    stopping_ = true;
+    thread_.join();
+  }
+  Builder(const Builder&) = delete;
+  Builder& operator=(const Builder&) = delete;
+
+  [[nodiscard]] const std::string& name() const { return name_; }
+  [[nodiscard]] std::set<uint64_t> accepted() const {
+    const std::scoped_lock lock(mutex_);
+    return accepted_;
+  }
+  [[nodiscard]] std::set<MapId> made() const {
+    const std::scoped_lock lock(mutex_);
+    return made_;
+  }
+
+ private:
+  void run() {
+    bool seeding = false;
+    int step = 4;
+    while (!stopping_) {
+      take_replies(&seeding);
+      const MapSnapshotPtr map = session_->snapshot();
+      if (map == nullptr && !seeding) {
+        session_->send_seed(testing::make_seed(scene_));
+        seeding = true;
+        step = 4;
+      } else if (map != nullptr && step > kLastStep) {
+        if (session_->status().spooled == 0) session_->leave_map();
+      } else if (map != nullptr && session_->status().spooled < 3) {
+        testing::Frame frame = testing::make_offer(scene_, *map, step);
+        session_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{step});
+        step += 2;
+      }
+      std::this_thread::sleep_for(2ms);
+    }
+    bool ignored = false;
+    take_replies(&ignored);
+  }
+  void take_replies(bool* seeding) {
+    const std::scoped_lock lock(mutex_);
+    if (const auto reply = session_->take_seed_reply()) {
+      *seeding = false;
+      if (reply->answer) made_.insert(reply->answer->map);
+    }
+    for (const OfferReply& reply : session_->take_offer_replies()) {
+      if (reply.accepted) accepted_.insert(reply.seq);
+    }
+  }
+
+  const testing::Scene& scene_;
+  const std::string name_;
+  std::unique_ptr<Session> session_;
+  std::atomic<bool> stopping_{false};
+  mutable std::mutex mutex_;
+  std::set<uint64_t> accepted_;
+  std::set<MapId> made_;
+  std::thread thread_;
+};
+
+/// What a client was told before the kill, against what the files say after it.
+void expect_kept(const Store& store, const std::string& client, const std::set<uint64_t>& accepted,
+                 const std::set<MapId>& made) {
+  std::set<uint64_t> kept;
+  std::set<MapId> maps;
+  for (const MapId id : store.maps()) {
+    const auto map = store.load(id);
+    if (!map && map.error().code == ErrorCode::kNotFound) continue;  // cut short while it was being made
+    ASSERT_TRUE(map) << map.error().message;
+    EXPECT_THAT(map->damage, ::testing::IsEmpty());
+    maps.insert(id);
+    std::set<KeyframeId> keyframes;
+    for (const KeyframeRecord& k : map->record.keyframes) keyframes.insert(k.id);
+    EXPECT_EQ(keyframes.size(), map->record.keyframe_count);
+    size_t offers = 0;
+    for (const DecisionRecord& d : map->decisions) {
+      if (d.kind != CommandKind::kOffer || d.decision != 0) continue;
+      ++offers;
+      EXPECT_TRUE(keyframes.contains(d.keyframe)) << "accepted, not there";
+      if (d.client != client) continue;
+      EXPECT_TRUE(kept.insert(d.seq).second) << "offer " << d.seq << " was taken twice";
+    }
+    EXPECT_EQ(map->record.keyframe_count, 2 + offers) << "a keyframe without its decision";
+  }
+  for (const uint64_t seq : accepted) EXPECT_TRUE(kept.contains(seq)) << "offer " << seq << " is lost";
+  for (const MapId map : made) EXPECT_TRUE(maps.contains(map)) << "a map is lost";
+}
+
+TEST(KillMinus9, LosesNothingThatWasAccepted) {
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ": repeat with CAIRN_KILL_CYCLES=" << cycles());
+  const testing::Scene scene(11);
+  std::mt19937 random(kSeed);
+  size_t accepted_in_all = 0;
+  size_t maps_in_all = 0;
+  for (int cycle = 0; cycle < cycles();) {
+    const testing::StoreFolder folder("kill-test");
+    const std::vector<std::string> arguments{"--store", folder.path().string()};
+    auto server = std::make_unique<ServerProcess>(0, arguments);
+    std::array<Builder, 2> builders{Builder(scene, server->domain(), "anna"),
+                                    Builder(scene, server->domain(), "bert")};
+    for (int i = 0; i < kCyclesPerStore && cycle < cycles(); ++i, ++cycle) {
+      SCOPED_TRACE(::testing::Message() << "cycle " << cycle);
+      std::this_thread::sleep_for(std::chrono::milliseconds(50 + random() % 700));
+      ASSERT_EQ(server->end(SIGKILL), -SIGKILL);
+      {
+        // What is heard from now on was said before the end.
+        const auto store = Store::open(folder.path(), null_logger());
+        ASSERT_TRUE(store) << store.error().message;
+        for (const Builder& b : builders) expect_kept(**store, b.name(), b.accepted(), b.made());
+        if (::testing::Test::HasFailure()) return;
+      }
+      server = std::make_unique<ServerProcess>(server->domain(), arguments);
+    }
+    for (const Builder& b : builders) {
+      accepted_in_all += b.accepted().size();
+      maps_in_all += b.made().size();
+    }
+  }
+  std::printf("%d kills: %zu keyframes accepted in %zu maps\n", cycles(), accepted_in_all, maps_in_all);
+  EXPECT_GT(accepted_in_all, static_cast<size_t>(cycles()) / 2) << "too little load to tell anything";
+}
+
+}  // namespace
+}  // namespace cairn

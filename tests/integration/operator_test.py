@@ -1,0 +1,114 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""cairnctl as an operator runs it, against a server that keeps its maps. COLMAP judges what is exported, where it is installed.
+
+operator_test.py BIN_DIR [TestClass[.test]]   Standard library only.
+"""
+import json
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import unittest
+
+import programs_test
+from programs_test import LIMIT, OnTheDesk, ServerProcess, command
+
+OK, USAGE, NO_SERVER, REFUSED, DAMAGED = 0, 2, 4, 5, 6
+
+
+class Operator(OnTheDesk):
+    FRAMES = 120
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.server = ServerProcess("--store", cls.folder / "store")
+        cls.addClassCleanup(cls.server.__exit__)
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{cls.folder}/desk", "--domain", cls.server.domain,
+                                      "--name", "builder", "--headless", "--pace", "lockstep"),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        assert done.returncode == 0, done.stderr
+
+    def ctl(self, *words, expect=OK, server=None):
+        done = subprocess.run(command("cairnctl", "--domain", (server or self.server).domain, "--json", *words),
+                              capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, expect, done.stderr)
+        return json.loads(done.stdout) if expect == OK else done.stderr
+
+    def names(self, server=None):
+        return [m["name"] for m in self.ctl("maps", "list", server=server)["maps"]]
+
+    def test_says_how_the_server_is(self):
+        status = self.ctl("status")
+        self.assertEqual(status["health"], "ok")
+        self.assertEqual(status["store"], str(self.folder / "store"))
+        self.assertIn("usage", subprocess.run(command("cairnctl", "--help"), capture_output=True, text=True).stdout.lower())
+
+    def test_exit_codes(self):
+        self.assertIn("no map 'nowhere'", self.ctl("map", "nowhere", "show", expect=REFUSED))
+        self.ctl("map", "map-1", "rename", "No Name", expect=USAGE)
+        self.ctl("fly", expect=USAGE)
+        unused = type("Nobody", (), {"domain": 229})
+        self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
+        (self.folder / "no.cairnmap").write_text("this is no archive " * 500)
+        self.ctl("maps", "import", self.folder / "no.cairnmap", expect=DAMAGED)
+
+    def test_renames_deletes_and_undeletes_as_often_as_it_is_told(self):
+        for _ in range(2):
+            self.assertEqual(self.ctl("map", "map-1", "show")["name"], "map-1")
+        shown = self.ctl("map", "map-1", "rename", "bench")
+        self.assertEqual(shown["name"], "bench")
+        self.assertEqual(self.names(), ["bench"])
+        for _ in range(2):
+            self.ctl("map", "bench", "delete")
+            self.assertEqual(self.names(), [])
+        self.assertEqual([m["name"] for m in self.ctl("maps")["deleted"]], ["bench"])
+        for _ in range(2):
+            back = self.ctl("map", "bench", "undelete")
+        self.assertEqual((back["keyframes"], back["points"]), (shown["keyframes"], shown["points"]))
+        self.assertGreater(back["epoch"], shown["epoch"])
+        self.assertEqual(self.ctl("map", shown["id"], "rename", "map-1")["name"], "map-1")
+
+    def test_an_archive_goes_to_another_server_and_grows_there(self):
+        out = self.folder / "archives"
+        self.ctl("maps", "export", "map-1", "--out", out)
+        self.ctl("maps", "import", out / "map-1.cairnmap", expect=REFUSED)  # it is there
+        here = self.ctl("map", "map-1", "show")
+        with ServerProcess("--store", self.folder / "other") as other:
+            there = self.ctl("maps", "import", out / "map-1.cairnmap", server=other)[0]
+            self.assertEqual((there["id"], there["points"]), (here["id"], here["points"]))
+            stats, said = self.track(other, "helper", "--no-new-maps")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.9, said)
+            damaged = bytearray((out / "map-1.cairnmap").read_bytes())
+            for i in range(len(damaged) // 2, len(damaged) // 2 + 10 * 4096, 4096):
+                damaged[i] ^= 1
+            (out / "damaged.cairnmap").write_bytes(damaged)
+            self.ctl("map", "map-1", "delete", server=other)
+            self.assertIn("damaged.cairnmap", self.ctl("maps", "import", out / "damaged.cairnmap", expect=DAMAGED,
+                                                       server=other))
+
+    def test_colmap_reads_what_is_exported(self):
+        out = self.folder / "formats"
+        self.ctl("maps", "export", "--format", "all", "--out", out)
+        here = self.ctl("map", "map-1", "show")
+        header = (out / "map-1/points.ply").read_bytes()[:200].decode(errors="replace")
+        self.assertIn(f"element vertex {here['points']}", header)
+        self.assertEqual(len(list((out / "map-1/images").iterdir())), here["keyframes"])
+        if not shutil.which("colmap"):
+            self.skipTest("colmap is not installed: apt-get install colmap")
+        for model in ("sparse", "sparse-text"):
+            done = subprocess.run(["colmap", "model_analyzer", "--path", out / "map-1" / model], capture_output=True, text=True,
+                                  timeout=LIMIT)
+            said = done.stdout + done.stderr
+            self.assertEqual(done.returncode, 0, said)
+            figures = {name: float(value) for name, value in re.findall(r"([A-Z][\w ]+): ([\d.]+)", said)}
+            self.assertEqual(figures["Registered images"], here["keyframes"], said)
+            self.assertEqual(figures["Points"], here["points"], said)
+            self.assertLess(figures["Mean reprojection error"], 1)
+
+
+if __name__ == "__main__":
+    programs_test.BINARIES = pathlib.Path(sys.argv.pop(1)).resolve()
+    unittest.main(verbosity=2)
