@@ -35,7 +35,7 @@ class ServerProcess:
             said = ""
             for line in self.process.stderr:
                 said += line
-                if "ready" in line:
+                if ": ready on" in line:
                     return
             self.process.wait()
         raise RuntimeError("no server starts: " + said)

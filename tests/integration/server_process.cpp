@@ -49,13 +49,13 @@ bool ServerProcess::start(int domain) {
   close(pipe_ends[1]);
   std::string said;
   std::array<char, 256> buffer{};
-  for (ssize_t n = 0; said.find("ready") == std::string::npos;) {
+  for (ssize_t n = 0; said.find(": ready on") == std::string::npos;) {
     n = read(pipe_ends[0], buffer.data(), buffer.size());
     if (n <= 0) break;
     said.append(buffer.data(), static_cast<size_t>(n));
   }
   close(pipe_ends[0]);  // what it says later goes nowhere
-  if (said.find("ready") == std::string::npos) {
+  if (said.find(": ready on") == std::string::npos) {
     end(SIGKILL);
     return false;
   }
