@@ -27,7 +27,7 @@ std::vector<std::string> ViewerControls::help() {
 }
 
 void ViewerControls::show(OverlayFrame frame) {
-  if (!frozen_ || !frame_) frame_ = std::move(frame);
+  (frozen_ && frame_ ? missed_ : frame_) = std::move(frame);
 }
 
 void ViewerControls::press(int key_code, MonotonicTime now) {
@@ -52,6 +52,7 @@ void ViewerControls::command(char key, MonotonicTime now) {
       return say(options_.may_make_maps ? "new map: move the camera sideways" : "looking for a map", now);
     case 'f':
       frozen_ = !frozen_;
+      if (!frozen_ && missed_) frame_ = std::exchange(missed_, std::nullopt);
       return;
     case 'p':
       points_shown_ = !points_shown_;

@@ -80,6 +80,7 @@ class ViewerControls {
   CameraPtr camera_;
   ViewerOptions options_;
   std::optional<OverlayFrame> frame_;
+  std::optional<OverlayFrame> missed_;  ///< the newest, while the view is frozen
   bool frozen_ = false;
   bool points_shown_ = true;
   bool help_shown_ = false;

@@ -191,6 +191,7 @@ TEST_F(ControlsTest, AFrozenViewKeepsItsFrameAndPlacesLabelsInIt) {
   EXPECT_NE(controls_.entry(), nullptr);
   controls_.press(kEscape, now_);
   press("f");
+  EXPECT_EQ(controls_.frame()->number, 9U) << "it goes on with the newest";
   controls_.show(frame(10));
   EXPECT_EQ(controls_.frame()->number, 10U);
 }
