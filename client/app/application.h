@@ -15,7 +15,7 @@ struct RunSignals {
 };
 
 /// Runs `cairn-track` on the caller's thread until the source ends or a stop is requested; all files are
-/// complete when it returns. Result: exit code of DESIGN 10; what went wrong is logged.
+/// complete when it returns. Result: exit code as in client/app/README.md; what went wrong is logged.
 [[nodiscard]] int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals& signals);
 
 }  // namespace cairn

@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::chrono::milliseconds kSettleSlice(100);
 
-/// A frame counts as tracked only if its pose comes from points measured in it (DESIGN 10), whatever the
+/// A frame counts as tracked only if its pose comes from points measured in it, whatever the
 /// tracker's state.
 FrameState frame_state(const FrameResult& result) {
   const bool measured = result.pose_measured && result.map;

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// When frames are given to the tracker (DESIGN 10).
+/// When frames are given to the tracker.
 enum class Pace : uint8_t {
   kRealtime,  ///< a frame falls due by its time stamp, counted from the first frame's arrival; late ones are
               ///< dropped

@@ -37,7 +37,7 @@ class StageClock final : public StageProbe {
   StageTimes times_{};
 };
 
-/// Collects what `--stats` writes (DESIGN 10). Used from the thread of the frame loop.
+/// Collects what `--stats` writes. Used from the thread of the frame loop.
 class RunStats final : public FrameObserver {
  public:
   /// The list of frames grows with the run, all else does not: without it a camera may run for months.
@@ -50,10 +50,10 @@ class RunStats final : public FrameObserver {
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
 
-  /// The JSON of DESIGN 10. Percentiles are over tracked frames. `first_map_frame`, of all frames of the
-  /// source from 0, is the first that had a map to be tracked in, whether it was or not; null without a map.
-  /// An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not known).
-  /// `summary` has what the contract does not ask for.
+  /// The JSON of client/app/README.md. Percentiles are over tracked frames. `first_map_frame`, of all frames
+  /// of the source from 0, is the first that had a map to be tracked in, whether it was or not; null without
+  /// a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not
+  /// known). `summary` has what the contract does not ask for.
   [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
 
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.

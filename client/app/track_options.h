@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// The words of `cairn-track` (DESIGN 10), checked.
+/// The words of `cairn-track`, checked.
 struct TrackOptions {
   std::string source;
   std::optional<std::filesystem::path> calibration;  ///< nothing: the source's own, or camera.txt beside it

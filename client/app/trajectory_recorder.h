@@ -9,7 +9,7 @@
 
 namespace cairn {
 
-/// Writes the pose of every tracked frame when it is tracked (DESIGN 10, --trajectory). A row that cannot be
+/// Writes the pose of every tracked frame when it is tracked (--trajectory). A row that cannot be
 /// written is told at once: a camera may run for hours after its disk is full.
 class TrajectoryRecorder final : public FrameObserver {
  public:

@@ -17,7 +17,7 @@
 
 namespace cairn {
 
-/// Draws and encodes the overlay video in a thread of its own (DESIGN 10, --video). The rate is that of the
+/// Draws and encodes the overlay video in a thread of its own (--video). The rate is that of the
 /// stamps of the first frames; while frames are missing the last picture stands still, so the video keeps
 /// time.
 class VideoWriter final : public FrameObserver {

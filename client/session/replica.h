@@ -15,7 +15,7 @@
 
 namespace cairn {
 
-/// How long a replica waits for exactly the listed versions before it takes newer ones too (DESIGN 4).
+/// How long a replica waits for exactly the listed versions before it takes newer ones too.
 constexpr std::chrono::milliseconds kOvertakenLimit{500};
 
 /// A client's copy of one map. Blocks are staged as they come, in any order and with gaps (the middleware

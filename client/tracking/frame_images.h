@@ -12,7 +12,7 @@ namespace cairn {
 /// What the tracker computes from a frame before it looks at a map. Reused without allocation for frames of
 /// one size.
 struct FrameImages {
-  /// FAST thresholds by level (ptam.md 1).
+  /// FAST thresholds by level (PTAM r114).
   static constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
 
   Pyramid pyramid;
@@ -21,7 +21,7 @@ struct FrameImages {
 
   void build_pyramid(const GrayView& image) { pyramid.build(image); }
   void build_tiny() {
-    constexpr float kPriorBlur = 0.75F;  // ptam.md 1
+    constexpr float kPriorBlur = 0.75F;  // PTAM r114
     tiny = TinyImage(pyramid.level(kPyramidLevels - 1), kPriorBlur);
   }
   void find_corners() {

@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kRaysPerAxis = 17;        // of the grid over the image that every side is checked against
 constexpr float kSideMargin = 1e-3F;    // [rad] for what bulges between the rays, and for rounding
-constexpr float kNearest = 1e-3F;       // ptam.md 5: in front of the camera [map unit]
+constexpr float kNearest = 1e-3F;       // PTAM r114: in front of the camera [map unit]
 constexpr float kCoarseArea = 12.0F;    // [level-0 px^2 per source px^2] searched two levels up (warp_level)
 constexpr float kMinDepthShare = 0.5F;  // of the distance: bounds the estimated area at the rim of a fisheye
 /// A point may be seen from this much farther round, nearer and farther than any keyframe has seen it;

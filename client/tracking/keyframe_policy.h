@@ -5,7 +5,7 @@
 
 namespace cairn {
 
-/// When a frame is worth offering as a keyframe (DESIGN 5): far enough from those of the map, not too soon
+/// When a frame is worth offering as a keyframe: far enough from those of the map, not too soon
 /// after the last, sooner where the map runs out under the camera. Pure; one thread.
 class KeyframePolicy {
  public:

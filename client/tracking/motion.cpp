@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kDecay = 0.9;        // ptam.md 4, per frame
+constexpr double kDecay = 0.9;        // PTAM r114, per frame
 constexpr double kLongestStep = 0.2;  // [s] a velocity is not believed for longer
 
 Vector6d scaled_step(const Vector6d& velocity, double seconds) {
@@ -50,7 +50,7 @@ void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
 
 SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth) {
   constexpr int kTinyLevel = kPyramidLevels;  // the tiny image is level 3 halved again
-  constexpr float kOffset = 5.0F;             // [tiny px] from the centre (ptam.md 4)
+  constexpr float kOffset = 5.0F;             // [tiny px] from the centre (PTAM r114)
   constexpr int kIterations = 3;
   const Eigen::Vector2f center((static_cast<float>(camera.width() >> kTinyLevel) - 1.0F) / 2.0F,
                                (static_cast<float>(camera.height() >> kTinyLevel) - 1.0F) / 2.0F);
@@ -69,7 +69,7 @@ SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera
 
   Eigen::Quaterniond correction = Eigen::Quaterniond::Identity();
   for (int iteration = 0; iteration < kIterations; ++iteration) {
-    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 10.0;  // ptam.md 4: prior
+    Eigen::Matrix3d normal = Eigen::Matrix3d::Identity() * 10.0;  // PTAM r114: prior
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     for (size_t i = 0; i < 2; ++i) {
       const Eigen::Vector3d point = correction * moved[i];

@@ -11,7 +11,7 @@
 namespace cairn {
 
 /// Decaying constant velocity in real time stamps (PTAM's counts frames and so breaks when frames are
-/// dropped; ptam.md 4).
+/// dropped; PTAM r114).
 class MotionModel {
  public:
   /// Predicted camera_from_map at `time`: the last pose moved on by the velocity.
@@ -42,7 +42,7 @@ class MotionModel {
 /// Corrects a predicted camera step by what the tiny images saw: keeps its translation and adds the rotation
 /// that makes two points at `mean_depth`, +-5 tiny px from the image centre, move as `seen` says. Image
 /// motion that the translation explains already is not counted twice (PTAM drops the translation instead;
-/// ptam.md 4).
+/// PTAM r114).
 [[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera,
                                double mean_depth);
 

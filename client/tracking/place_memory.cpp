@@ -7,7 +7,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kPlaceBlur = 2.5F;      // ptam.md 11
+constexpr float kPlaceBlur = 2.5F;      // PTAM r114
 constexpr size_t kMostViews = 400;      // 5 kB each
 constexpr double kViewDistance = 0.05;  // of the mean depth
 constexpr double kViewAngle = 0.07;     // [rad]

@@ -14,7 +14,7 @@
 
 namespace cairn {
 
-/// The question where the camera is, asked outside, and what comes back (DESIGN 7): one question under way,
+/// The question where the camera is, asked outside, and what comes back: one question under way,
 /// at most 15 a second in the time of the frames, given up after half a second without an answer. Pure; one
 /// thread.
 class PlaceQuestion {

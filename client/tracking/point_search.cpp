@@ -8,8 +8,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kNearest = 1e-3;         // ptam.md 5: in front of the camera [map unit]
-constexpr float kTemplateChange = 0.07F;  // ptam.md 6: a warp column [search-level px per source px]
+constexpr double kNearest = 1e-3;         // PTAM r114: in front of the camera [map unit]
+constexpr float kTemplateChange = 0.07F;  // PTAM r114: a warp column [search-level px per source px]
 constexpr float kAlignmentReach =
     5.0F;  // [search-level px] radius up to which alignment is tried from where it is expected
 

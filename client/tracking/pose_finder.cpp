@@ -9,11 +9,11 @@
 namespace cairn {
 namespace {
 
-constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (ptam.md 5)
-constexpr int kCoarseAvailable = 20;  // ptam.md 5: fewer and the coarse stage is left out
+constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (PTAM r114)
+constexpr int kCoarseAvailable = 20;  // PTAM r114: fewer and the coarse stage is left out
 constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTAM: 20 of 60)
-constexpr int kRefineIterations = 8;  // ptam.md 5
-constexpr int kLargeAttempted = 10;   // ptam.md 8
+constexpr int kRefineIterations = 8;  // PTAM r114
+constexpr int kLargeAttempted = 10;   // PTAM r114
 constexpr int kFewestFound = 15;      // inliers below which no pose is believed
 constexpr double kMinSquaredCutoff =
     1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
@@ -21,7 +21,7 @@ constexpr double kMinSquaredCutoff =
 // cut-off from it lets them bend the pose by centimetres. A map that does not fit so well is tracked by the
 // second attempt, which has no ceiling.
 constexpr double kMaxSquaredCutoff = 9.0;
-constexpr float kWiden = 2.0F;  // ptam.md 5 doubles points and radius
+constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius
 
 }  // namespace
 

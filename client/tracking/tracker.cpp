@@ -20,7 +20,7 @@ namespace {
 
 constexpr int kEnoughForKeyframe =
     80;                          // points found: the pose is sound although most of the map is out of sight
-constexpr int kProofFrames = 3;  // in a row, for a pose that was found by looking for it (DESIGN 7)
+constexpr int kProofFrames = 3;  // in a row, for a pose that was found by looking for it
 constexpr int kFewestRecovered = 25;       // points found in each of them,
 constexpr float kRecoveredQuality = 0.4F;  // and their share;
 constexpr float kSuggestedQuality =

@@ -25,7 +25,7 @@
 namespace cairn {
 
 struct TrackerOptions {
-  int max_points = 1000;  ///< patches searched per frame (ptam.md 5)
+  int max_points = 1000;  ///< patches searched per frame (PTAM r114)
   int coarse_points = 60;
   float coarse_radius = 30;  ///< [px of level 0]
   float fine_radius = 10;    ///< [px of level 0] without a coarse stage before
@@ -132,7 +132,7 @@ class Tracker {
   /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
   /// of which no seed is proposed. True: the suggestion is wanted, that is, it is tried in the next frame
   /// that comes with the map it names, and its poses are published when three frames in a row have proven it
-  /// (DESIGN 7). A place that was tried in vain again and again is not wanted for a while and counts as
+  ///. A place that was tried in vain again and again is not wanted for a while and counts as
   /// not known.
   bool place_answered(const std::optional<PoseSuggestion>& suggestion);
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.

@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kSearchRadius = 10;  // ptam.md 2 [px]
+constexpr float kSearchRadius = 10;  // PTAM r114 [px]
 constexpr float kMarriedDistance =
     1.0F;                             // [px] backward match to the start (PTAM: sqrt 2, without sub-pixel)
 constexpr size_t kFewestTrails = 60;  // fewer are not worth following

@@ -14,7 +14,7 @@ struct PlaneFit {
 };
 
 /// Dominant plane by RANSAC (triples, truncated distance score) and refinement on the inliers' covariance
-/// (ptam.md 3). `viewpoint` (a camera centre) gets Z > 0. Error kDegenerate below 10 points or when no plane
+/// (PTAM r114). `viewpoint` (a camera centre) gets Z > 0. Error kDegenerate below 10 points or when no plane
 /// holds 20 % of them.
 [[nodiscard]] Result<PlaneFit> fit_dominant_plane(std::span<const Eigen::Vector3d> points,
                                                   const Eigen::Vector3d& viewpoint, double inlier_distance,

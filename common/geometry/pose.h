@@ -23,7 +23,7 @@ struct PoseOptions {
   double max_squared_cutoff =
       std::numeric_limits<double>::infinity();  ///< and its ceiling: when most matches are false, their
                                                 ///< median is no measure
-  double prior = 0.0;             ///< added to the diagonal of the normal equations (100 in ptam.md 5)
+  double prior = 0.0;             ///< added to the diagonal of the normal equations (100 in PTAM r114)
   int fixed_cutoff_after = 1000;  ///< from this iteration on use `late_squared_cutoff`
   double late_squared_cutoff = 16.0;
 };

@@ -16,7 +16,7 @@ namespace cairn {
 /// = weight/2.
 [[nodiscard]] double tukey_cost(double squared_residual, double squared_cutoff);
 
-/// Squared cut-off by the median of the squared residuals (ptam.md 7): (4.6851 * 1.4826 * (1 + 5/(2n - 6)))^2
+/// Squared cut-off by the median of the squared residuals (PTAM r114): (4.6851 * 1.4826 * (1 + 5/(2n - 6)))^2
 /// * median, the small-sample factor capped for n < 6. Reorders `squared_residuals`; 0 for none.
 [[nodiscard]] double tukey_squared_cutoff(std::span<double> squared_residuals);
 

@@ -37,7 +37,7 @@ void detect_fast10(const GrayView& image, int threshold, CornerList* out);
 [[nodiscard]] int fast10_score(const GrayView& image, int x, int y);
 
 /// Shi-Tomasi minimum eigenvalue of the gradient matrix in a (2 half_size + 1)^2 box; gradients are unhalved
-/// central differences, sums divided by 2 n (ptam.md 1: candidates have > 70 at half size 3). Needs half_size
+/// central differences, sums divided by 2 n (PTAM r114: candidates have > 70 at half size 3). Needs half_size
 /// + 1 px of border.
 [[nodiscard]] float shi_tomasi(const GrayView& image, int x, int y, int half_size = 3);
 
@@ -47,7 +47,7 @@ struct Candidate {
 };
 
 /// Keyframe candidates: FAST corners with score >= barrier, non-maximum suppressed in 3x3 of the FAST score,
-/// at least `border` px inside, Shi-Tomasi above `min_shi_tomasi`. Row-major order. ptam.md 1.
+/// at least `border` px inside, Shi-Tomasi above `min_shi_tomasi`. Row-major order. PTAM r114.
 [[nodiscard]] std::vector<Candidate> find_candidates(const GrayView& image, const CornerList& corners,
                                                      int barrier = 10, int border = 14,
                                                      float min_shi_tomasi = 70.0F);

@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-/// Side of a search template, px at the search level (ptam.md 6).
+/// Side of a search template, px at the search level (PTAM r114).
 constexpr int kTemplateSize = 8;
 constexpr size_t kTemplatePixels = size_t{kTemplateSize} * kTemplateSize;
 /// Side of a stored patch, px at the source level: room for a template turned by any angle and stretched by
@@ -30,7 +30,7 @@ using SourcePatch = std::array<uint8_t, kSourcePatchPixels>;
 using Warp = Eigen::Matrix2f;
 
 /// Level at which to search: raised while the determinant (area of one source pixel in the target, at that
-/// level) is above 3, /4 per level; nothing if at that level it is outside (0.25, 3). ptam.md 5.
+/// level) is above 3, /4 per level; nothing if at that level it is outside (0.25, 3). PTAM r114.
 [[nodiscard]] std::optional<int> warp_level(const Warp& level0_from_source);
 
 /// A warped 8x8 template with what its search needs. Template pixel (i, j) belongs to the search-level
@@ -58,7 +58,7 @@ struct PatchMatch {
   int zmssd = 0;  ///< sum of squared differences after removing both means, over 64 px
 };
 
-/// ptam.md 6: reject above 500 per pixel; MCPTAM's 250 is the stricter choice for calibrated cameras.
+/// PTAM r114: reject above 500 per pixel; MCPTAM's 250 is the stricter choice for calibrated cameras.
 constexpr int kMaxZmssd = 64 * 250;
 
 /// Best zero-mean SSD over the corners within `radius` px of `center` (all in search-level px) below

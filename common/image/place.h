@@ -29,7 +29,7 @@ struct PlaceView {
 /// Corners described at most, by level. Coarse ones are few and stand motion blur.
 constexpr std::array<int, kPyramidLevels> kPlaceCorners = {450, 250, 120, 60};
 
-/// Describes a picture whose FAST corners (thresholds of ptam.md 1) have been found. The strongest corners
+/// Describes a picture whose FAST corners (thresholds of PTAM r114) have been found. The strongest corners
 /// (Shi-Tomasi) of each cell of a grid are taken, so that one busy corner of the view does not use up all.
 /// Deterministic.
 [[nodiscard]] PlaceView describe_place(const Pyramid& pyramid,

@@ -7,7 +7,7 @@
 
 namespace cairn {
 
-constexpr int kPyramidLevels = 4;  ///< ptam.md 1
+constexpr int kPyramidLevels = 4;  ///< PTAM r114
 
 /// Level-L pixel of a level-0 pixel and back. A level halves by averaging 2x2 blocks, so the centre of pixel
 /// 0 of level L lies at (2^L - 1) / 2 of level 0.

@@ -12,7 +12,7 @@ namespace cairn {
 
 /// The tiny blurred image of PTAM (Klein and Murray, ECCV 2008): pyramid level 3 halved again (40x30 for
 /// 640x480), zero mean, Gaussian blur. Blur sigma 2.5 for relocalization, 0.75 for the frame-to-frame
-/// rotation prior (ptam.md 1).
+/// rotation prior (PTAM r114).
 class TinyImage {
  public:
   TinyImage() = default;
@@ -44,7 +44,7 @@ struct TinyMotion {
 };
 
 /// Aligns `current` to `reference` by efficient second-order minimisation (Benhimane and Malis, IROS 2004)
-/// over (x, y, angle, mean offset). ptam.md 4.
+/// over (x, y, angle, mean offset). PTAM r114.
 [[nodiscard]] TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations = 6);
 
 /// The camera rotation (current_from_reference) that explains a tiny motion, by aligning two points +-5 tiny

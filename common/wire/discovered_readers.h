@@ -19,7 +19,7 @@ struct DiscoveredReader {
 };
 
 /// Tells which readers other participants have: the server makes a client's writers when the client's readers
-/// appear (DESIGN 4). Attach it to a Waiter like any reader. One thread.
+/// appear. Attach it to a Waiter like any reader. One thread.
 class DiscoveredReaders : public ReaderBase {
  public:
   [[nodiscard]] static Result<DiscoveredReaders> create(const Participant& participant);

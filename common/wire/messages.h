@@ -300,7 +300,7 @@ struct AdminRequest {
 struct AdminReply {
   ClientId operator_id;
   CommandId command;   ///< of the request
-  uint8_t result = 0;  ///< exit code of DESIGN 10
+  uint8_t result = 0;  ///< exit code as in client/app/README.md
   std::string text;    ///< JSON, or why not
   std::vector<uint8_t> data;
 };

@@ -7,7 +7,7 @@
 
 #include "common/map/ids.h"
 
-/// Partitions carry identity and rights (DESIGN 4). A client writes and reads in `client.<name>` and receives
+/// Partitions carry identity and rights. A client writes and reads in `client.<name>` and receives
 /// a map in `client.<name>.map.<32 hex digits>`; with DDS Security on it can do neither in another's.
 namespace cairn::wire {
 

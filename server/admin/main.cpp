@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// cairnctl: what an operator does to a server (DESIGN 10).
+// cairnctl: what an operator does to a server.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>

@@ -40,7 +40,7 @@ class ScaleAnchor {
 };
 
 /// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
-/// their points; every other observer is fixed (ptam.md 10).
+/// their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
 /// All but the first keyframe move.
 [[nodiscard]] MapProblem global_problem(const MapState& map);

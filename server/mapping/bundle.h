@@ -53,7 +53,7 @@ struct BundleReport {
 
 /// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses and all points, in
 /// place. Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1);
-/// Tukey's cut-off by the median of the residuals (ptam.md 7, 10). At least one pose should be fixed.
+/// Tukey's cut-off by the median of the residuals (PTAM r114). At least one pose should be fixed.
 /// One thread; equal inputs give equal bytes.
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 

@@ -19,7 +19,7 @@ using PoseParameters = std::array<double, kPoseParameters>;
 class StopCallback final : public ceres::IterationCallback {
  public:
   explicit StopCallback(const std::function<bool()>* should_stop) : should_stop_(should_stop) {}
-  // ABORT would put the parameters back (flann-ceres.md).
+  // ABORT would put the parameters back (measured with Ceres 2.1).
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
     if (!*should_stop_ || !(*should_stop_)()) return ceres::SOLVER_CONTINUE;
     stopped_ = true;

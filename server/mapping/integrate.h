@@ -7,7 +7,7 @@
 /// Judging a frame that wants to become a keyframe, and taking it in.
 namespace cairn {
 
-/// The spacing of keyframes: camera distance over mean depth, from the two-view start (ptam.md 2, 8).
+/// The spacing of keyframes: camera distance over mean depth, from the two-view start (PTAM r114).
 struct KeyframeSpacing {
   double min_distance_over_depth = 0.1;
 };

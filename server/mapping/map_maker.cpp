@@ -18,7 +18,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // ptam.md 9
+constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // PTAM r114
 constexpr int kRefindsPerPoll = 200;
 
 /// The finest level has most candidates by far; it may not use up what the levels after it need.

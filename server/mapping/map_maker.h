@@ -31,12 +31,12 @@ enum class Adjuster : uint8_t { kOwn, kCeres };
 
 struct MapMakerOptions {
   Adjuster adjuster = Adjuster::kOwn;
-  double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (ptam.md 2)
+  double baseline = 0.1;  ///< [m] distance of the first two keyframes: the map's scale (PTAM r114)
   double min_keyframe_distance =
-      1.0;  ///< in units of baseline / first mean depth, times mean depth (ptam.md 8)
+      1.0;  ///< in units of baseline / first mean depth, times mean depth (PTAM r114)
   int max_points_per_keyframe = 1000;  ///< new points made at most per keyframe
   int local_keyframes =
-      4;  ///< nearest keyframes that move in a local adjustment, beside the newest (ptam.md 10)
+      4;  ///< nearest keyframes that move in a local adjustment, beside the newest (PTAM r114)
   size_t max_points = kMaxBlocks * kBlockSlots;  ///< ever made: removed points keep their slot
   uint64_t seed = 1;
 };

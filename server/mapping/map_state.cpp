@@ -6,7 +6,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};  // ptam.md 1
+constexpr std::array<int, kPyramidLevels> kFastThresholds{10, 15, 15, 10};  // PTAM r114
 
 bool by_point(const Measurement& m, PointId id) {
   return m.point < id;

@@ -23,7 +23,7 @@ struct KeyframeImages {
   Pyramid pyramid;
   std::array<CornerList, kPyramidLevels> corners;
   std::array<std::vector<Candidate>, kPyramidLevels>
-      candidates;  ///< where new points may be made (ptam.md 1)
+      candidates;  ///< where new points may be made (PTAM r114)
 
   [[nodiscard]] GrayView level(int l) const { return pyramid.level(l).view(); }
   [[nodiscard]] size_t bytes() const;

@@ -9,7 +9,7 @@
 /// thread.
 namespace cairn {
 
-/// Limit of the ZMSSD at a whole pixel (ptam.md 6). Half a pixel off, a sharp corner differs from itself by
+/// Limit of the ZMSSD at a whole pixel (PTAM r114). Half a pixel off, a sharp corner differs from itself by
 /// this much; the stricter kMaxZmssd applies after refinement.
 constexpr int kSearchZmssd = 64 * 500;
 

@@ -6,7 +6,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kRefindRadius = 4.0F;  ///< [search-level px] ptam.md 9
+constexpr float kRefindRadius = 4.0F;  ///< [search-level px] PTAM r114
 constexpr double kVisibleCosine =
     0.7;  ///< 45 degrees off the source's direction: beyond, the patch is another one
 constexpr double kImageBorder = 6;  ///< [search-level px] of the projection from the image's edge

@@ -7,7 +7,7 @@
 namespace cairn {
 
 /// Looks for one point in one keyframe, if it should be visible there: within 4 px of its projection,
-/// sub-pixel (ptam.md 9). Adds the measurement or gives the pair up; counts both on the point. False when the
+/// sub-pixel (PTAM r114). Adds the measurement or gives the pair up; counts both on the point. False when the
 /// pair is known, given up or out of view.
 bool refind(MapState* map, KeyframeId keyframe, PointId point);
 

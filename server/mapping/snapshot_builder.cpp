@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kVisibleMove = 0.2;  ///< [px] DESIGN 4
+constexpr double kVisibleMove = 0.2;  ///< [px] as seen from the source keyframe
 constexpr float kVisibleTurn =
     0.05F;  ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
 constexpr float kVisibleDistance = 0.15F;  ///< relative change of the range of viewing distances

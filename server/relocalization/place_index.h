@@ -15,7 +15,7 @@
 /// values shared between versions. Whoever changes an index makes a new one; queries go on with theirs.
 namespace cairn {
 
-/// Blur of the tiny images compared (ptam.md 1).
+/// Blur of the tiny images compared (PTAM r114).
 constexpr float kPlaceBlur = 2.5F;
 
 /// Scales at which points are described: each pyramid level and, half an octave coarser, the level reduced by

@@ -9,7 +9,7 @@
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/place_index.h"
 
-/// Which map, where, and how sure (DESIGN 7, stage A). Pure and re-entrant: queries run on any threads at the
+/// Which map, where, and how sure. Pure and re-entrant: queries run on any threads at the
 /// same time.
 namespace cairn {
 

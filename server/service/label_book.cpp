@@ -10,7 +10,7 @@ namespace {
 using wire::RequestAction;
 using wire::RequestDecision;
 
-constexpr double kNoticeableAngle = 4e-4;  ///< [rad] 0.2 px (DESIGN 4) of a camera with f = 500 px
+constexpr double kNoticeableAngle = 4e-4;  ///< [rad] 0.2 px of a camera with f = 500 px
 constexpr double kNoticeableTurn = 0.01;   ///< [rad] of the label about itself
 
 LabelBook::Judgement refusal(RequestDecision decision, std::string reason, LabelId label = {}) {

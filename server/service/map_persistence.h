@@ -35,7 +35,7 @@ class MapPersistence {
  public:
   /// Called by the writer when the update is durable, or with the reason why it is not.
   using Done = std::function<void(Status)>;
-  /// Changes that no answer waits for are saved after this time at the latest (DESIGN 9: 5 s).
+  /// Changes that no answer waits for are saved after this time at the latest (5 s).
   static constexpr std::chrono::seconds kSaveDelay{2};
 
   /// Errors: as Store::open().

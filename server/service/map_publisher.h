@@ -24,7 +24,7 @@ struct Burst {
   wire::MapCommit commit;
 };
 
-/// Decides when which blocks of a map go to one client (DESIGN 4). Adjustments are coalesced to at most five
+/// Decides when which blocks of a map go to one client. Adjustments are coalesced to at most five
 /// bursts a second, a new keyframe or new points go at once; in either case the next burst starts only when
 /// the client has swapped the last one in, or 500 ms after it. Pure: the time is handed in. One per client
 /// and map; used from one thread.

@@ -14,7 +14,7 @@ namespace cairn {
 /// Half of the machine's memory [MB].
 [[nodiscard]] uint64_t half_of_memory_mb();
 
-/// The command line of cairn-server (DESIGN 10) merged with its configuration file; the command line wins.
+/// The command line of cairn-server merged with its configuration file; the command line wins.
 struct ServerOptions {
   int domain = 0;
   std::string listen;  ///< interface or address; empty: by profile

@@ -46,7 +46,7 @@ struct DecisionRecord {
   uint64_t label = 0;                                    ///< of a request
 };
 
-/// Things said of a place in the map (DESIGN 4, Label).
+/// Things said of a place in the map (topic Label).
 struct LabelRecord {
   uint64_t id = 0;  ///< unique in the map, from 1
   std::string text;

@@ -53,7 +53,8 @@ QosPtr writer_qos(QosClass qos_class) {
 
 QosPtr reader_qos(QosClass qos_class) {
   QosPtr qos = common_qos(qos_class);
-  // Never resource limits: a full reader stops every reader of the process (reference/dds.md 3).
+  // Never resource limits: a full reader stops every reader of the process (reference/measured with Cyclone
+  // 0.10.2).
   if (qos_class == QosClass::kCommand) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
   if (qos_class == QosClass::kClaim) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kClaimDepth);
   return qos;

@@ -6,7 +6,7 @@
 
 #include "common/wire/internal/entity.h"
 
-/// The QoS classes of DESIGN 4, all of them, in one place.
+/// The QoS classes of idl/README.md, all of them, in one place.
 namespace cairn::wire::internal {
 
 enum class QosClass : uint8_t {
