@@ -36,7 +36,13 @@ bool can_be_seen(const PointVisibility& seen, const Eigen::Vector3f& to_camera) 
 
 }  // namespace
 
-PointSearch::PointSearch(CameraPtr camera) : camera_(std::move(camera)) {
+PointSearch::PointSearch(CameraPtr camera) {
+  use_camera(std::move(camera));
+}
+
+void PointSearch::use_camera(CameraPtr camera) {
+  camera_ = std::move(camera);
+  view_half_angle_ = 0;
   for (const double x : {0.0, camera_->width() - 1.0}) {
     for (const double y : {0.0, camera_->height() - 1.0}) {
       const Eigen::Vector3d ray = camera_->unproject({x, y});

@@ -157,7 +157,16 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   if (s.is_full()) {
     return {KeyframeVerdict::kFull, "map is full: " + std::to_string(s.map.points().size()) + " points", {}};
   }
-  KeyframeDecision decision = integrate_keyframe(&s.map, input, s.spacing);
+  KeyframeDecision decision;
+  if (input.doubt) {
+    KeyframeInput known = input;
+    const int camera = s.map.camera_index(input.camera, *input.doubt);
+    known.camera = s.map.cameras()[static_cast<size_t>(camera)].camera;
+    decision = integrate_keyframe(&s.map, known, s.spacing);
+    if (decision.keyframe) s.map.keyframe(decision.keyframe).estimated_camera = camera;
+  } else {
+    decision = integrate_keyframe(&s.map, input, s.spacing);
+  }
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back({decision.keyframe});
@@ -206,6 +215,7 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
 }
 
 MapSnapshotPtr MapMaker::snapshot() {
+  state_->map.publish_cameras();
   return state_->builder.build(state_->map);
 }
 
@@ -232,6 +242,8 @@ MapStatistics MapMaker::statistics() const {
     for (int i = 0; i < 3; ++i)
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
   }
+  for (const MapCamera& c : map.cameras())
+    stats.cameras.push_back({c.version, c.published, c.published_sigma, c.published_frozen});
   if (stats.measurements > 0)
     stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
   for (int i = 0; i < 3 && stats.points > 0; ++i) {

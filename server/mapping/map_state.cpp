@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "server/mapping/patch_view.h"
+
 namespace cairn {
 namespace {
 
@@ -60,6 +62,33 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
 size_t MapState::live_keyframes() const {
   return static_cast<size_t>(
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
+}
+
+int MapState::camera_index(const CameraPtr& camera, const CameraDoubt& doubt) {
+  const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
+    return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
+  });
+  if (known != cameras_.end()) return static_cast<int>(known - cameras_.begin());
+  cameras_.push_back(make_map_camera(camera, doubt));
+  return static_cast<int>(cameras_.size()) - 1;
+}
+
+void MapState::update_camera(int index, const FreeCamera& adjusted) {
+  MapCamera& camera = cameras_[static_cast<size_t>(index)];
+  update(&camera, adjusted);
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == index) k.camera = camera.camera;
+  }
+}
+
+void MapState::publish_cameras() {
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    if (publish(&cameras_[i]) != Publication::kMoved) continue;
+    for (MapPoint& p : points_) {
+      const MapKeyframe& source = keyframe(p.source.keyframe);
+      if (source.estimated_camera == static_cast<int>(i)) aim_source(*source.camera, &p.source);
+    }
+  }
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

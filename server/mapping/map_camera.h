@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "common/map/snapshot.h"
+#include "server/mapping/free_camera.h"
+
+/// Cameras that are found out in a map, while it grows.
+namespace cairn {
+
+/// How well a camera is known that comes with a seed or an offer.
+struct CameraDoubt {
+  CameraVersion version;  ///< of the values given
+  Intrinsics sigma = Intrinsics::Zero();
+};
+
+struct MapCamera {
+  CameraVersion version;  ///< of `published`
+  CameraPtr camera;       ///< as of the last adjustment: what the map's keyframes have
+  Intrinsics sigma = Intrinsics::Zero();
+  Intrinsics prior_mean = Intrinsics::Zero();
+  Intrinsics prior_sigma = Intrinsics::Zero();
+  bool frozen = false;  ///< known well enough: no longer adjusted
+
+  CameraPtr published;
+  Intrinsics published_sigma = Intrinsics::Zero();
+  bool published_frozen = false;
+};
+
+[[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+
+/// Takes in what an adjustment found. Freezes a camera that is known well enough.
+void update(MapCamera* camera, const FreeCamera& adjusted);
+
+/// Makes a new version if the values have changed by what can be seen, if they are known notably better, or
+/// were frozen. Whether the values of the new version differ visibly.
+enum class Publication : uint8_t { kNone, kKnownBetter, kMoved };
+Publication publish(MapCamera* camera);
+
+}  // namespace cairn
