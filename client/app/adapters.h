@@ -21,7 +21,10 @@ class TrackerAdapter final : public TrackingEngine {
   }
   void seed_accepted(const SeedAnswer& answer) override { tracker_.seed_accepted(answer); }
   void seed_refused(const std::string& reason) override { tracker_.seed_refused(reason); }
-  void start_over() override { tracker_.start_over(); }
+  bool place_answered(const std::optional<PoseSuggestion>& suggestion) override {
+    return tracker_.place_answered(suggestion);
+  }
+  void start_over(NewMap wish) override { tracker_.start_over(wish); }
 
  private:
   Tracker tracker_;
@@ -33,16 +36,21 @@ class SessionAdapter final : public MapLink {
   explicit SessionAdapter(Session& session) : session_(session) {}
 
   MapSnapshotPtr snapshot() const override { return session_.snapshot(); }
+  void use_map(MapId map, Epoch epoch, Revision revision) override { session_.use_map(map, epoch, revision); }
   void leave_map() override { session_.leave_map(); }
   void send_seed(SeedProposal proposal) override { session_.send_seed(std::move(proposal)); }
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) override {
     session_.send_offer(std::move(proposal), std::move(image), time);
+  }
+  void send_question(std::shared_ptr<const PlaceView> view, Timestamp time) override {
+    session_.send_question(std::move(view), time);
   }
   void publish_state(const FrameResult& result, Timestamp time) override {
     session_.publish_state(result, time);
   }
   std::optional<SeedReply> take_seed_reply() override { return session_.take_seed_reply(); }
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
+  std::optional<PlaceAnswer> take_place_answer() override { return session_.take_place_answer(); }
   SessionStatus status() const override { return session_.status(); }
   bool wait_until_settled(std::chrono::milliseconds timeout) override {
     return session_.wait_until_settled(timeout);

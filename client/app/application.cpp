@@ -21,6 +21,7 @@
 #include "client/capture/frame_source.h"
 #include "client/session/session.h"
 #include "common/io/calibration.h"
+#include "common/io/text.h"
 #include "common/wire/log_redirect.h"
 
 namespace cairn {
@@ -90,7 +91,7 @@ SessionOptions session_options(const TrackOptions& options) {
   session.domain = options.domain;
   session.profile = options.profile;
   session.name = options.name;
-  if (!options.makes_maps()) session.follow_map = options.map;
+  session.only_map = options.map;
   session.lockstep = options.pace == Pace::kLockstep;
   return session;
 }
@@ -102,16 +103,16 @@ struct Outputs {
   std::ofstream stats;
 };
 
-Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camera) {
+Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camera, const Logger& log) {
   Outputs outputs;
   if (options.trajectory) {
     auto writer = TrajectoryWriter::open(*options.trajectory);
     if (!writer) return tl::unexpected(writer.error());
-    outputs.trajectory = std::make_unique<TrajectoryRecorder>(std::move(*writer));
+    outputs.trajectory = std::make_unique<TrajectoryRecorder>(std::move(*writer), log);
   }
   if (options.stats) {
     outputs.stats.open(*options.stats, std::ios::binary | std::ios::trunc);
-    if (!outputs.stats) return fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
+    if (!outputs.stats) return fail(ErrorCode::kIo, cannot_be_written(*options.stats));
   }
   if (options.video) {
     const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropPictures
@@ -136,8 +137,7 @@ Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatu
   if (outputs.stats.is_open()) {
     outputs.stats << stats.to_json(session.bytes_sent, session.bytes_received);
     outputs.stats.close();
-    if (!outputs.stats && status)
-      status = fail(ErrorCode::kIo, options.stats->string() + ": cannot be written");
+    if (!outputs.stats && status) status = fail(ErrorCode::kIo, cannot_be_written(*options.stats));
   }
   if (outputs.trajectory && status) status = outputs.trajectory->status();
   return status;
@@ -188,7 +188,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   if (!source) return tl::unexpected(source.error());
   auto camera = find_camera(options, **source);
   if (!camera) return tl::unexpected(camera.error());
-  auto outputs = open_outputs(options, *camera);
+  auto outputs = open_outputs(options, *camera, log);
   if (!outputs) return tl::unexpected(outputs.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   auto session = Session::open(session_options(options), *camera, log);
@@ -256,6 +256,9 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   const auto& stop = signals.stop_requested;
   Session& session = *run->session;
   const auto server_is_there = [&](milliseconds slice) { return session.wait_for_server(slice); };
+  if (!run->source->is_live() && !server_is_there(kPatienceSlice)) {
+    log->info("waiting for cairn-server at {} in domain {}", options.server, options.domain);
+  }
   if (!run->source->is_live() && !await(server_is_there, kServerPatience, stop) && !stop()) {
     if (options.pace != Pace::kRealtime)
       return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
@@ -264,10 +267,9 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   const auto name_is_ours = [&](milliseconds slice) { return session.wait_for_name(slice); };
   if (!run->source->is_live()) (void)await(name_is_ours, kNameGrace, stop);
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
-  if (!run->source->is_live() && !options.makes_maps() && !await(map_is_there, kServerPatience, stop) &&
+  if (!run->source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
-    log->warn("the server lists no map {}to track in; going on until it does",
-              options.map.empty() ? "" : "'" + options.map + "' ");
+    log->warn("the server lists no map '{}' to track in; going on until it does", options.map);
   }
   return track(*run);
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/frame_loop.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -14,6 +16,15 @@ FrameState frame_state(const FrameResult& result) {
   if (measured && result.state == TrackingState::kTracking) return FrameState::kTracking;
   if (measured && result.state == TrackingState::kPoor) return FrameState::kPoor;
   return result.state == TrackingState::kStarting ? FrameState::kStarting : FrameState::kLost;
+}
+
+/// The best place that is worth trying.
+std::optional<PlaceCandidate> best_place(const PlaceAnswer& answer) {
+  if (answer.verdict == PlaceVerdict::kNotKnown) return std::nullopt;
+  for (const PlaceCandidate& c : answer.candidates) {
+    if (c.confirmed || answer.verdict == PlaceVerdict::kUnconfirmed) return c;
+  }
+  return std::nullopt;
 }
 
 std::string size_text(int width, int height) {
@@ -70,6 +81,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   deliver_replies();
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
+  keep_proven_map(result);
   const bool sent = send_proposals(result, frame);
   link_.publish_state(result, frame.time);
   const auto cpu = thread_cpu_time() - cpu_start;
@@ -77,11 +89,15 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   const auto status = link_.status();
   observe_status(status);
   const auto state = frame_state(result);
-  count_lost_time(state, frame.time);
+  lost_.frame(state, frame.time);
   const auto stages = stages_.take();
   notify(&FrameObserver::on_frame,
          FrameReport{frames_seen_, frame, result, state, snapshot, status, stages, cpu, wall});
-  if (sent && options_.pace == Pace::kLockstep) settle();
+  if (sent && options_.pace == Pace::kLockstep) {
+    settle();
+    deliver_replies();
+    if (on_trial_) settle();  // its replica comes
+  }
   start_over_if_needed(status, state);
   ++frames_seen_;
   ++frames_tracked_on_;
@@ -108,8 +124,30 @@ void FrameLoop::deliver_replies() {
     }
     notify(&FrameObserver::on_seed_reply, *reply);
   }
+  if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
+}
+
+void FrameLoop::deliver_place(const PlaceAnswer& answer) {
+  const auto place = best_place(answer);
+  lost_.answered(place.has_value());
+  if (!place) {
+    (void)tracker_.place_answered(std::nullopt);
+    return;
+  }
+  if (!tracker_.place_answered(
+          PoseSuggestion{place->map, place->epoch, place->keyframe, place->camera_from_keyframe}))
+    return;
+  link_.use_map(place->map, place->epoch, place->revision);
+  on_trial_ = place->map;
+}
+
+/// A tracker that has found its pose in the map it was in stays there, whatever was suggested meanwhile.
+void FrameLoop::keep_proven_map(const FrameResult& result) {
+  if (!on_trial_ || !result.pose_measured) return;
+  if (on_trial_ != result.map) link_.use_map(result.map, result.epoch, result.revision);
+  on_trial_ = {};
 }
 
 void FrameLoop::observe_status(const SessionStatus& status) {
@@ -121,47 +159,36 @@ void FrameLoop::observe_status(const SessionStatus& status) {
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
   if (result.keyframe) link_.send_offer(*result.keyframe, frame.image, frame.time);
-  return result.seed || result.keyframe;
+  if (result.place_question) link_.send_question(result.place_question, frame.time);
+  return result.seed || result.keyframe || result.place_question;
 }
 
 void FrameLoop::settle() {
   if (!link_.wait_until_settled(options_.settle_timeout)) notify(&FrameObserver::on_unsettled, frames_seen_);
 }
 
-/// By stamps, so that a run in lockstep is repeatable; a cut in a recording is no long wait.
-void FrameLoop::count_lost_time(FrameState state, Timestamp time) {
-  constexpr std::chrono::nanoseconds kLongestStep = std::chrono::seconds(1);
-  if (state != FrameState::kLost) {
-    lost_for_ = {};
-    lost_at_.reset();
-    return;
-  }
-  if (lost_at_) lost_for_ += std::clamp(time - *lost_at_, std::chrono::nanoseconds(0), kLongestStep);
-  lost_at_ = time;
-}
-
 /// A server that came back without the map will never answer for it: as long as the tracker holds, the
 /// replica serves; once lost, another map is the only way on.
-std::optional<std::string> FrameLoop::reason_to_start_over(const SessionStatus& status,
-                                                           FrameState state) const {
-  if (options_.new_map_requested()) return "as asked";
+std::optional<FrameLoop::StartOver> FrameLoop::reason_to_start_over(const SessionStatus& status,
+                                                                    FrameState state) const {
+  if (options_.new_map_requested()) return StartOver{"as asked", NewMap::kInAnyCase};
   if (state != FrameState::kLost) return std::nullopt;
-  if (!status.map_known) return "lost, and the server does not know the map";
-  if (options_.make_maps && lost_for_ >= options_.lost_patience) {
-    return "lost for " + std::to_string(std::chrono::duration_cast<std::chrono::seconds>(lost_for_).count()) +
-           " s";
+  if (!status.map_known) return StartOver{"lost, and the server does not know the map"};
+  if (options_.make_maps && lost_.unmapped_for() >= options_.lost_patience) {
+    return StartOver{fmt::format("lost for {:.0f} s where no map is known",
+                                 std::chrono::duration<double>(lost_.unmapped_for()).count())};
   }
   return std::nullopt;
 }
 
 void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState state) {
-  const auto reason = reason_to_start_over(status, state);
-  if (!reason) return;
-  notify(&FrameObserver::on_start_over, StartOverReport{frames_seen_, *reason, options_.make_maps});
+  const auto start = reason_to_start_over(status, state);
+  if (!start) return;
+  notify(&FrameObserver::on_start_over, StartOverReport{frames_seen_, start->reason, options_.make_maps});
   link_.leave_map();
-  tracker_.start_over();
-  lost_for_ = {};
-  lost_at_.reset();
+  tracker_.start_over(start->wish);
+  lost_ = {};
+  on_trial_ = {};
 }
 
 template <typename Event, typename Report>

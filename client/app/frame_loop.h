@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/app/frame_observer.h"
+#include "client/app/lost_watch.h"
 #include "client/app/pacer.h"
 #include "client/app/ports.h"
 #include "client/app/stats.h"
@@ -20,8 +21,9 @@ struct FrameLoopOptions {
   int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
-  std::chrono::nanoseconds lost_patience = std::chrono::seconds(10);  ///< by the frames' stamps
-  std::function<bool()> new_map_requested = [] { return false; };     ///< asked once a frame
+  /// Lost where no map is known, by the frames' stamps, after which another map is begun.
+  std::chrono::nanoseconds lost_patience = std::chrono::seconds(3);
+  std::function<bool()> new_map_requested = [] { return false; };  ///< asked once a frame
   /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
   std::chrono::milliseconds settle_timeout{120'000};
 };
@@ -47,12 +49,17 @@ class FrameLoop {
   void handle(const DroppedFrame& dropped);
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
+  void deliver_place(const PlaceAnswer& answer);
+  void keep_proven_map(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
+  struct StartOver {
+    std::string reason;
+    NewMap wish = NewMap::kWhereNotKnown;
+  };
   /// Why the map in use is to be left; nothing: it is not.
-  [[nodiscard]] std::optional<std::string> reason_to_start_over(const SessionStatus& status,
-                                                                FrameState state) const;
-  void count_lost_time(FrameState state, Timestamp time);
+  [[nodiscard]] std::optional<StartOver> reason_to_start_over(const SessionStatus& status,
+                                                              FrameState state) const;
   void start_over_if_needed(const SessionStatus& status, FrameState state);
   template <typename Event, typename Report>
   void notify(Event event, const Report& report);
@@ -68,8 +75,8 @@ class FrameLoop {
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
-  std::chrono::nanoseconds lost_for_{0};
-  std::optional<Timestamp> lost_at_;  ///< stamp of the frame before, if it was lost
+  LostWatch lost_;
+  MapId on_trial_;  ///< in use because a place in it was suggested, and not proven yet
 };
 
 }  // namespace cairn

@@ -130,7 +130,9 @@ void Narrator::on_status(const SessionStatus& status) {
   if (fault && !status.text.empty()) log_->warn("{}", status.text);
 }
 
+/// Once: a server that is gone would settle none of the frames to come.
 void Narrator::on_unsettled(size_t frame_number) {
+  if (std::exchange(unsettled_, true)) return;
   log_->warn(
       "frame {}: the server did not finish its work on it; going on, this run cannot be repeated exactly",
       frame_number);

@@ -53,6 +53,7 @@ class Narrator final : public FrameObserver {
   std::optional<size_t> lost_since_;
   bool made_map_ = false;  ///< of our own views
   bool map_seen_ = false;  ///< tracked in or not
+  bool unsettled_ = false;
   std::string why_no_map_;
 };
 

@@ -2,10 +2,14 @@
 #include "client/app/overlay.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <algorithm>
+#include <csignal>
 #include <filesystem>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <random>
 
 #include "client/app/test_doubles.h"
 #include "client/app/video_writer.h"
@@ -28,6 +32,17 @@ OverlayFrame plain_frame(const Camera& camera, int64_t ms = 0) {
   OverlayFrame frame;
   frame.image = std::make_shared<const GrayImage>(camera.width(), camera.height());
   frame.time = at_ms(ms);
+  return frame;
+}
+
+/// A picture that no codec makes small.
+OverlayFrame noise_frame(const Camera& camera, int64_t ms) {
+  std::mt19937 random(static_cast<unsigned>(ms));
+  auto image = std::make_shared<GrayImage>(camera.width(), camera.height());
+  for (int y = 0; y < image->height(); ++y)
+    std::generate_n(image->row(y), image->width(), [&] { return static_cast<uint8_t>(random()); });
+  auto frame = plain_frame(camera, ms);
+  frame.image = std::move(image);
   return frame;
 }
 
@@ -203,6 +218,25 @@ TEST_F(VideoTest, InRealtimePushNeverWaitsAndWhatIsLeftOutIsCounted) {
   ASSERT_TRUE((*writer)->finish());
   EXPECT_GT((*writer)->pictures_dropped(), 0U);
   EXPECT_LT((*writer)->pictures_dropped(), static_cast<size_t>(kFrames));
+}
+
+TEST_F(VideoTest, AFileThatCouldNotBeWrittenToItsEndIsTold) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);  // writes beyond the limit fail, as on a full disk
+  for (const char* name : {"a.mp4", "a.avi", "a.mkv"}) {
+    auto writer = VideoWriter::open(directory_ / name, camera_, VideoWriter::WhenBehind::kWait);
+    ASSERT_TRUE(writer);
+    const rlimit small{100'000, before.rlim_max};
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &small), 0);
+    for (int i = 0; i < 30; ++i) (*writer)->push(noise_frame(*camera_, 40 * i));
+    const auto status = (*writer)->finish();
+    ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &before), 0);
+    ASSERT_FALSE(status) << name;
+    EXPECT_EQ(status.error().code, ErrorCode::kIo);
+    EXPECT_NE(status.error().message.find(name), std::string::npos) << status.error().message;
+  }
+  (void)std::signal(SIGXFSZ, handler);
 }
 
 TEST_F(VideoTest, AWrongPathIsToldAtOnce) {

@@ -20,19 +20,23 @@ class TrackingEngine {
                                    StageProbe* probe) = 0;
   virtual void seed_accepted(const SeedAnswer& answer) = 0;
   virtual void seed_refused(const std::string& reason) = 0;
-  virtual void start_over() = 0;
+  [[nodiscard]] virtual bool place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;
+  virtual void start_over(NewMap wish) = 0;
 };
 
 class MapLink {
  public:
   virtual ~MapLink() = default;
   [[nodiscard]] virtual MapSnapshotPtr snapshot() const = 0;
+  virtual void use_map(MapId map, Epoch epoch, Revision revision) = 0;
   virtual void leave_map() = 0;
   virtual void send_seed(SeedProposal proposal) = 0;
   virtual void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) = 0;
+  virtual void send_question(std::shared_ptr<const PlaceView> view, Timestamp time) = 0;
   virtual void publish_state(const FrameResult& result, Timestamp time) = 0;
   [[nodiscard]] virtual std::optional<SeedReply> take_seed_reply() = 0;
   [[nodiscard]] virtual std::vector<OfferReply> take_offer_replies() = 0;
+  [[nodiscard]] virtual std::optional<PlaceAnswer> take_place_answer() = 0;
   [[nodiscard]] virtual SessionStatus status() const = 0;
   [[nodiscard]] virtual bool wait_until_settled(std::chrono::milliseconds timeout) = 0;
 };

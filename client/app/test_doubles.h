@@ -82,7 +82,15 @@ class ScriptedTracker final : public TrackingEngine {
   }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
-  void start_over() override { words.emplace_back("start over"); }
+  bool place_answered(const std::optional<PoseSuggestion>& suggestion) override {
+    words.emplace_back(suggestion ? "try a place" : "place not known");
+    return suggestion && wants_places;
+  }
+  void start_over(NewMap wish) override {
+    words.emplace_back(wish == NewMap::kInAnyCase ? "start a new map" : "start over");
+  }
+
+  bool wants_places = true;
 
   std::vector<Timestamp> times;
   std::vector<MapSnapshotPtr> snapshots;
@@ -97,21 +105,33 @@ class ScriptedTracker final : public TrackingEngine {
 class ScriptedLink final : public MapLink {
  public:
   MapSnapshotPtr snapshot() const override { return map; }
+  void use_map(MapId wanted, Epoch, Revision revision) override {
+    sent.push_back(fmt::format("use {} at {}", wanted.bytes[0], revision.value));
+  }
   void leave_map() override { sent.emplace_back("leave"); }
   void send_seed(SeedProposal) override { sent.emplace_back("seed"); }
   void send_offer(KeyframeProposal, GrayImagePtr, Timestamp) override { sent.emplace_back("offer"); }
+  void send_question(std::shared_ptr<const PlaceView>, Timestamp) override { sent.emplace_back("question"); }
   void publish_state(const FrameResult&, Timestamp) override { ++states_published; }
   std::optional<SeedReply> take_seed_reply() override { return std::exchange(seed_reply, std::nullopt); }
   std::vector<OfferReply> take_offer_replies() override { return std::exchange(offer_replies, {}); }
+  std::optional<PlaceAnswer> take_place_answer() override {
+    if (always_answer) return always_answer;
+    return std::exchange(place_answer, std::nullopt);
+  }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
     sent.emplace_back("settle");
+    if (const auto act = std::exchange(on_settled, nullptr)) act();
     return settles;
   }
 
   MapSnapshotPtr map;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
+  std::optional<PlaceAnswer> place_answer;   ///< once
+  std::optional<PlaceAnswer> always_answer;  ///< before every frame
+  std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
   bool settles = true;
   std::vector<std::string> sent;

@@ -87,19 +87,22 @@ void declare(CLI::App& app, Words& words) {
       ->capture_default_str();
   app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
       ->type_name("loopback|wifi|FILE");
-  app.add_option("--security", words.security, "DDS Security files")->type_name("DIR");
+  app.add_option("--security", words.security, "DDS Security files (not available yet)")->type_name("DIR");
   app.add_option("--name", options.name, "of this client [host name and process id]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--wearer", words.wearer, "who wears the camera")->check(check_name)->type_name("NAME");
+  app.add_option("--wearer", words.wearer, "who wears the camera (not available yet)")
+      ->check(check_name)
+      ->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
-  app.add_option("--map", options.map, "for who makes no maps: the map to track in [the newest]")
+  app.add_option("--map", options.map, "for who makes no maps: the only map to track in [any]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--lost-patience", options.lost_patience, "a builder lost that long begins a new map")
+  app.add_option("--lost-patience", options.lost_patience,
+                 "a builder lost that long where no map is known begins one")
       ->check(CLI::Range(1, 3600))
       ->type_name("SECONDS")
       ->capture_default_str();

@@ -24,8 +24,8 @@ struct TrackOptions {
   std::string name;
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes
   bool no_new_maps = false;  ///< keyframes only
-  std::string map;           ///< name of the map to track in by those who make none; empty: the newest
-  int lost_patience = 10;    ///< [s] lost, after which a builder begins a new map
+  std::string map;           ///< name of the only map to track in, for those who make none; empty: any
+  int lost_patience = 3;     ///< [s] lost where no map is known, after which a builder begins one
   Pace pace = Pace::kRealtime;
   uint64_t seed = 1;
   bool headless = false;

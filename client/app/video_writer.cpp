@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/time.h"
+#include "common/io/text.h"
 
 namespace cairn {
 namespace {
@@ -52,7 +53,7 @@ Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::pa
     return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
   }
   if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
-    return fail(ErrorCode::kIo, path.string() + ": cannot be written");
+    return fail(ErrorCode::kIo, cannot_be_written(path));
   }
   return std::unique_ptr<VideoWriter>(
       new VideoWriter(path, std::move(camera), when_behind));  // NOLINT: private
@@ -106,7 +107,9 @@ void VideoWriter::run() {
     }
   }
   if (!file_.isOpened() && status_ && !first_frames_.empty()) status_ = open_file();
+  if (!file_.isOpened()) return;
   file_.release();
+  status_ = check_file();
 }
 
 Status VideoWriter::open_file() {
@@ -114,12 +117,27 @@ Status VideoWriter::open_file() {
   start_ = first_frames_.front().time;
   const char* code = find_codec(path_)->fourcc;
   const int fourcc = cv::VideoWriter::fourcc(code[0], code[1], code[2], code[3]);
-  if (!file_.open(path_.string(), fourcc, frame_rate_, overlay_.size())) {
-    return fail(ErrorCode::kIo, path_.string() + ": OpenCV cannot encode " + code + " video");
+  if (!file_.open(path_.string(), cv::CAP_FFMPEG, fourcc, frame_rate_, overlay_.size())) {
+    return fail(ErrorCode::kIo, path_.string() + ": cannot be begun as " + code +
+                                    " video; is the disk full, or OpenCV built without FFmpeg?");
   }
   for (const auto& frame : first_frames_) write(frame);
   first_frames_.clear();
   return {};
+}
+
+/// OpenCV does not say when a picture could not be written; what was cut short cannot be read back to its
+/// end.
+Status VideoWriter::check_file() const {
+  // Not the last picture: Matroska has rounded times, and a long file's count is off by some from them.
+  constexpr double kNearTheEnd = 0.99;
+  const double place = std::floor(kNearTheEnd * static_cast<double>(pictures_written_ - 1));
+  cv::VideoCapture file(path_.string(), cv::CAP_FFMPEG);
+  if (file.isOpened() && file.set(cv::CAP_PROP_POS_FRAMES, place) &&
+      file.get(cv::CAP_PROP_POS_FRAMES) >= place && file.grab()) {
+    return {};
+  }
+  return fail(ErrorCode::kIo, path_.string() + ": is not complete; is the disk full?");
 }
 
 /// A gap in the stamps is filled with the picture before it.

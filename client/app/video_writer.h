@@ -38,7 +38,8 @@ class VideoWriter final : public FrameObserver {
   void on_frame(const FrameReport& report) override { push(make_overlay_frame(report)); }
   void push(OverlayFrame frame);
 
-  /// Waits until the file is complete. An error when it could not be encoded. Call once, push() no more.
+  /// Waits until the file is complete and checks that it is. An error when it could not be encoded or
+  /// written. Call once, push() no more.
   [[nodiscard]] Status finish();
   /// Pictures left out because the thread was behind. After finish().
   [[nodiscard]] size_t pictures_dropped() const { return pictures_dropped_; }
@@ -47,6 +48,7 @@ class VideoWriter final : public FrameObserver {
   VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind);
   void run();
   [[nodiscard]] Status open_file();
+  [[nodiscard]] Status check_file() const;
   void write(const OverlayFrame& frame);
 
   const std::filesystem::path path_;

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Which maps the server lists, for those who do not make their own. Pure. Used from one thread.
+/// Which maps the server lists, for those who want a certain one. Pure. Used from one thread.
 class MapDirectory {
  public:
   void listed(MapId map, const std::string& name) {
@@ -20,13 +20,12 @@ class MapDirectory {
   }
   void removed(MapId map) { maps_.erase(map); }
 
-  /// The map of a name, or with an empty name the one whose first listing is the latest, of those that the
-  /// server in sight has; none if there is none.
+  /// The map of a name if the server in sight has it: of several, the one whose first listing is the latest.
   [[nodiscard]] MapId find(const std::string& name, const LinkMonitor& monitor) const {
     MapId found;
     uint64_t latest = 0;
     for (const auto& [map, entry] : maps_) {
-      if ((!name.empty() && entry.name != name) || entry.order < latest || !monitor.knows(map)) continue;
+      if (entry.name != name || entry.order < latest || !monitor.knows(map)) continue;
       found = map;
       latest = entry.order;
     }

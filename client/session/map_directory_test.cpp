@@ -10,7 +10,7 @@ const MapId kDesk{{7}};
 const MapId kBench{{3}};
 const ServerId kServer{{1}};
 
-TEST(MapDirectory, FindsAMapByNameOrTheOneListedLast) {
+TEST(MapDirectory, FindsAMapByNameWhereTheServerInSightHasIt) {
   LinkMonitor monitor;
   MapDirectory directory;
   (void)monitor.heard(kServer);
@@ -18,17 +18,17 @@ TEST(MapDirectory, FindsAMapByNameOrTheOneListedLast) {
     monitor.map_listed(map, kServer);
     directory.listed(map, name);
   };
-  EXPECT_FALSE(directory.find("", monitor));
+  EXPECT_FALSE(directory.find("desk", monitor));
   list(kBench, "bench");
   list(kDesk, "desk");
   list(kBench, "bench");  // has grown
-  EXPECT_EQ(directory.find("", monitor), kDesk);
+  EXPECT_EQ(directory.find("desk", monitor), kDesk);
   EXPECT_EQ(directory.find("bench", monitor), kBench);
   EXPECT_FALSE(directory.find("robot", monitor));
   directory.removed(kDesk);
-  EXPECT_EQ(directory.find("", monitor), kBench);
+  EXPECT_FALSE(directory.find("desk", monitor));
   monitor.map_removed(kBench);
-  EXPECT_FALSE(directory.find("", monitor)) << "the server in sight does not have it";
+  EXPECT_FALSE(directory.find("bench", monitor)) << "the server in sight does not have it";
 }
 
 }  // namespace

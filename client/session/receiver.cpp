@@ -14,14 +14,6 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kPollInterval{100};  // liveliness is polled: it has no message
 
-/// All that has come, in order.
-template <typename Message, typename Use>
-void take_all(wire::Reader<Message>& reader, const Use& use) {
-  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
-    for (wire::Sample<Message>& sample : samples) use(sample);
-  }
-}
-
 }  // namespace
 
 SessionId random_session() {
@@ -32,20 +24,21 @@ SessionId random_session() {
 
 Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
-  auto readers = wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
-                                  wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>>(
-      participant, wire::client_partition(client_name));
+  auto readers =
+      wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
+                       wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>,
+                       wire::Reader<wire::RelocAnswer>>(participant, wire::client_partition(client_name));
   if (!readers) return tl::unexpected(readers.error());
-  auto& [status, maps, seeds, offers] = *readers;
+  auto& [status, maps, seeds, offers, places] = *readers;
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({status, maps, seeds, offers}); !attached) {
+  if (Status attached = waiter->attach({status, maps, seeds, offers, places}); !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Receiver>(
-      new Receiver(state, participant, client_name,
-                   {std::move(status), std::move(maps), std::move(seeds), std::move(offers)},
-                   std::move(*waiter), std::move(log)));
+  return std::unique_ptr<Receiver>(new Receiver(
+      state, participant, client_name,
+      {std::move(status), std::move(maps), std::move(seeds), std::move(offers), std::move(places)},
+      std::move(*waiter), std::move(log)));
 }
 
 Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
@@ -65,33 +58,38 @@ Receiver::~Receiver() {
 
 void Receiver::run() {
   while (true) {
-    milliseconds wait = kPollInterval;
-    if (channel_ && channel_->replica.deadline()) {
-      const auto left = *channel_->replica.deadline() - std::chrono::steady_clock::now();
-      wait = std::clamp(std::chrono::ceil<milliseconds>(left), milliseconds(0), kPollInterval);
-    }
-    waiter_.wait(wait);
+    waiter_.wait(time_to_wait());
     {
       const std::scoped_lock lock(state_.mutex);
       if (state_.stopping) return;
     }
     try {
       take_server_messages();
-      follow_map_in_use();
-      take_map_messages();
+      follow_recent_maps();
+      for (auto& [map, channel] : channels_) take_map_messages(channel);
     } catch (const std::exception& error) {  // nothing that a peer sends may end the tracker
       if (warning_.due()) log_->error("what the server sent could not be used: {}", error.what());
     }
   }
 }
 
+milliseconds Receiver::time_to_wait() const {
+  milliseconds wait = kPollInterval;
+  for (const auto& [map, channel] : channels_) {
+    if (!channel.replica.deadline()) continue;
+    const auto left = *channel.replica.deadline() - std::chrono::steady_clock::now();
+    wait = std::clamp(std::chrono::ceil<milliseconds>(left), milliseconds(0), wait);
+  }
+  return wait;
+}
+
 void Receiver::take_server_messages() {
-  take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
+  wire::take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
     if (!sample.message) return;
     const std::scoped_lock lock(state_.mutex);
     act_on(state_.monitor.heard(sample.message->server));
   });
-  take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
+  wire::take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
     const std::scoped_lock lock(state_.mutex);
     if (sample.message) {
       state_.monitor.map_listed(sample.message->map, sample.message->server);
@@ -101,17 +99,20 @@ void Receiver::take_server_messages() {
       directory_.removed(sample.key.map);
     }
   });
-  take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
+  wire::take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
     if (sample.message) act_on(*sample.message);
   });
-  take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
+  wire::take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
     if (sample.message) act_on(*sample.message);
+  });
+  wire::take_all(server_.places, [this](wire::Sample<wire::RelocAnswer>& sample) {
+    if (sample.message) act_on(std::move(*sample.message));
   });
   const bool is_alive = server_.status.alive_writers() > 0;
   const std::scoped_lock lock(state_.mutex);
   act_on(state_.monitor.alive(is_alive));
-  if (state_.options.follow_map && !state_.map_in_use) {
-    state_.choose_map(directory_.find(*state_.options.follow_map, state_.monitor));
+  if (!state_.options.only_map.empty() && !state_.map_in_use) {
+    state_.choose_map(directory_.find(state_.options.only_map, state_.monitor));
   }
 }
 
@@ -123,11 +124,13 @@ void Receiver::act_on(LinkMonitor::Event event) {
     state_.restarted = true;
     state_.session_id = random_session();
     state_.seed.restart(state_.session_id);
+    state_.question.restart(state_.session_id);
     for (OfferReply& reply : state_.spool.restart(state_.session_id, kRestartedText)) {
       state_.offer_replies.push_back(std::move(reply));
     }
   } else if (event == Event::kGone) {
     log_->warn("the server is gone");
+    state_.question.restart(state_.session_id);
   } else {
     log_->info("connected to {}", state_.options.server);
     state_.spool.resend_all();
@@ -177,25 +180,35 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
   state_.for_waiters.notify_all();
 }
 
-void Receiver::follow_map_in_use() {
-  MapId wanted;
-  uint64_t choice = 0;
+void Receiver::act_on(wire::RelocAnswer&& answer) {
+  const std::scoped_lock lock(state_.mutex);
+  if (!state_.question.apply(answer)) return;
+  PlaceAnswer& place = state_.place_answer.emplace(std::move(answer.answer));
+  if (!state_.options.only_map.empty()) {
+    std::erase_if(place.candidates, [&](const PlaceCandidate& c) { return c.map != state_.map_in_use; });
+    if (place.candidates.empty()) place.verdict = PlaceVerdict::kNotKnown;
+  }
+  state_.for_waiters.notify_all();
+}
+
+void Receiver::follow_recent_maps() {
+  std::vector<MapId> wanted;
   {
     const std::scoped_lock lock(state_.mutex);
-    wanted = state_.map_in_use;
-    choice = state_.map_choice;
+    wanted.assign(state_.recent_maps.begin(), state_.recent_maps.end());
   }
-  if (choice == channel_choice_) return;
-  channel_.reset();
-  if (wanted) {
-    Result<MapChannel> channel = open_channel(wanted);
+  std::erase_if(channels_, [&](const auto& entry) {
+    return std::find(wanted.begin(), wanted.end(), entry.first) == wanted.end();
+  });
+  for (const MapId& map : wanted) {
+    if (channels_.contains(map)) continue;
+    Result<MapChannel> channel = open_channel(map);
     if (!channel) {  // tried again soon
-      if (warning_.due()) log_->error("the map cannot be received: {}", channel.error().message);
+      if (warning_.due()) log_->error("a map cannot be received: {}", channel.error().message);
       return;
     }
-    channel_ = std::move(*channel);
+    channels_.emplace(map, std::move(*channel));
   }
-  channel_choice_ = choice;
 }
 
 Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
@@ -211,19 +224,22 @@ Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
                     Replica(map)};
 }
 
-void Receiver::take_map_messages() {
-  if (!channel_) return;
-  Replica& replica = channel_->replica;
+void Receiver::take_map_messages(MapChannel& channel) {
+  Replica& replica = channel.replica;
   const auto receive = [&replica](auto& sample) {
     if (sample.message) replica.receive(std::move(*sample.message));
   };
-  take_all(channel_->patches, receive);
-  take_all(channel_->positions, receive);
-  take_all(channel_->keyframes, receive);
-  take_all(channel_->commits, receive);
+  wire::take_all(channel.patches, receive);
+  wire::take_all(channel.positions, receive);
+  wire::take_all(channel.keyframes, receive);
+  wire::take_all(channel.commits, receive);
   if (!replica.update(std::chrono::steady_clock::now())) return;
   const std::scoped_lock lock(state_.mutex);
-  if (state_.map_choice != channel_choice_) return;
+  if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), replica.map()) ==
+      state_.recent_maps.end())
+    return;
+  state_.replicas[replica.map()] = replica.snapshot();
+  if (replica.map() != state_.map_in_use) return;
   state_.snapshot = replica.snapshot();
   state_.tracker_changed = true;  // the server waits to hear that this revision is in use
   state_.for_sender.notify_one();

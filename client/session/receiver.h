@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -18,7 +20,8 @@
 
 namespace cairn {
 
-/// A session's incoming half, with its own thread: what the server says, and the replica of the map in use.
+/// A session's incoming half, with its own thread: what the server says, and the replicas of the maps
+/// in use of late.
 class Receiver {
  public:
   [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SessionState& state,
@@ -38,6 +41,7 @@ class Receiver {
     wire::Reader<wire::MapInfo> maps;
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
+    wire::Reader<wire::RelocAnswer> places;
   };
   /// The four topics of one map and what has come of them.
   struct MapChannel {
@@ -52,21 +56,22 @@ class Receiver {
            wire::Waiter waiter, Logger log);
 
   void run();
-  void follow_map_in_use();
+  [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
+  void follow_recent_maps();
   [[nodiscard]] Result<MapChannel> open_channel(MapId map);
   void take_server_messages();
-  void take_map_messages();
+  void take_map_messages(MapChannel& channel);
   void act_on(LinkMonitor::Event event);
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);
+  void act_on(wire::RelocAnswer&& answer);
 
   SessionState& state_;
   wire::Participant participant_;
   std::string client_name_;
   ServerReaders server_;
   MapDirectory directory_;
-  std::optional<MapChannel> channel_;
-  uint64_t channel_choice_ = 0;  ///< state_.map_choice that the channel belongs to
+  std::map<MapId, MapChannel> channels_;  ///< of the maps that were in use of late
   wire::Waiter waiter_;
   RateLimit warning_;
   Logger log_;

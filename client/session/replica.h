@@ -9,12 +9,11 @@
 #include <set>
 #include <vector>
 
+#include "common/base/time.h"
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
 
 namespace cairn {
-
-using MonotonicTime = std::chrono::steady_clock::time_point;
 
 /// How long a replica waits for exactly the listed versions before it takes newer ones too (DESIGN 4).
 constexpr std::chrono::milliseconds kOvertakenLimit{500};

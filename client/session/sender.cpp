@@ -20,17 +20,18 @@ Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::P
                                               const std::string& partition, const CameraParameters& camera,
                                               wire::ImageEncoding encoding, Logger log) {
   auto writers = wire::create_all<wire::Writer<wire::CameraMessage>, wire::Writer<wire::TrackerStateMessage>,
-                                  wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>>(participant,
-                                                                                                  partition);
+                                  wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>,
+                                  wire::Writer<wire::RelocQuery>>(participant, partition);
   if (!writers) return tl::unexpected(writers.error());
-  auto& [cameras, tracker, seeds, offers] = *writers;
+  auto& [cameras, tracker, seeds, offers, questions] = *writers;
   wire::CameraMessage message;
   message.client = state.client;
   message.parameters = camera;
   if (Status written = cameras.write(message); !written) return tl::unexpected(written.error());
-  return std::unique_ptr<Sender>(
-      new Sender(state, {std::move(cameras), std::move(tracker), std::move(seeds), std::move(offers)},
-                 encoding, std::move(log)));
+  return std::unique_ptr<Sender>(new Sender(
+      state,
+      {std::move(cameras), std::move(tracker), std::move(seeds), std::move(offers), std::move(questions)},
+      encoding, std::move(log)));
 }
 
 Sender::Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log)
@@ -67,9 +68,14 @@ void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTim
   state_.tracker_changed = false;
   wire::TrackerStateMessage message = state_.tracker;
   message.session = state_.session_id;
+  // The pose of the frame may be in the map that was in use before.
+  const MapSnapshotPtr replica = state_.replica_in_use();
+  if (message.map != state_.map_in_use && message.state != TrackingState::kStarting) {
+    message.state = TrackingState::kLost;
+  }
   message.map = state_.map_in_use;
-  message.epoch = state_.snapshot ? state_.snapshot->epoch : Epoch{};
-  message.revision = state_.snapshot ? state_.snapshot->revision : Revision{};
+  message.epoch = replica ? replica->epoch : Epoch{};
+  message.revision = replica ? replica->revision : Revision{};
   lock.unlock();
   report(writers_.tracker.write(message), "TrackerState");
   lock.lock();
@@ -77,11 +83,15 @@ void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTim
 
 void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
   while (!state_.stopping && state_.monitor.link() == ServerLink::kConnected) {
-    const auto seed = writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
-    const auto offer = !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
-    if (!seed && !offer) return;
+    const auto question = writers_.questions.matched() > 0 ? state_.question.next(now) : std::nullopt;
+    const auto seed = !question && writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
+    const auto offer =
+        !question && !seed && writers_.offers.matched() > 0 ? state_.spool.next(now) : std::nullopt;
+    if (!question && !seed && !offer) return;
     lock.unlock();
-    if (seed) {
+    if (question) {
+      report(writers_.questions.write(make_message(*question)), "RelocQuery");
+    } else if (seed) {
       report(writers_.seeds.write(make_message(*seed)), "MapSeed");
     } else {
       report(writers_.offers.write(make_message(*offer)), "KeyframeOffer");
@@ -119,6 +129,19 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.time = sendable.offer->time;
   message.image = encode_image(*sendable.offer->image, encoding_);
   message.measurements = proposal.measurements;
+  return message;
+}
+
+wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) const {
+  const PlaceQuestionSent& question = *sendable.question;
+  wire::RelocQuery message;
+  message.client = state_.client;
+  message.command = sendable.command;
+  message.map_hint = question.map_hint;
+  message.lockstep = state_.options.lockstep;
+  message.time = question.time;
+  message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);
+  message.corners = question.view->corners;
   return message;
 }
 

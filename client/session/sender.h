@@ -13,7 +13,7 @@
 namespace cairn {
 
 /// A session's outgoing half, with its own thread: the camera, the tracker's state (at most 60 times a
-/// second, at least five times), seeds and offers. Images are encoded here, off the frame loop.
+/// second, at least five times), seeds, offers and questions. Images are encoded here, off the frame loop.
 class Sender {
  public:
   [[nodiscard]] static Result<std::unique_ptr<Sender>> start(SessionState& state,
@@ -32,6 +32,7 @@ class Sender {
     wire::Writer<wire::TrackerStateMessage> tracker;
     wire::Writer<wire::MapSeed> seeds;
     wire::Writer<wire::KeyframeOffer> offers;
+    wire::Writer<wire::RelocQuery> questions;
   };
   Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log);
 
@@ -40,6 +41,7 @@ class Sender {
   void send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now);
   [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable) const;
   [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable) const;
+  [[nodiscard]] wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable) const;
   void report(const Status& written, const char* what);
 
   SessionState& state_;

@@ -80,10 +80,12 @@ MapSnapshotPtr Session::snapshot() const {
   return state_->shared.snapshot;
 }
 
-void Session::use_map(MapId map) {
+void Session::use_map(MapId map, Epoch epoch, Revision revision) {
   {
     const std::scoped_lock lock(state_->shared.mutex);
     state_->shared.choose_map(map);
+    if (map) state_->shared.required = RequiredRevision{map, epoch, revision};
+    state_->shared.tracker_changed = true;
   }
   state_->receiver->map_changed();
 }
@@ -115,10 +117,19 @@ void Session::send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestam
   shared.for_sender.notify_one();
 }
 
+void Session::send_question(std::shared_ptr<const PlaceView> view, Timestamp time) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  if (shared.monitor.link() != ServerLink::kConnected) return;
+  shared.question.put({std::move(view), shared.map_in_use, time});
+  shared.for_sender.notify_one();
+}
+
 void Session::publish_state(const FrameResult& result, Timestamp time) {
   SessionState& shared = state_->shared;
   const std::scoped_lock lock(shared.mutex);
   shared.tracker.state = result.state;
+  shared.tracker.map = result.map;
   shared.tracker.camera_from_map = result.camera_from_map;
   shared.tracker.quality = result.quality;
   shared.tracker.frame_time = time;
@@ -136,6 +147,11 @@ std::vector<OfferReply> Session::take_offer_replies() {
   return std::exchange(state_->shared.offer_replies, {});
 }
 
+std::optional<PlaceAnswer> Session::take_place_answer() {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return std::exchange(state_->shared.place_answer, std::nullopt);
+}
+
 SessionStatus Session::status() const {
   const SessionState& shared = state_->shared;
   const wire::Traffic traffic = state_->participant.traffic();
@@ -149,7 +165,10 @@ SessionStatus Session::status() const {
   if (status.link == ServerLink::kConnecting) {
     status.text = "waiting for a server at " + shared.options.server;
   } else if (status.link == ServerLink::kGone) {
-    status.text = shared.snapshot ? "server gone: tracking on the replica" : "server gone";
+    const bool lost = shared.tracker.state == TrackingState::kLost;
+    status.text = !shared.snapshot ? "server gone"
+                  : lost ? "server gone: lost; searching from where it was last, no more can be done"
+                         : "server gone: tracking on the replica";
   } else if (!shared.refusal.empty()) {
     status.link = ServerLink::kRefused;
     status.text = shared.refusal;
@@ -186,7 +205,7 @@ bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
   std::unique_lock lock(shared.mutex);
   const auto is_lost = [&] { return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known(); };
   const auto is_settled = [&] {
-    return shared.seed.empty() && shared.spool.size() == 0 && shared.is_current();
+    return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() && shared.is_current();
   };
   shared.for_waiters.wait_for(lock, timeout, [&] { return is_lost() || is_settled(); });
   return !is_lost() && is_settled();

@@ -14,6 +14,8 @@
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/image/image.h"
+#include "common/image/place.h"
+#include "common/map/place_answer.h"
 #include "common/map/snapshot.h"
 
 /// A client's side of the service: replicas of maps, seeds and keyframe offers with a spool, the server's
@@ -28,9 +30,8 @@ struct SessionOptions {
   std::string name;     ///< [a-z0-9-]{1,32}
   bool lockstep = false;
   size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
-  /// For those who make no maps: while no map is in use, the one of this name, or with an empty name the one
-  /// heard of last, becomes it.
-  std::optional<std::string> follow_map;
+  size_t recent_maps = 4;   ///< received at the same time: switching back to one of them takes no time
+  std::string only_map;     ///< the name of the one map to be used; empty: any
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
 };
 
@@ -69,19 +70,25 @@ class Session {
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
-  /// Newest whole revision of the map in use (the one seeded, or chosen by use_map); null before the first.
+  /// Newest whole revision of the map in use (the one seeded, or chosen by use_map) or, before its first, of
+  /// the map that was in use before; null without any.
   [[nodiscard]] MapSnapshotPtr snapshot() const;
-  /// Makes a map of the server's the one in use; its replica comes.
-  void use_map(MapId map);
+  /// Makes a map of the server's the one in use; its replica comes, or is there if it was in use of late. In
+  /// lockstep settling waits for the revision.
+  void use_map(MapId map, Epoch epoch = {}, Revision revision = {});
   /// Forgets the map in use, e.g. to begin another.
   void leave_map();
 
   void send_seed(SeedProposal proposal);
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time);
+  /// Asks where the frame was taken; an unanswered earlier question is superseded. Dropped while there is no
+  /// server.
+  void send_question(std::shared_ptr<const PlaceView> view, Timestamp time);
   void publish_state(const FrameResult& result, Timestamp time);
 
   [[nodiscard]] std::optional<SeedReply> take_seed_reply();
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();
+  [[nodiscard]] std::optional<PlaceAnswer> take_place_answer();
   [[nodiscard]] SessionStatus status() const;
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.
@@ -91,8 +98,8 @@ class Session {
   [[nodiscard]] bool wait_for_name(std::chrono::milliseconds timeout);
   /// Waits until a whole revision of the map in use is there (false on time-out). For start-up and tests.
   [[nodiscard]] bool wait_for_map(std::chrono::milliseconds timeout);
-  /// Lockstep: waits until every command sent is decided and the revision named by the decision is swapped
-  /// in. False when the server was lost meanwhile or on time-out.
+  /// Lockstep: waits until every command sent is decided, every question answered, and the revision named
+  /// by the decision is swapped in. False when the server was lost meanwhile or on time-out.
   [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);
 
  private:

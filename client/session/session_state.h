@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <deque>
+#include <map>
 #include <mutex>
 #include <optional>
 #include <string>
@@ -32,7 +34,8 @@ struct SessionState {
         client(id),
         session_id(session),
         spool(options.spool_limit, session),
-        seed(session) {
+        seed(session),
+        question(session) {
     tracker.client = id;
   }
 
@@ -54,29 +57,47 @@ struct SessionState {
   SeedSlot seed;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
+  QuestionSlot question;
+  std::optional<PlaceAnswer> place_answer;
 
-  wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica
+  wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
 
   MapId map_in_use;
-  uint64_t map_choice = 0;  ///< counts choices of a map: left and chosen again is another replica
-  MapSnapshotPtr snapshot;  ///< of the map in use
+  std::deque<MapId> recent_maps;             ///< received; the one chosen last first
+  std::map<MapId, MapSnapshotPtr> replicas;  ///< newest whole revisions of them
+  MapSnapshotPtr snapshot;  ///< of the map in use or, until its first revision is there, of the one before
   std::optional<RequiredRevision> required;
 
   void choose_map(MapId map) {
     if (map_in_use == map) return;
     map_in_use = map;
-    ++map_choice;
-    snapshot = nullptr;
     required.reset();
     restarted = false;
+    if (!map) {
+      snapshot = nullptr;
+      return;
+    }
+    std::erase(recent_maps, map);
+    recent_maps.push_front(map);
+    if (recent_maps.size() > options.recent_maps) {
+      replicas.erase(recent_maps.back());
+      recent_maps.pop_back();
+    }
+    if (const MapSnapshotPtr replica = replica_in_use()) snapshot = replica;
+  }
+  /// Null before its first revision.
+  [[nodiscard]] MapSnapshotPtr replica_in_use() const {
+    const auto replica = replicas.find(map_in_use);
+    return replica == replicas.end() ? nullptr : replica->second;
   }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {
     if (!required || required->map != map_in_use) return true;
-    if (snapshot == nullptr || snapshot->epoch != required->epoch)
-      return snapshot && snapshot->epoch > required->epoch;
-    return snapshot->revision >= required->revision;
+    const MapSnapshotPtr replica = replica_in_use();
+    if (replica == nullptr || replica->epoch != required->epoch)
+      return replica && replica->epoch > required->epoch;
+    return replica->revision >= required->revision;
   }
   /// Whether the server in sight knows the map in use (or there is none).
   [[nodiscard]] bool is_map_known() const { return !map_in_use || !restarted || monitor.knows(map_in_use); }

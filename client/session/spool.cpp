@@ -100,4 +100,27 @@ void SeedSlot::restart(SessionId session) {
   timer_.send_at_once();
 }
 
+void QuestionSlot::put(PlaceQuestionSent question) {
+  question_ = std::make_shared<const PlaceQuestionSent>(std::move(question));
+  ++seq_;
+  timer_.send_at_once();
+}
+
+std::optional<QuestionSlot::Sendable> QuestionSlot::next(MonotonicTime now) {
+  if (question_ == nullptr || !timer_.due(now)) return std::nullopt;
+  timer_.sent(now);
+  return Sendable{{session_, seq_}, question_};
+}
+
+bool QuestionSlot::apply(const wire::RelocAnswer& answer) {
+  if (question_ == nullptr || answer.command != wire::CommandId{session_, seq_}) return false;
+  question_.reset();
+  return true;
+}
+
+void QuestionSlot::restart(SessionId session) {
+  session_ = session;
+  question_.reset();
+}
+
 }  // namespace cairn

@@ -119,4 +119,38 @@ class SeedSlot {
   ResendTimer timer_;
 };
 
+/// A frame described, to find out where it was taken.
+struct PlaceQuestionSent {
+  std::shared_ptr<const PlaceView> view;
+  MapId map_hint;
+  Timestamp time;
+};
+
+/// The one question that may be under way. Answering it changes nothing at the server, so it may be sent
+/// again. Pure. One thread.
+class QuestionSlot {
+ public:
+  explicit QuestionSlot(SessionId session) : session_(session) {}
+
+  /// Takes a question; one that is still unanswered is superseded.
+  void put(PlaceQuestionSent question);
+
+  struct Sendable {
+    wire::CommandId command;
+    std::shared_ptr<const PlaceQuestionSent> question;
+  };
+  [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
+  /// Whether the answer is to the question under way, which it then ends.
+  [[nodiscard]] bool apply(const wire::RelocAnswer& answer);
+  /// Nobody will answer: the server has gone or is another one, whose session this is.
+  void restart(SessionId session);
+  [[nodiscard]] bool empty() const { return question_ == nullptr; }
+
+ private:
+  SessionId session_;
+  uint64_t seq_ = 0;
+  std::shared_ptr<const PlaceQuestionSent> question_;
+  ResendTimer timer_;
+};
+
 }  // namespace cairn

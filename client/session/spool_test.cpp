@@ -170,5 +170,42 @@ TEST(SeedSlot, ANewerSeedSupersedesAndAnotherServerGetsItToo) {
   EXPECT_EQ(again->command.session, SessionId{78});
 }
 
+wire::RelocAnswer answer_to(const QuestionSlot::Sendable& sent) {
+  wire::RelocAnswer answer;
+  answer.command = sent.command;
+  return answer;
+}
+
+TEST(QuestionSlot, OneQuestionIsUnderWayAndOnlyItsAnswerCounts) {
+  QuestionSlot slot(SessionId{5});
+  const MonotonicTime now{};
+  EXPECT_FALSE(slot.next(now));
+  slot.put({});
+  const auto first = slot.next(now);
+  ASSERT_TRUE(first);
+  EXPECT_FALSE(slot.next(now)) << "sent";
+  EXPECT_TRUE(slot.next(now + kFirstResend)) << "sent again: it may have been lost";
+  slot.put({});
+  const auto second = slot.next(now);
+  ASSERT_TRUE(second);
+  EXPECT_FALSE(slot.apply(answer_to(*first))) << "superseded";
+  EXPECT_FALSE(slot.empty());
+  EXPECT_TRUE(slot.apply(answer_to(*second)));
+  EXPECT_TRUE(slot.empty());
+  EXPECT_FALSE(slot.apply(answer_to(*second))) << "twice";
+}
+
+TEST(QuestionSlot, ADroppedServerAnswersNothing) {
+  QuestionSlot slot(SessionId{5});
+  slot.put({});
+  const auto sent = slot.next(MonotonicTime{});
+  ASSERT_TRUE(sent);
+  slot.restart(SessionId{6});
+  EXPECT_TRUE(slot.empty());
+  EXPECT_FALSE(slot.apply(answer_to(*sent)));
+  slot.put({});
+  EXPECT_EQ(slot.next(MonotonicTime{})->command.session, SessionId{6});
+}
+
 }  // namespace
 }  // namespace cairn

@@ -12,43 +12,21 @@ constexpr double kNearest = 1e-3;         // ptam.md 5: in front of the camera [
 constexpr float kTemplateChange = 0.07F;  // ptam.md 6: a warp column [search-level px per source px]
 constexpr float kAlignmentReach =
     5.0F;  // [search-level px] radius up to which alignment is tried from where it is expected
-/// A point may be seen from this much farther round, nearer and farther than any keyframe has seen it;
-/// beyond, its patch is not expected to match. 35 degrees, factors of 2.
-constexpr float kExtraAngle = 35.0F * 3.14159265F / 180.0F;
-constexpr float kNearer = 0.5F;
-constexpr float kFarther = 2.0F;
 
-/// Spreads ids so that "the n smallest" is a stable, unbiased choice (Fibonacci hashing).
-uint64_t priority(PointId id) {
-  return id.value * 0x9E3779B97F4A7C15ULL;
-}
-
-bool can_be_seen(const PointVisibility& seen, const Eigen::Vector3f& to_camera) {
-  const float distance = to_camera.norm();
-  if (seen.max_distance > 0 &&
-      (distance < kNearer * seen.min_distance || distance > kFarther * seen.max_distance)) {
-    return false;
-  }
-  if (seen.mean_direction.isZero()) return true;
-  const float angle = std::acos(std::clamp(seen.mean_direction.dot(to_camera) / distance, -1.0F, 1.0F));
-  return angle <= std::acos(std::clamp(seen.min_cosine, -1.0F, 1.0F)) + kExtraAngle;
+/// Spreads ids so that "the n smallest" is a stable, unbiased choice (Fibonacci hashing). Coarse points come
+/// first, all that fit: they are few, and they steady the pose.
+uint64_t rank_of(PointId id, bool is_coarse) {
+  constexpr uint64_t kFine = uint64_t{1} << 63;
+  return (id.value * 0x9E3779B97F4A7C15ULL) >> 1 | (is_coarse ? 0 : kFine);
 }
 
 }  // namespace
 
-PointSearch::PointSearch(CameraPtr camera) {
-  use_camera(std::move(camera));
-}
+PointSearch::PointSearch(CameraPtr camera) : camera_(std::move(camera)), frustum_(*camera_) {}
 
 void PointSearch::use_camera(CameraPtr camera) {
+  frustum_ = Frustum(*camera);
   camera_ = std::move(camera);
-  view_half_angle_ = 0;
-  for (const double x : {0.0, camera_->width() - 1.0}) {
-    for (const double y : {0.0, camera_->height() - 1.0}) {
-      const Eigen::Vector3d ray = camera_->unproject({x, y});
-      view_half_angle_ = std::max(view_half_angle_, std::acos(std::clamp(ray.z(), -1.0, 1.0)));
-    }
-  }
 }
 
 void PointSearch::use_map(const MapSnapshotPtr& map) {
@@ -57,69 +35,68 @@ void PointSearch::use_map(const MapSnapshotPtr& map) {
   templates_.resize(map->point_blocks.size());
 }
 
-bool PointSearch::block_in_view(const PointBlock& block, const SE3& camera_from_map) const {
-  const Eigen::Vector3d center = camera_from_map * block.center.cast<double>();
-  const double distance = center.norm();
-  if (distance <= block.radius) return true;
-  const double angle = std::atan2(center.head<2>().norm(), center.z());
-  return angle - std::asin(std::min(1.0, block.radius / distance)) <= view_half_angle_;
+void PointSearch::collect_candidates(const SE3& camera_from_map) {
+  candidates_.clear();
+  const auto focal_length = static_cast<float>(camera_->focal_length());
+  for (size_t b = 0; b < map_->point_blocks.size(); ++b) {
+    const PointBlock& block = *map_->point_blocks[b];
+    const Eigen::Vector3f center = (camera_from_map * block.center.cast<double>()).cast<float>();
+    if (block.live == 0 || !frustum_.may_hold(center, block.radius)) continue;
+    const BlockView view = view_block(block, frustum_, camera_from_map, focal_length);
+    for (uint64_t slots = view.slots; slots != 0; slots &= slots - 1) {
+      const auto slot = static_cast<size_t>(std::countr_zero(slots));
+      candidates_.push_back({rank_of(block.ids[slot], (view.coarse >> slot & 1) != 0),
+                             {static_cast<int>(b), static_cast<int>(slot)}});
+    }
+  }
 }
 
-void PointSearch::project_block(const PointBlock& block, int block_index, const SE3& camera_from_map,
-                                std::vector<VisiblePoint>* out) const {
-  const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
-  const Eigen::Vector3f camera_center = camera_from_map.center().cast<float>();
-  for (uint64_t live = block.live(); live != 0; live &= live - 1) {
-    const int slot = std::countr_zero(live);
-    const auto s = static_cast<size_t>(slot);
-    const Eigen::Vector3d position = block.position(slot);
-    const Eigen::Vector3d in_camera = rotation * position + camera_from_map.translation();
-    if (in_camera.z() < kNearest) continue;
-    Matrix23d jacobian;
-    const auto pixel = camera_->project(in_camera, &jacobian);
-    if (!pixel || !camera_->in_image(*pixel)) continue;
-    if (!can_be_seen(block.visibility(slot), camera_center - position.cast<float>())) continue;
-
-    const Matrix23d by_map = jacobian * rotation;
-    Warp warp;
-    warp.col(0) = (by_map * block.right[s].cast<double>()).cast<float>();
-    warp.col(1) = (by_map * block.down[s].cast<double>()).cast<float>();
-    const auto level = warp_level(warp);
-    if (!level) continue;
-    VisiblePoint& point = out->emplace_back();
-    point.id = block.source(slot).id;
-    point.slot = {block_index, slot};
-    point.level = static_cast<uint8_t>(*level);
-    point.position = position;
-    point.expected = pixel->cast<float>();
-    point.level0_from_source = warp;
-    point.depth = static_cast<float>(in_camera.z());
-  }
+bool PointSearch::project(PointSlot slot, const SE3& camera_from_map, const Eigen::Matrix3d& rotation,
+                          VisiblePoint* out) const {
+  const PointBlock& block = *map_->point_blocks[static_cast<size_t>(slot.block)];
+  const auto s = static_cast<size_t>(slot.slot);
+  out->position = block.position(slot.slot);
+  const Eigen::Vector3d in_camera = rotation * out->position + camera_from_map.translation();
+  if (in_camera.z() < kNearest) return false;
+  Matrix23d jacobian;
+  const auto pixel = camera_->project(in_camera, &jacobian);
+  if (!pixel || !camera_->in_image(*pixel)) return false;
+  const Matrix23d by_map = jacobian * rotation;
+  out->level0_from_source.col(0) = (by_map * block.right[s].cast<double>()).cast<float>();
+  out->level0_from_source.col(1) = (by_map * block.down[s].cast<double>()).cast<float>();
+  const auto level = warp_level(out->level0_from_source);
+  if (!level) return false;
+  out->id = block.ids[s];
+  out->slot = slot;
+  out->level = static_cast<uint8_t>(*level);
+  out->expected = pixel->cast<float>();
+  out->depth = static_cast<float>(in_camera.z());
+  return true;
 }
 
 void PointSearch::find_visible(const SE3& camera_from_map, int max_points, std::vector<VisiblePoint>* out) {
   out->clear();
-  for (size_t b = 0; b < map_->point_blocks.size(); ++b) {
-    const PointBlock& block = *map_->point_blocks[b];
-    if (block.live() == 0 || !block_in_view(block, camera_from_map)) continue;
-    project_block(block, static_cast<int>(b), camera_from_map, out);
-  }
-  // Coarse points first, all that fit: they are few, and they steady the pose; then a stable choice of the
-  // finer ones.
-  const auto before = [](const VisiblePoint& a, const VisiblePoint& b) {
-    const bool a_coarse = a.level >= 2;
-    const bool b_coarse = b.level >= 2;
-    if (a_coarse != b_coarse) return a_coarse;
-    return priority(a.id) < priority(b.id);
-  };
+  for (auto& points : by_level_) points.clear();
+  collect_candidates(camera_from_map);
+  const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
+  const auto before = [](const Candidate& a, const Candidate& b) { return a.rank < b.rank; };
   const auto limit = static_cast<size_t>(max_points);
-  if (out->size() > limit) {
-    std::nth_element(out->begin(), out->begin() + static_cast<ptrdiff_t>(limit), out->end(), before);
-    out->resize(limit);
+  size_t taken = 0;
+  // In portions, as not every candidate can be used: a map in view may hold many times the points wanted.
+  for (size_t next = 0; next < candidates_.size() && taken < limit;) {
+    const size_t end = std::min(candidates_.size(), next + (limit - taken));
+    const auto at = [this](size_t i) { return candidates_.begin() + static_cast<ptrdiff_t>(i); };
+    if (end < candidates_.size()) std::nth_element(at(next), at(end), candidates_.end(), before);
+    std::sort(at(next), at(end), before);
+    for (; next < end; ++next) {
+      VisiblePoint point;
+      if (!project(candidates_[next].slot, camera_from_map, rotation, &point)) continue;
+      by_level_[point.level].push_back(point);
+      ++taken;
+    }
   }
-  std::sort(out->begin(), out->end(), [](const VisiblePoint& a, const VisiblePoint& b) {
-    return a.level != b.level ? a.level > b.level : priority(a.id) < priority(b.id);
-  });
+  for (auto points = by_level_.rbegin(); points != by_level_.rend(); ++points)
+    out->insert(out->end(), points->begin(), points->end());
 }
 
 bool PointSearch::reproject(const SE3& camera_from_map, VisiblePoint* point) const {

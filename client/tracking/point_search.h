@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/tracking/frame_images.h"
+#include "client/tracking/frustum.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/patch.h"
@@ -40,8 +41,8 @@ class PointSearch {
   void use_map(const MapSnapshotPtr& map);
 
   /// Live points that project into the image at a scale their patch allows and from a side and distance they
-  /// can have been seen from: the rest can not count against quality. At most `max_points`, a stable
-  /// pseudo-random choice; `out` is ordered by level, coarsest first.
+  /// can have been seen from: the rest can not count against quality. At most `max_points`: the coarse ones
+  /// first, then a stable pseudo-random choice; `out` is ordered by level, coarsest first.
   void find_visible(const SE3& camera_from_map, int max_points, std::vector<VisiblePoint>* out);
   /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves
   /// the view.
@@ -58,15 +59,24 @@ class PointSearch {
   };
   using CachedBlock = std::array<CachedTemplate, kBlockSlots>;
 
-  [[nodiscard]] bool block_in_view(const PointBlock& block, const SE3& camera_from_map) const;
-  void project_block(const PointBlock& block, int block_index, const SE3& camera_from_map,
-                     std::vector<VisiblePoint>* out) const;
+  /// A point that may be in view; the least ranks are looked for.
+  struct Candidate {
+    uint64_t rank = 0;
+    PointSlot slot;
+  };
+
+  void collect_candidates(const SE3& camera_from_map);
+  /// False when it is out of view, or at a scale that its patch does not allow.
+  [[nodiscard]] bool project(PointSlot slot, const SE3& camera_from_map, const Eigen::Matrix3d& rotation,
+                             VisiblePoint* out) const;
   [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point);
 
   CameraPtr camera_;
-  double view_half_angle_ = 0;  ///< [rad] of the cone around the optical axis that holds the image
+  Frustum frustum_;
   MapSnapshotPtr map_;
   std::vector<std::unique_ptr<CachedBlock>> templates_;
+  std::vector<Candidate> candidates_;                               ///< of the frame
+  std::array<std::vector<VisiblePoint>, kPyramidLevels> by_level_;  ///< of the frame
 };
 
 }  // namespace cairn

@@ -9,10 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include "client/tracking/pose_suggestion.h"
+#include "client/tracking/stage.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/image/place.h"
 #include "common/map/ids.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
@@ -20,29 +23,6 @@
 /// The tracker (PTAM 2007, section 5): (frame, map snapshot) -> pose + quality. Pure: no DDS, no threads, no
 /// clock; equal inputs give equal bytes. Used from one thread.
 namespace cairn {
-
-/// Stages of a frame, for the profile handed in by the shell.
-enum class Stage : uint8_t {
-  kPyramid,
-  kCorners,
-  kPrior,
-  kProject,
-  kCoarse,
-  kFine,
-  kPose,
-  kTrails,
-  kRecover,
-  kCount
-};
-[[nodiscard]] const char* to_string(Stage stage);
-
-/// The shell's stopwatch: the engine itself never asks a clock.
-class StageProbe {
- public:
-  virtual ~StageProbe() = default;
-  virtual void begin(Stage stage) = 0;
-  virtual void end(Stage stage) = 0;
-};
 
 struct TrackerOptions {
   int max_points = 1000;  ///< patches searched per frame (ptam.md 5)
@@ -122,8 +102,14 @@ struct FrameResult {
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
   std::optional<KeyframeProposal> keyframe;
+  /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a question is
+  /// under way.
+  std::shared_ptr<const PlaceView> place_question;
   std::string note;  ///< for the status line: why there is no map yet, why it is lost
 };
+
+/// What a tracker that starts over does where a place is known.
+enum class NewMap : uint8_t { kWhereNotKnown, kInAnyCase };
 
 class Tracker {
  public:
@@ -133,8 +119,8 @@ class Tracker {
   Tracker& operator=(const Tracker&) = delete;
 
   /// Tracks one frame of the camera's size against `map` (null: none yet, trails are followed). A map that no
-  /// seed of ours is the beginning of is one that others made: the camera is looked for from its keyframes.
-  /// `image` is kept as long as a seed may need it. The result is valid until the next call.
+  /// seed of ours is the beginning of is entered as one who is lost in it. `image` is kept as long as a seed
+  /// may need it. The result is valid until the next call.
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
 
@@ -147,8 +133,13 @@ class Tracker {
   void seed_accepted(const SeedAnswer& answer);
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);
-  /// Forgets pose and trails; the next frames start a new map.
-  void start_over();
+  /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
+  /// of which no seed is proposed. True: the suggestion is wanted, that is, it is tried in the next frame
+  /// that comes with the map it names, and its poses are published when three frames in a row have proven it
+  /// (DESIGN 7).
+  bool place_answered(const std::optional<PoseSuggestion>& suggestion);
+  /// Forgets the map in use; the next frames start a new one, or find back into one that is known.
+  void start_over(NewMap wish);
 
  private:
   struct State;

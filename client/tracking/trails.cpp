@@ -70,6 +70,7 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   way_.clear();
   first_image_ = image;
   first_time_ = time;
+  movement_ = 0;
   tried_at_movement_ = 0;
   const GrayView level0 = now.pyramid.level(0);
   // A picture poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
@@ -138,6 +139,7 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
     const Eigen::Vector2f expected = center + turn * (trail.now - center) + scale * motion.shift;
     return !follow_one(now, previous, expected, &trail);
   });
+  movement_ = median_movement();
   remember_way();
   const auto fewest =
       std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
@@ -167,21 +169,20 @@ Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, cons
 
 /// Keeps positions about every pixel of movement, so that any number of frames leaves some tens.
 void TrailFollower::remember_way() {
-  const float movement = median_movement();
-  if (movement < (way_.empty() ? 0.0F : way_.back()) + kWayStep) return;
+  if (movement_ < (way_.empty() ? 0.0F : way_.back()) + kWayStep) return;
   if (way_.size() == kMostWay) return;
-  way_.push_back(movement);
+  way_.push_back(movement_);
   for (FollowedTrail& t : trails_) t.path.push_back(t.now);
 }
 
 /// Trails drift from frame to frame; matching the second view with the first tells how much, and the drift
 /// grew on the way.
-std::vector<ThirdView> TrailFollower::views_between(const SeedProposal& proposal, float movement) const {
+std::vector<ThirdView> TrailFollower::views_between(const SeedProposal& proposal) const {
   std::vector<ThirdView> views;
   for (const float share : {0.25F, 0.5F, 0.75F}) {
-    const auto at = std::lower_bound(way_.begin(), way_.end(), share * movement);
-    if (at == way_.end() || *at >= movement) continue;
-    const float way = *at / movement;
+    const auto at = std::lower_bound(way_.begin(), way_.end(), share * movement_);
+    if (at == way_.end() || *at >= movement_) continue;
+    const float way = *at / movement_;
     const auto index = static_cast<size_t>(at - way_.begin());
     ThirdView view{way, {}};
     for (size_t i = 0; i < trails_.size(); ++i) {
@@ -194,8 +195,7 @@ std::vector<ThirdView> TrailFollower::views_between(const SeedProposal& proposal
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
-                                                                   const SeedProposal& proposal,
-                                                                   float movement) const {
+                                                                   const SeedProposal& proposal) const {
   TwoViewOptions options;
   options.sigma = kMatchSigma;
   options.seed = options_.seed;
@@ -204,7 +204,7 @@ tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::ve
   size_t best = 0;
   if (motions->b_from_a.size() > 1) {
     const auto choice =
-        choose_motion(*camera_, matches, motions->b_from_a, views_between(proposal, movement), kMatchSigma);
+        choose_motion(*camera_, matches, motions->b_from_a, views_between(proposal), kMatchSigma);
     if (!choice.decided) {
       return tl::unexpected<TwoViewFailure>(
           {TwoViewRefusal::kAmbiguous,
@@ -218,14 +218,13 @@ tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::ve
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
                                                    const FrameImages& now) {
   if (undecided_ || trails_.size() < kFewestTrails) return std::nullopt;
-  const float movement = median_movement();
-  if (movement < kFewestMovement * static_cast<float>(image->width())) {
+  if (movement_ < kFewestMovement * static_cast<float>(image->width())) {
     note_ =
-        fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement);
+        fmt::format("no parallax yet: the picture has moved {:.0f} px; move the camera sideways", movement_);
     return std::nullopt;
   }
-  if (movement < kMoreMovement * tried_at_movement_) return std::nullopt;
-  tried_at_movement_ = movement;
+  if (movement_ < kMoreMovement * tried_at_movement_) return std::nullopt;
+  tried_at_movement_ = movement_;
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
@@ -236,7 +235,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
     proposal.trails.push_back({t.id, t.first, second});
     matches.push_back({t.first.cast<double>(), second.cast<double>()});
   }
-  const auto geometry = judge(matches, proposal, movement);
+  const auto geometry = judge(matches, proposal);
   if (!geometry) {
     note_ = geometry.error().message;
     return std::nullopt;

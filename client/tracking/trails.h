@@ -34,8 +34,13 @@ class TrailFollower {
 
   /// The proposal was refused: try again after more movement.
   void refused(const std::string& reason);
+  /// Whether a proposal awaits its verdict, or its map.
+  [[nodiscard]] bool is_undecided() const { return undecided_; }
   /// Forgets all trails; the next frame is a first frame.
   void restart();
+
+  /// When their first frame was taken.
+  [[nodiscard]] Timestamp begun_at() const { return first_time_; }
 
   struct Live {
     TrailId id;
@@ -61,10 +66,9 @@ class TrailFollower {
   [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now) const;
   [[nodiscard]] float median_movement() const;
   void remember_way();
-  [[nodiscard]] std::vector<ThirdView> views_between(const SeedProposal& proposal, float movement) const;
+  [[nodiscard]] std::vector<ThirdView> views_between(const SeedProposal& proposal) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
-                                                                    const SeedProposal& proposal,
-                                                                    float movement) const;
+                                                                    const SeedProposal& proposal) const;
 
   CameraPtr camera_;
   TrackerOptions options_;
@@ -74,6 +78,7 @@ class TrailFollower {
   GrayImagePtr first_image_;
   Timestamp first_time_;
   std::vector<float> way_;       ///< [px] median movement at the frames whose positions the trails keep
+  float movement_ = 0;           ///< [px] median of the trails, in the latest frame
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
   bool undecided_ = false;
   std::string note_;

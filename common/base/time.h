@@ -7,6 +7,9 @@
 
 namespace cairn {
 
+/// The clock of leases and time-outs.
+using MonotonicTime = std::chrono::steady_clock::time_point;
+
 /// Capture time of a frame: nanoseconds since the Unix epoch (recordings: since whatever their own zero is).
 /// A distinct type, so that it never mixes with the monotonic clock of leases and time-outs.
 struct Timestamp {

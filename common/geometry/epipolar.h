@@ -9,7 +9,7 @@
 
 /// Models of two calibrated views and their minimal solvers and refinements. Points are homogeneous image
 /// coordinates of the ideal camera, (x/z, y/z, 1). Everything here is a pure function; internal to
-/// estimate_two_view().
+/// find_motions() and build_two_view().
 namespace cairn {
 
 struct NormalisedMatch {

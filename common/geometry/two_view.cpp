@@ -476,18 +476,4 @@ tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camer
   return std::move(structure.geometry);
 }
 
-tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& camera_a,
-                                                                const Camera& camera_b,
-                                                                std::span<const PixelMatch> matches,
-                                                                const TwoViewOptions& options) {
-  const auto motions = find_motions(camera_a, camera_b, matches, options);
-  if (!motions) return tl::unexpected(motions.error());
-  auto geometry = build_two_view(camera_a, camera_b, matches, motions->model, motions->b_from_a[0], options);
-  if (geometry && motions->b_from_a.size() > 1) {
-    return refuse(TwoViewRefusal::kAmbiguous,
-                  text("%zu motions explain the matches equally well", motions->b_from_a.size()));
-  }
-  return geometry;
-}
-
 }  // namespace cairn

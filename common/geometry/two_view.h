@@ -53,8 +53,8 @@ struct TwoViewMotions {
 };
 
 /// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC
-/// on pixels, scores compared as in Mur-Artal et al. (T-RO 2015, IV), homography decomposed after Faugeras
-/// and Lustman (1988), essential by SVD; all candidates of both judged by the side of the camera on which
+/// on pixels, compared by Torr's criterion (GRIC, CVPR 1997), homography decomposed after Faugeras and
+/// Lustman (1988), essential by SVD; all candidates of the better judged by the side of the camera on which
 /// points lie, robustly refined over all inliers by Sampson error. Refuses pure rotation and a standing
 /// camera by the parallax that the noise does not explain. Deterministic for a seed. Safe to call from any
 /// thread.
@@ -68,10 +68,5 @@ struct TwoViewMotions {
 [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(
     const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, TwoViewModel model,
     const SE3& b_from_a, const TwoViewOptions& options = {});
-
-/// find_motions() and build_two_view() of the best, refused as ambiguous when it has rivals.
-[[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(
-    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
-    const TwoViewOptions& options = {});
 
 }  // namespace cairn

@@ -55,6 +55,21 @@ double general_depth(const Eigen::Vector3d& /*ray*/, Random& random) {
   return random.uniform(0.5, 1.5);
 }
 
+/// find_motions() and build_two_view() of the best, refused as ambiguous when it has rivals.
+tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& camera_a,
+                                                                const Camera& camera_b,
+                                                                std::span<const PixelMatch> matches,
+                                                                const TwoViewOptions& options = {}) {
+  const auto motions = find_motions(camera_a, camera_b, matches, options);
+  if (!motions) return tl::unexpected(motions.error());
+  auto geometry =
+      build_two_view(camera_a, camera_b, matches, motions->model, motions->b_from_a.front(), options);
+  if (geometry && motions->b_from_a.size() > 1) {
+    return tl::unexpected(TwoViewFailure{TwoViewRefusal::kAmbiguous, "rivals"});
+  }
+  return geometry;
+}
+
 struct Conditions {
   CameraParameters camera{CameraModel::kPinholeRadtan, 640, 480, {525, 525, 319.5, 239.5}};
   DepthOf depth = general_depth;

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <cstring>
 
-/// Private to common/image: run-time dispatch and lanes of bytes.
+/// For kernels only: run-time dispatch and lanes of bytes.
 ///
 /// Kernels that need nothing but byte arithmetic are written once, as always_inline templates over the vector
 /// type (GCC vector extensions), and instantiated in thin functions that carry the target attribute. No file

@@ -79,7 +79,7 @@ Status write_whole(const std::filesystem::path& path, const std::string& text) {
     std::ofstream file(staged, std::ios::binary | std::ios::trunc);
     file << text;
     file.flush();
-    if (!file) return fail(ErrorCode::kIo, staged.string() + ": cannot be written");
+    if (!file) return fail(ErrorCode::kIo, cannot_be_written(staged));
   }
   std::error_code error;
   std::filesystem::rename(staged, path, error);

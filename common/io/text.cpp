@@ -132,6 +132,12 @@ std::string in_quotes(std::string_view text) {
   return quote;
 }
 
+std::string cannot_be_written(const std::filesystem::path& path) {
+  const int reason = errno;
+  return path.string() + ": cannot be written" +
+         (reason == 0 ? "" : std::string(": ") + std::strerror(reason));
+}
+
 std::string at_line(const std::filesystem::path& path, size_t line, std::string_view message) {
   return path.string() + ":" + std::to_string(line) + ": " + std::string(message);
 }

@@ -46,6 +46,9 @@ struct TextLine {
 /// messages.
 [[nodiscard]] std::string in_quotes(std::string_view text);
 
+/// "FILE: cannot be written: REASON" with what errno says: to be called right after the call that failed.
+[[nodiscard]] std::string cannot_be_written(const std::filesystem::path& path);
+
 /// "FILE:LINE: MESSAGE", the form that editors jump to.
 [[nodiscard]] std::string at_line(const std::filesystem::path& path, size_t line, std::string_view message);
 

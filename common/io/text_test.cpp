@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <random>
 
@@ -74,6 +76,14 @@ TEST(ReadFile, ErrorsNameTheFile) {
   EXPECT_EQ(*read_file(path, 5), "12345");
   EXPECT_EQ(read_file(path, 4).error().code, ErrorCode::kDamaged);
   std::filesystem::remove(path);
+}
+
+TEST(CannotBeWritten, GivesTheSystemsReasonIfThereIsOne) {
+  errno = ENOSPC;
+  EXPECT_EQ(cannot_be_written("a/b.txt"),
+            std::string("a/b.txt: cannot be written: ") + std::strerror(ENOSPC));
+  errno = 0;
+  EXPECT_EQ(cannot_be_written("a/b.txt"), "a/b.txt: cannot be written");
 }
 
 }  // namespace

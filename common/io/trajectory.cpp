@@ -87,7 +87,7 @@ Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
 
 Result<TrajectoryWriter> TrajectoryWriter::open(const std::filesystem::path& path) {
   std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  if (!file) return fail(ErrorCode::kIo, path.string() + ": cannot be written");
+  if (!file) return fail(ErrorCode::kIo, cannot_be_written(path));
   return TrajectoryWriter(path, std::move(file));
 }
 
@@ -106,7 +106,7 @@ Status TrajectoryWriter::append(const MapId& map, std::string_view map_name, con
                     format_timestamp(pose.time).c_str(), t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
   file_.write(row.data(), std::clamp<std::streamsize>(length, 0, row.size() - 1));
   file_.flush();
-  if (!file_) return fail(ErrorCode::kIo, path_.string() + ": cannot be written");
+  if (!file_) return fail(ErrorCode::kIo, cannot_be_written(path_));
   current_map_ = map;
   return {};
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <limits>
 
 namespace cairn {
@@ -73,16 +74,37 @@ std::optional<PixelVectors> pixel_vectors(const PointSource& source, const Eigen
   return vectors;
 }
 
+void put_vectors(const PixelVectors& vectors, size_t slot, PointBlock* block) {
+  block->right[slot] = vectors.right;
+  block->down[slot] = vectors.down;
+  const Eigen::Vector3f span = vectors.right.cross(vectors.down);
+  block->span_x[slot] = span.x();
+  block->span_y[slot] = span.y();
+  block->span_z[slot] = span.z();
+}
+
+void put_visibility(const PointVisibility& seen, size_t slot, PointBlock* block) {
+  block->view_x[slot] = seen.mean_direction.x();
+  block->view_y[slot] = seen.mean_direction.y();
+  block->view_z[slot] = seen.mean_direction.z();
+  const float cosine = seen.mean_direction.isZero() ? -1.0F : std::clamp(seen.min_cosine, -1.0F, 1.0F);
+  block->view_cosine[slot] = cosine;
+  block->view_sine[slot] = std::sqrt(1 - cosine * cosine);
+  const bool is_known = seen.max_distance > 0;
+  block->nearest[slot] = is_known ? seen.min_distance : 0.0F;
+  block->farthest[slot] = is_known ? seen.max_distance : std::numeric_limits<float>::infinity();
+}
+
 /// Sphere about the centre of the live points' bounding box.
-void bound_live_points(PointBlock* block, uint64_t live) {
+void bound_live_points(PointBlock* block) {
   Eigen::Vector3f low = Eigen::Vector3f::Constant(std::numeric_limits<float>::max());
   Eigen::Vector3f high = -low;
   const auto for_each_live = [&](auto&& visit) {
     for (size_t s = 0; s < static_cast<size_t>(block->count); ++s) {
-      if (is_live(live, s)) visit(Eigen::Vector3f(block->x[s], block->y[s], block->z[s]));
+      if (is_live(block->live, s)) visit(Eigen::Vector3f(block->x[s], block->y[s], block->z[s]));
     }
   };
-  if (live == 0) return;
+  if (block->live == 0) return;
   for_each_live([&](const Eigen::Vector3f& p) {
     low = low.cwiseMin(p);
     high = high.cwiseMax(p);
@@ -103,7 +125,7 @@ std::optional<PointSlot> MapSnapshot::find(PointId id) const {
   const PointSource* point = find_by_id(points, id);
   if (point == nullptr) return std::nullopt;
   const int slot = static_cast<int>(point - points.data());
-  if (slot >= (*block)->count || !is_live((*block)->live(), static_cast<size_t>(slot))) return std::nullopt;
+  if (slot >= (*block)->count || !is_live((*block)->live, static_cast<size_t>(slot))) return std::nullopt;
   return PointSlot{static_cast<int>(block - point_blocks.begin()), slot};
 }
 
@@ -130,7 +152,7 @@ const KeyframePose* MapSnapshot::nearest_keyframe(const Eigen::Vector3d& center)
 
 size_t MapSnapshot::point_count() const {
   size_t count = 0;
-  for (const auto& block : point_blocks) count += static_cast<size_t>(std::popcount(block->live()));
+  for (const auto& block : point_blocks) count += static_cast<size_t>(std::popcount(block->live));
   return count;
 }
 
@@ -155,21 +177,18 @@ std::shared_ptr<const PointBlock> make_point_block(
     block->x[s] = position.x();
     block->y[s] = position.y();
     block->z[s] = position.z();
+    block->ids[s] = patches->points[s].id;
+    put_visibility(positions->visibility[s], s, block.get());
     if (!is_live(positions->live, s)) continue;
     const KeyframePose* source = find_keyframe(keyframes, patches->points[s].keyframe).pose;
     if (source == nullptr) continue;
     const auto vectors = pixel_vectors(patches->points[s], position, source->camera_from_map);
     if (!vectors) continue;
-    block->right[s] = vectors->right;
-    block->down[s] = vectors->down;
+    put_vectors(*vectors, s, block.get());
     live |= bit_of(s);
   }
-  bound_live_points(block.get(), live);
-  if (live != positions->live) {
-    auto masked = std::make_shared<PositionBlock>(*positions);
-    masked->live = live;
-    positions = std::move(masked);
-  }
+  block->live = live;
+  bound_live_points(block.get());
   block->patches = std::move(patches);
   block->positions = std::move(positions);
   return block;

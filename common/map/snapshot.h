@@ -84,20 +84,28 @@ struct KeyframeBlock {
   std::vector<KeyframePose> keyframes;
 };
 
-/// 64 points ready for the tracker: structure of arrays for the projection loop, patch vectors, and a
-/// bounding sphere to pass over whole blocks that are out of view. Derived from the three topics; immutable.
+/// 64 points ready for the tracker: structure of arrays for the loops over all points of a map, patch
+/// vectors, and a bounding sphere to pass over whole blocks that are out of view. Derived from the three
+/// topics; immutable.
 struct PointBlock {
+  uint64_t live = 0;  ///< bit s: slot s holds a point of the map that can be projected
+  Eigen::Vector3f center = Eigen::Vector3f::Zero();  ///< of the bounding sphere of the live points
+  float radius = 0;
   std::shared_ptr<const PatchBlock> patches;
   std::shared_ptr<const PositionBlock> positions;
   int count = 0;
+  std::array<PointId, kBlockSlots> ids{};
   alignas(32) std::array<float, kBlockSlots> x{}, y{}, z{};  ///< map frame
+  /// PointVisibility by component, with the sine of the angle; where unknown, cosine -1 and distances 0 and
+  /// infinite.
+  alignas(32) std::array<float, kBlockSlots> view_x{}, view_y{}, view_z{},
+      view_cosine{}, view_sine{}, nearest{}, farthest{};
+  /// right x down, map frame: along the patch's normal, as long as the area of one source-level pixel on it.
+  alignas(32) std::array<float, kBlockSlots> span_x{}, span_y{}, span_z{};
   /// Map-frame displacement on the patch's plane of one source-level pixel to the right, and one down (PTAM
   /// 2007, 5.2).
   std::array<Eigen::Vector3f, kBlockSlots> right{}, down{};
-  Eigen::Vector3f center = Eigen::Vector3f::Zero();  ///< of the bounding sphere of the live points
-  float radius = 0;
 
-  [[nodiscard]] uint64_t live() const { return positions->live; }
   [[nodiscard]] const PointSource& source(int slot) const {
     return patches->points[static_cast<size_t>(slot)];
   }

@@ -83,7 +83,7 @@ TEST_F(SnapshotTest, PatchVectorsSpanOnePixelOfTheSourceViewOnThePlane) {
   const auto block =
       make_point_block(made.patches, made.positions, {keyframe_block({{{1}, camera_from_map, 2}})});
   ASSERT_EQ(block->count, kBlockSlots);
-  EXPECT_EQ(block->live(), ~uint64_t{0});
+  EXPECT_EQ(block->live, ~uint64_t{0});
   EXPECT_EQ(block->positions, made.positions) << "nothing was lost, so the block is shared";
   for (int s = 0; s < kBlockSlots; ++s) {
     const auto i = static_cast<size_t>(s);
@@ -125,7 +125,7 @@ TEST_F(SnapshotTest, PointsWithoutUsableSourceLoseTheirLiveBit) {
   const uint64_t all = made.positions->live;
   const auto block = make_point_block(made.patches, made.positions,
                                       {keyframe_block({{{1}, SE3(), 2}, {{2}, camera_from_map, 2}}, 0b01)});
-  EXPECT_EQ(block->live(), 0b10001U) << "a removed source keyframe still serves";
+  EXPECT_EQ(block->live, 0b10001U) << "a removed source keyframe still serves";
   EXPECT_EQ(made.positions->live, all) << "the block received is not touched";
   for (const size_t s : {1U, 2U, 3U}) EXPECT_EQ(block->right[s], Eigen::Vector3f::Zero());
 }
@@ -137,7 +137,7 @@ TEST_F(SnapshotTest, BlocksOfUnequalLengthEndAtTheShorter) {
   EXPECT_EQ(make_point_block(longer.patches, shorter.positions, {keyframes})->count, 6);
   const auto block = make_point_block(shorter.patches, longer.positions, {keyframes});
   EXPECT_EQ(block->count, 6);
-  EXPECT_EQ(block->live(), 0b111111U);
+  EXPECT_EQ(block->live, 0b111111U);
 }
 
 TEST_F(SnapshotTest, FindsEveryLivePointAndNothingElse) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 
 #include "common/wire/test_messages.h"
 
@@ -24,9 +25,9 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
 class RoundTrip : public ::testing::Test {};
-using AllMessages =
-    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
-                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict>;
+using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
+                                     MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
+                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -253,6 +254,32 @@ TEST(Validation, Verdicts) {
   offer.refuses("reason too long", [](auto& m) { m.recent[0].reason.assign(1025, 'x'); });
 }
 
+TEST(Validation, RelocQuery) {
+  const Spoiler<RelocQuery> query([](const auto& m) { return !m.corners.empty(); });
+  query.refuses("too many corners", [](auto& m) { m.corners.resize(1025, m.corners[0]); });
+  query.refuses("unknown level", [](auto& m) { m.corners[0].level = kPyramidLevels; });
+  query.refuses("not a number", [](auto& m) { m.corners[0].pixel.x() = kNan; });
+  query.refuses("no session", [](auto& m) { m.command.session = {}; });
+  query.refuses("an encoded image", [](auto& m) { m.small_image.encoding = ImageEncoding::kJpeg; });
+  query.refuses("a whole image", [](auto& m) {
+    m.small_image = {ImageEncoding::kRaw, 640, 480, std::vector<uint8_t>(size_t{640} * 480)};
+  });
+}
+
+TEST(Validation, RelocAnswer) {
+  const Spoiler<RelocAnswer> answer;
+  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(3); });
+  answer.refuses("a place without a candidate", [](auto& m) {
+    m.answer.verdict = PlaceVerdict::kConfirmed;
+    m.answer.candidates.clear();
+  });
+  answer.refuses("too many candidates",
+                 [](auto& m) { m.answer.candidates.resize(17, m.answer.candidates[0]); });
+  answer.refuses("infinite score", [](auto& m) { m.answer.candidates[0].score = kInfinity; });
+  answer.refuses("control character", [](auto& m) { m.answer.candidates[0].reason = std::string("\r"); });
+  answer.refuses("a negative count", [](auto& m) { m.answer.candidates[0].inliers = -1; });
+}
+
 TEST(Sizes, StateSamplesStayBelow64kB) {
   PointPatches patches{{}, {}, {0, 1, std::vector<PointSource>(kBlockSlots)}};
   Scratch scratch;
@@ -264,6 +291,10 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   SeedVerdict verdict;
   verdict.points.resize(kMaxTrails);
   EXPECT_LT(internal::payload_bytes<SeedVerdict>(encode(verdict, &scratch)), 64U * 1024);
+  RelocQuery query;
+  query.small_image = {ImageEncoding::kRaw, 80, 60, std::vector<uint8_t>(size_t{80} * 60)};
+  query.corners.resize(std::accumulate(kPlaceCorners.begin(), kPlaceCorners.end(), size_t{0}));
+  EXPECT_LT(internal::payload_bytes<RelocQuery>(encode(query, &scratch)), 64'000U);
   EXPECT_LT(internal::payload_bytes<TrackerStateMessage>(encode(TrackerStateMessage{}, &scratch)), 1300U);
 }
 

@@ -9,9 +9,11 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/image/place.h"
 #include "common/map/ids.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
+#include "common/map/place_answer.h"
 #include "common/map/snapshot.h"
 
 /// What travels, as value types: one struct per topic of idl/README.md. Conversion to and from the generated
@@ -79,6 +81,19 @@ struct KeyframeOffer {
   Timestamp time;
   ImageMessage image;
   std::vector<PointMeasurement> measurements;
+};
+
+/// Topic RelocQuery: query, keyed by client. A newer one replaces one that has not been taken.
+struct RelocQuery {
+  ClientId client;
+  CommandId command;
+  MapId map_hint;  ///< in which the tracker was last; none: nowhere yet
+  uint32_t camera = 0;
+  uint32_t camera_version = 1;
+  bool lockstep = false;
+  Timestamp time;
+  ImageMessage small_image;  ///< raw; pyramid level 3 of the frame
+  std::vector<PlaceCorner> corners;
 };
 
 /// Topic TrackerState: stream, liveliness 3 s.
@@ -204,6 +219,13 @@ struct OfferVerdict {
   uint64_t last_decided = 0;         ///< every seq up to here has been decided
   uint32_t credit = 0;               ///< offers that may be in flight beyond last_decided
   std::vector<OfferOutcome> recent;  ///< the last up to 16
+};
+
+/// Topic RelocAnswer: query, keyed by client.
+struct RelocAnswer {
+  ClientId client;
+  CommandId command;   ///< of the query answered
+  PlaceAnswer answer;  ///< up to 16 candidates
 };
 
 }  // namespace cairn::wire

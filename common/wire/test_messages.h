@@ -42,6 +42,11 @@ CAIRN_MEMBERS(KeyframePoses, a, b, c)
 CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(SeedVerdict, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
+CAIRN_MEMBERS(PlaceCorner, a, b, c)
+CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(PlaceCandidate, a, b, c, d, e, f, g, h, i, j, k)
+CAIRN_MEMBERS(PlaceAnswer, a, b, c)
+CAIRN_MEMBERS(RelocAnswer, a, b, c)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -240,6 +245,37 @@ inline OfferVerdict RandomMessages::make() {
                            {number()},
                            {number()},
                            {number()}});
+  }
+  return made;
+}
+
+template <>
+inline RelocQuery RandomMessages::make() {
+  RelocQuery made{id<ClientId>(), command(), id<MapId>(), 3, 4, coin(), {12345}, {}, {}};
+  made.small_image = image(static_cast<uint32_t>(number(1, 80)), static_cast<uint32_t>(number(1, 60)));
+  made.small_image.encoding = ImageEncoding::kRaw;
+  made.small_image.bytes.resize(size_t{made.small_image.width} * made.small_image.height);
+  for (uint64_t i = 0, n = number(0, 300); i < n; ++i) {
+    made.corners.push_back(
+        {pixel(), static_cast<uint8_t>(number(0, 3)), {number(0), number(0), number(0), number(0)}});
+  }
+  return made;
+}
+template <>
+inline RelocAnswer RandomMessages::make() {
+  RelocAnswer made{id<ClientId>(), command(), {static_cast<PlaceVerdict>(number(0, 2)), {}, text(60)}};
+  for (uint64_t i = 0, n = number(1, 16); i < n; ++i) {
+    made.answer.candidates.push_back({id<MapId>(),
+                                      {number()},
+                                      {number()},
+                                      {number()},
+                                      pose(),
+                                      uniform(-1, 1),
+                                      static_cast<int>(number(0, 99)),
+                                      static_cast<int>(number(0, 99)),
+                                      static_cast<int>(number(0, 99)),
+                                      coin(),
+                                      text(30)});
   }
   return made;
 }

@@ -33,6 +33,8 @@ CAIRN_WIRE_TOPIC(KeyframePoses, KeyframePoses, kState)
 CAIRN_WIRE_TOPIC(MapCommit, MapCommit, kState)
 CAIRN_WIRE_TOPIC(SeedVerdict, SeedVerdict, kState)
 CAIRN_WIRE_TOPIC(OfferVerdict, OfferVerdict, kState)
+CAIRN_WIRE_TOPIC(RelocQuery, RelocQuery, kQuery)
+CAIRN_WIRE_TOPIC(RelocAnswer, RelocAnswer, kQuery)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

@@ -113,6 +113,14 @@ class Reader : public ReaderBase {
   using ReaderBase::ReaderBase;
 };
 
+/// Hands each sample that has come to `use`, until there are no more.
+template <typename Message, typename Use>
+void take_all(Reader<Message>& reader, const Use& use) {
+  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
+    for (Sample<Message>& sample : samples) use(sample);
+  }
+}
+
 /// A writer or reader of each of the types, all in one partition; else why the first that failed did.
 template <typename... Endpoints>
 [[nodiscard]] Result<std::tuple<Endpoints...>> create_all(const Participant& participant,

@@ -28,6 +28,10 @@ class ScaleAnchor {
  public:
   ScaleAnchor() = default;
   explicit ScaleAnchor(const MapState& map);
+  /// Points and what their distance from the first keyframe was [map unit].
+  explicit ScaleAnchor(std::vector<std::pair<PointId, double>> distances)
+      : distances_(std::move(distances)) {}
+  [[nodiscard]] const std::vector<std::pair<PointId, double>>& distances() const { return distances_; }
   /// The similarity about the first camera that puts the unit right; identity when too few of the points are
   /// left.
   [[nodiscard]] Similarity3 correction(const MapState& map) const;

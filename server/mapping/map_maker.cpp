@@ -8,6 +8,7 @@
 
 #include "server/mapping/adjustment.h"
 #include "server/mapping/integrate.h"
+#include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/refind.h"
 #include "server/mapping/seed.h"
@@ -19,14 +20,6 @@ namespace {
 
 constexpr std::array<int, kPyramidLevels> kLevelOrder{3, 0, 1, 2};  // ptam.md 9
 constexpr int kRefindsPerPoll = 200;
-
-/// A keyframe that still lacks points, from a candidate of kLevelOrder[next_level] on.
-struct PendingKeyframe {
-  KeyframeId id;
-  size_t next_level = 0;
-  size_t next_candidate = 0;
-  int made = 0;
-};
 
 /// The finest level has most candidates by far; it may not use up what the levels after it need.
 int level_budget(int level, int remaining) {
@@ -40,7 +33,9 @@ struct MapMaker::State {
   KeyframeSpacing spacing;
   MapState map;
   ScaleAnchor anchor;
+  bool plane_aligned = false;
   SnapshotBuilder builder;
+  MapRecorder recorder = {};
   std::deque<PendingKeyframe> wanting_points = {};
   std::deque<PointId> wanting_observers = {};  ///< new points, to be found in old keyframes
   KeyframeId newest;                           ///< around which the local adjustment goes
@@ -49,6 +44,8 @@ struct MapMaker::State {
   bool global_adjustment_due = false;
 
   [[nodiscard]] bool is_full() const;
+  [[nodiscard]] WorkRecord work() const;
+  void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
@@ -144,13 +141,54 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
                                     .spacing = spacing,
                                     .map = std::move(seeded->map),
                                     .anchor = std::move(seeded->anchor),
+                                    .plane_aligned = seeded->result.plane_aligned,
                                     .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
                                     .newest = seeded->result.second_keyframe});
   return std::pair{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(seeded->result)};
 }
 
+Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapIdentity& identity,
+                                             const MapMakerOptions& options) {
+  auto assembled = assemble_map(record);
+  if (!assembled) return tl::unexpected(assembled.error());
+  MapState& map = assembled->state;
+  const FoundationRecord& foundation = *record.foundation;
+  auto state =
+      std::make_unique<State>(State{.options = options,
+                                    .spacing = {foundation.min_distance_over_depth},
+                                    .map = std::move(map),
+                                    .anchor = ScaleAnchor(foundation.anchors),
+                                    .plane_aligned = foundation.plane_aligned,
+                                    .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch),
+                                    .newest = KeyframeId{1}});
+  if (record.work) state->take_up(*record.work);
+  return Restored{std::unique_ptr<MapMaker>(new MapMaker(std::move(state))), std::move(assembled->repairs)};
+}
+
 MapMaker::MapMaker(std::unique_ptr<State> state) : state_(std::move(state)) {}
 MapMaker::~MapMaker() = default;
+
+WorkRecord MapMaker::State::work() const {
+  return {{wanting_points.begin(), wanting_points.end()},
+          {wanting_observers.begin(), wanting_observers.end()},
+          newest,
+          local_adjustment_due,
+          upkeep_due,
+          global_adjustment_due};
+}
+
+void MapMaker::State::take_up(const WorkRecord& work) {
+  for (const PendingKeyframe& p : work.wanting_points) {
+    if (map.is_live(p.id)) wanting_points.push_back(p);
+  }
+  for (const PointId id : work.wanting_observers) {
+    if (map.is_live(id)) wanting_observers.push_back(id);
+  }
+  if (map.is_live(work.newest)) newest = work.newest;
+  local_adjustment_due = work.local_adjustment_due;
+  upkeep_due = work.upkeep_due;
+  global_adjustment_due = work.global_adjustment_due;
+}
 
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
@@ -217,6 +255,30 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
 MapSnapshotPtr MapMaker::snapshot() {
   state_->map.publish_cameras();
   return state_->builder.build(state_->map);
+}
+
+std::vector<KeyframeView> MapMaker::keyframe_views() const {
+  std::vector<KeyframeView> views;
+  for (const MapKeyframe& k : state_->map.keyframes()) {
+    if (!k.live || !k.images) continue;
+    KeyframeView& view = views.emplace_back();
+    view.id = k.id;
+    view.camera = k.camera;
+    view.pyramid = {k.images, &k.images->pyramid};
+    view.measurements.reserve(k.measurements.size());
+    for (const Measurement& m : k.measurements) view.measurements.push_back({m.point, m.level, m.pixel});
+  }
+  return views;
+}
+
+MapRecord MapMaker::take_changes() {
+  State& s = *state_;
+  const FoundationRecord foundation{s.spacing.min_distance_over_depth, s.anchor.distances(), s.plane_aligned};
+  return s.recorder.take(s.map, foundation, s.work());
+}
+
+void MapMaker::keep_everything_anew() {
+  state_->recorder.reset();
 }
 
 MapStatistics MapMaker::statistics() const {

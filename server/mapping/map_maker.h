@@ -15,6 +15,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/map/ids.h"
+#include "common/map/keyframe_view.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
@@ -120,6 +121,15 @@ struct GlobalAdjustmentDeleter {
 };
 using GlobalAdjustmentPtr = std::unique_ptr<GlobalAdjustment, GlobalAdjustmentDeleter>;
 
+struct MapRecord;  // map_record.h
+
+/// What a map is called, and in which epoch it is served.
+struct MapIdentity {
+  MapId map;
+  std::string name;
+  Epoch epoch;
+};
+
 class MapMaker {
  public:
   /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant
@@ -127,6 +137,14 @@ class MapMaker {
   /// fixed from here on.
   [[nodiscard]] static Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> start(
       const SeedInput& input, const MapMakerOptions& options);
+  /// A map as it was when its record was taken: it goes on as the original would have, in a new epoch.
+  /// `record` is whole; what had to be left out of it is named. Error kDamaged when no map is left.
+  struct Restored {
+    std::unique_ptr<MapMaker> maker;
+    std::vector<std::string> repairs;
+  };
+  [[nodiscard]] static Result<Restored> restore(const MapRecord& record, const MapIdentity& identity,
+                                                const MapMakerOptions& options);
   ~MapMaker();
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
@@ -155,7 +173,15 @@ class MapMaker {
   /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
+  /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer.
+  [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
+
   [[nodiscard]] MapStatistics statistics() const;
+
+  /// What has to be kept of the map's changes since this was called last; the first time, all of the map.
+  [[nodiscard]] MapRecord take_changes();
+  /// The changes taken before could not be kept: the next call gives all of the map again.
+  void keep_everything_anew();
 
  private:
   struct State;

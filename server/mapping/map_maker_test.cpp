@@ -6,103 +6,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <random>
 
 #include "common/geometry/alignment.h"
-#include "common/image/corners.h"
-#include "common/image/patch.h"
 #include "common/image/pyramid.h"
-#include "server/mapping/test_scene.h"
+#include "server/mapping/map_maker_fixture.h"
 
 namespace cairn {
 namespace {
 
+using testing::bytes_of;
 using ::testing::HasSubstr;
+using testing::kNeverYield;
+using testing::kSecondStep;
+using testing::make_offer;
 using testing::Scene;
-
-constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
-const auto kNeverYield = [] { return false; };
-
-/// Trails as a tracker would have them: corners of the first image, their true places in the second with a
-/// pixel's rounding, one in ten wrong.
-std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const SE3& first_pose,
-                               const SE3& second_pose) {
-  CornerList corners;
-  detect_fast10(first.view(), 10, &corners);
-  std::vector<Candidate> candidates = find_candidates(first.view(), corners);
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const auto& a, const auto& b) { return a.score > b.score; });
-  candidates.resize(std::min<size_t>(candidates.size(), 500));
-  std::mt19937_64 random(1);
-  std::vector<Trail> trails;
-  for (const Candidate& c : candidates) {
-    const Eigen::Vector2d a(c.corner.x, c.corner.y);
-    const Eigen::Vector3d point = scene.hit(first_pose, a);
-    if (!scene.sees(second_pose, point)) continue;
-    Eigen::Vector2d b = *scene.camera()->project(second_pose * point);
-    b = {std::round(b.x()), std::round(b.y())};
-    if (trails.size() % 10 == 9)
-      b += Eigen::Vector2d(static_cast<double>(random() % 21) - 10, static_cast<double>(random() % 21) - 10);
-    trails.push_back({TrailId{trails.size() + 1}, a.cast<float>(), b.cast<float>()});
-  }
-  return trails;
-}
-
-/// Similarity from the map to the world of the scene, by the first two keyframes.
-Similarity3 world_from_map(const MapSnapshot& s) {
-  const SE3& first = s.find(KeyframeId{1})->camera_from_map;
-  const SE3& second = s.find(KeyframeId{2})->camera_from_map;
-  const double scale = (Scene::pose(0).center() - Scene::pose(kSecondStep).center()).norm() /
-                       (first.center() - second.center()).norm();
-  const Eigen::Quaterniond rotation = Scene::pose(0).rotation().conjugate() * first.rotation();
-  return {scale, rotation, Scene::pose(0).center() - scale * (rotation * first.center())};
-}
-
-/// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
-/// should be.
-KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
-  KeyframeInput offer;
-  offer.camera = scene.camera();
-  offer.time = Timestamp{step};
-  offer.image = scene.render(Scene::pose(step), static_cast<uint64_t>(step));
-  const SE3 camera_from_map = world_from_map(s).inverse().transform_camera(Scene::pose(step));
-  const KeyframePose* reference = s.nearest_keyframe(camera_from_map.center());
-  offer.reference = reference->id;
-  offer.camera_from_reference = camera_from_map * reference->camera_from_map.inverse();
-  Pyramid pyramid;
-  pyramid.build(offer.image->view());
-  std::array<CornerList, kPyramidLevels> corners;
-  for (int l = 0; l < kPyramidLevels; ++l) {
-    detect_fast10(pyramid.level(l).view(), 10, &corners[static_cast<size_t>(l)]);
-  }
-  for (const auto& block : s.point_blocks) {
-    for (int i = 0; i < block->count; ++i) {
-      const PointSource& source = block->source(i);
-      if (!s.find(source.id)) continue;
-      Matrix23d J;
-      const auto pixel = scene.camera()->project(camera_from_map * block->position(i), &J);
-      if (!pixel || !scene.camera()->in_image(*pixel, 8)) continue;
-      const Matrix23d to_image = J * camera_from_map.rotation_matrix();
-      Warp warp;
-      warp.col(0) = (to_image * block->right[static_cast<size_t>(i)].cast<double>()).cast<float>();
-      warp.col(1) = (to_image * block->down[static_cast<size_t>(i)].cast<double>()).cast<float>();
-      const auto level = warp_level(warp);
-      PatchTemplate patch;
-      if (!level || !make_template(source.pixels, warp, *level, &patch)) continue;
-      const Eigen::Vector2f at(to_level(static_cast<float>(pixel->x()), *level),
-                               to_level(static_cast<float>(pixel->y()), *level));
-      const auto match =
-          find_patch(patch, pyramid.level(*level).view(), corners[static_cast<size_t>(*level)], at, 5);
-      if (!match) continue;
-      offer.measurements.push_back(
-          {source.id,
-           static_cast<uint8_t>(*level),
-           {from_level(match->corner.x, *level), from_level(match->corner.y, *level)}});
-    }
-  }
-  return offer;
-}
 
 /// Distance of each live point from the surface it was made on, over its depth: the source pixel's ray gives
 /// the truth.
@@ -132,60 +49,14 @@ std::vector<double> point_errors(const Scene& scene, const MapSnapshot& s,
   return errors;
 }
 
-class MapMakerTest : public ::testing::Test {
+class MapMakerTest : public testing::MapMakerFixture {
  protected:
-  MapMakerTest() : scene_(11) {
-    input_.map_name = "two planes";
-    input_.epoch = Epoch{1};
-    input_.camera = scene_.camera();
-    input_.first_image = scene_.render(Scene::pose(0), 0);
-    input_.second_image = scene_.render(Scene::pose(kSecondStep), kSecondStep);
-    input_.trails = make_trails(scene_, *input_.first_image, Scene::pose(0), Scene::pose(kSecondStep));
-  }
-
-  void start() {
-    auto started = MapMaker::start(input_, options_);
-    ASSERT_TRUE(started) << started.error().message;
-    maker_ = std::move(started->first);
-    seed_ = std::move(started->second);
-  }
-
-  void work() {
-    for (int i = 0; i < 100; ++i) {
-      if (maker_->step(kNeverYield).work == MapWork::kNone) return;
-    }
-    FAIL() << "the work does not end";
-  }
-
-  /// Offers the view of a step and, when accepted, does all the work.
-  KeyframeDecision offer(int step) {
-    const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), step));
-    if (decision.verdict == KeyframeVerdict::kAccepted) {
-      steps_.push_back(step);
-      work();
-    }
-    return decision;
-  }
-
-  StepReport adjust_globally() {
-    const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-    solve(problem.get(), {});
-    return maker_->adopt(*problem);
-  }
-
   void expect_accurate(double median, double percentile95) {
     const std::vector<double> errors = point_errors(scene_, *maker_->snapshot(), steps_);
     ASSERT_GT(errors.size(), 200U);
     EXPECT_LT(errors[errors.size() / 2], median);
     EXPECT_LT(errors[errors.size() * 95 / 100], percentile95);
   }
-
-  Scene scene_;
-  SeedInput input_;
-  MapMakerOptions options_;
-  std::unique_ptr<MapMaker> maker_;
-  SeedResult seed_;
-  std::vector<int> steps_{0, kSecondStep};  ///< Scene::pose() of each keyframe
 };
 
 TEST_F(MapMakerTest, StartsFromTwoViews) {
@@ -400,30 +271,6 @@ TEST_F(MapMakerTest, FrameAndScaleStayWhatTheyWere) {
   ASSERT_GT(ratios.size(), 50U);
   std::nth_element(ratios.begin(), ratios.begin() + static_cast<ptrdiff_t>(ratios.size() / 2), ratios.end());
   EXPECT_NEAR(ratios[ratios.size() / 2], 1.0, 2e-3);
-}
-
-/// The bytes of everything in a snapshot that is made of numbers.
-std::vector<uint8_t> bytes_of(const MapSnapshot& s) {
-  std::vector<uint8_t> bytes;
-  const auto put = [&bytes](const void* data, size_t size) {
-    const auto* begin = static_cast<const uint8_t*>(data);
-    bytes.insert(bytes.end(), begin, begin + size);
-  };
-  for (const auto& block : s.point_blocks) {
-    put(&block->positions->live, sizeof(uint64_t));
-    for (int i = 0; i < block->count; ++i) {
-      put(block->positions->positions[static_cast<size_t>(i)].data(), 3 * sizeof(float));
-      put(block->visibility(i).mean_direction.data(), 3 * sizeof(float));
-      put(block->source(i).pixels.data(), block->source(i).pixels.size());
-    }
-  }
-  for (const auto& block : s.keyframe_blocks) {
-    for (const KeyframePose& k : block->keyframes) {
-      put(k.camera_from_map.rotation().coeffs().data(), 4 * sizeof(double));
-      put(k.camera_from_map.translation().data(), 3 * sizeof(double));
-    }
-  }
-  return bytes;
 }
 
 TEST_F(MapMakerTest, SameInputSameBytes) {

@@ -59,6 +59,17 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   return images;
 }
 
+MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points)
+    : keyframes_(std::move(keyframes)), points_(std::move(points)) {
+  for (MapPoint& p : points_) {
+    p.observers.clear();
+    if (p.live) live_points_.push_back(p.source.id);
+  }
+  for (const MapKeyframe& k : keyframes_) {
+    for (const Measurement& m : k.measurements) point(m.point).observers.push_back(k.id);
+  }
+}
+
 size_t MapState::live_keyframes() const {
   return static_cast<size_t>(
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));

@@ -72,6 +72,11 @@ struct MapPoint {
 /// and lose `live`. Passing an id that was never given out is a programming error.
 class MapState {
  public:
+  MapState() = default;
+  /// From its parts: ids dense, measurements sound and of live points. Observers and what else can be derived
+  /// are set here.
+  MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points);
+
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
   [[nodiscard]] const std::vector<MapPoint>& points() const { return points_; }
   [[nodiscard]] MapKeyframe& keyframe(KeyframeId id) { return keyframes_[id.value - 1]; }

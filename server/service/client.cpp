@@ -8,12 +8,14 @@
 namespace cairn {
 
 Result<ClientWriters> ClientWriters::create(const wire::Participant& participant, const std::string& client) {
-  auto writers = wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
-                                  wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>>(
-      participant, wire::client_partition(client));
+  auto writers =
+      wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
+                       wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>,
+                       wire::Writer<wire::RelocAnswer>>(participant, wire::client_partition(client));
   if (!writers) return tl::unexpected(writers.error());
-  auto& [status, maps, seeds, offers] = *writers;
-  return ClientWriters{std::move(status), std::move(maps), std::move(seeds), std::move(offers)};
+  auto& [status, maps, seeds, offers, places] = *writers;
+  return ClientWriters{std::move(status), std::move(maps), std::move(seeds), std::move(offers),
+                       std::move(places)};
 }
 
 Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message) {

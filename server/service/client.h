@@ -21,6 +21,7 @@ struct ClientWriters {
   wire::Writer<wire::MapInfo> maps;
   wire::Writer<wire::SeedVerdict> seeds;
   wire::Writer<wire::OfferVerdict> offers;
+  wire::Writer<wire::RelocAnswer> places;
 
   [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
                                                     const std::string& client);
@@ -58,6 +59,7 @@ struct Client {
   OfferGate offer_gate;
   SeedGate seed_gate;
   bool seed_in_work = false;
+  bool query_in_work = false;
   CameraList cameras;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 

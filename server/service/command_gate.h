@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <deque>
 #include <map>
+#include <vector>
 
 #include "common/wire/messages.h"
 
@@ -31,6 +32,10 @@ class OfferGate {
 
   /// A new session begins counting anew; what is still being judged for the old one is forgotten.
   void enter_session(SessionId session);
+  /// Goes on with a session from before a restart, of which these offers (ascending) had been decided. What
+  /// is missing among them is judged when it comes; what lies a credit before the last was known to the
+  /// client.
+  void resume(SessionId session, std::vector<wire::OfferOutcome> decided);
   [[nodiscard]] SessionId session() const { return session_; }
 
   /// Whether to judge offer `seq` of the present session.
@@ -42,12 +47,16 @@ class OfferGate {
   [[nodiscard]] wire::OfferVerdict verdict(ClientId client) const;
 
  private:
-  /// Whether a fresh gate should begin with `seq` rather than with 1.
-  [[nodiscard]] bool is_resumed(uint64_t seq);
+  /// Whether `seq` is the lowest that the client sends, again and again: a gate that knows nothing of this
+  /// session, or not all, believes that what lies before it has been decided.
+  [[nodiscard]] bool is_lowest_wanted(uint64_t seq);
+  /// What was decided ahead and is no longer.
+  void close_ranks();
 
   SessionId session_;
-  uint64_t lowest_seen_ = 0;  ///< by a gate that has admitted none
+  uint64_t lowest_seen_ = 0;  ///< before anything was admitted
   int times_seen_ = 0;        ///< the lowest
+  bool has_admitted_ = false;
   uint64_t last_admitted_ = 0;
   uint64_t last_decided_ = 0;
   std::map<uint64_t, wire::OfferOutcome> decided_ahead_;  ///< while an earlier one is being judged
@@ -60,6 +69,8 @@ class SeedGate {
   enum class Admission : uint8_t { kNew, kRepeated, kInFlight, kSuperseded };
 
   void enter_session(SessionId session);
+  /// As OfferGate::resume(): the last seed that was accepted.
+  void resume(const wire::SeedVerdict& verdict);
   [[nodiscard]] Admission admit(uint64_t seq);
   /// The verdict on an admitted seed. True if it is still the newest one, that is, to be published.
   [[nodiscard]] bool decide(const wire::SeedVerdict& verdict);

@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
 #include <utility>
 
 #include "server/service/switchboard.h"
 
-/// Seeds and offers on their way from the wire to the queue of a map and back.
+/// Seeds, offers and questions on their way from the wire to the queue of a map and back.
 namespace cairn {
 namespace {
 
@@ -16,6 +17,14 @@ bool may_yet_come(Client& client) {
   const MonotonicTime now = steady_clock::now();
   if (!client.camera_missed_at) client.camera_missed_at = now;
   return now - *client.camera_missed_at < kCameraGrace;
+}
+
+std::string describe(const PlaceAnswer& answer) {
+  if (answer.candidates.empty()) return answer.reason;
+  const PlaceCandidate& best = answer.candidates.front();
+  return fmt::format("map {}, keyframe {}, {} corners alike, {} of {} points found, {}",
+                     to_hex(best.map.bytes).substr(0, 8), best.keyframe.value, best.matches, best.inliers,
+                     best.expected, answer.candidates.size());
 }
 
 std::string unknown_camera(uint32_t camera, uint32_t version) {
@@ -50,6 +59,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
     return refuse("the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)");
   }
   if (std::string why = why_memory_is_full(); !why.empty()) return refuse(std::move(why));
+  if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
   SeedJob job;
@@ -65,14 +75,9 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
 
+  job.origin = {client.name, message.command};
   const MapId map = job.input.map;
-  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics) {
-    post([this, map, snapshot = std::move(snapshot), statistics] {
-      on_map_changed(map, snapshot, statistics);
-    });
-  };
-  auto runner = std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background},
-                                            options_.mapping, std::move(changed), log_);
+  auto runner = make_runner(map);
   maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
   verdict.map = map;
   runner->start(std::move(job),
@@ -147,6 +152,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   }
 
   OfferJob job;
+  job.origin = {client.name, message.command};
   job.input.camera = camera;
   job.input.time = message.time;
   job.input.reference = message.reference;
@@ -174,6 +180,46 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
   if (client == clients_.end()) return;
   client->second.offer_gate.decide(session, std::move(outcome));
   write_verdicts(client->second);
+}
+
+void Switchboard::on_query(Client& client, wire::RelocQuery message) {
+  if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
+  PlaceQuery query;
+  query.camera = client.cameras.find(message.camera, message.camera_version);
+  Result<GrayImagePtr> small = decode_image(message.small_image);
+  if (query.camera == nullptr || !small) {
+    return on_query_answered(client.name, message.command,
+                             {PlaceVerdict::kNotKnown, {}, small ? "no such camera" : small.error().message});
+  }
+  query.view.small.assign(**small);
+  query.view.corners = std::move(message.corners);
+  query.lockstep = message.lockstep;
+  client.query_in_work = true;
+  places_->ask(std::move(query), [this, name = client.name, command = message.command](PlaceAnswer answer) {
+    post([this, name, command, answer = std::move(answer)] { on_query_answered(name, command, answer); });
+  });
+}
+
+void Switchboard::on_query_answered(const std::string& client_name, wire::CommandId command,
+                                    const PlaceAnswer& answer) {
+  const auto found = clients_.find(client_name);
+  if (found == clients_.end()) return;
+  Client& client = found->second;
+  client.query_in_work = false;
+  log_->debug("{}: place {}: {}", client_name, to_string(answer.verdict), describe(answer));
+  if (client.writers) report(client.writers->places.write({client.id, command, answer}), "RelocAnswer");
+}
+
+std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
+  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics,
+                             std::vector<KeyframeView> views) {
+    places_->report(snapshot, std::move(views));
+    post([this, map, snapshot = std::move(snapshot), statistics] {
+      on_map_changed(map, snapshot, statistics);
+    });
+  };
+  return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
+                                     store_, std::move(changed), log_);
 }
 
 void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics) {

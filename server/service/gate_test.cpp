@@ -110,6 +110,59 @@ TEST(OfferGate, AForgottenClientGoesOnWithWhatItSendsAgain) {
   EXPECT_EQ(gate.admit(57), OfferGate::Admission::kRepeated);
 }
 
+std::vector<wire::OfferOutcome> outcomes(std::initializer_list<uint64_t> seqs) {
+  std::vector<wire::OfferOutcome> made;
+  for (const uint64_t seq : seqs) made.push_back(outcome(seq));
+  return made;
+}
+
+TEST(OfferGate, ARestoredGateAnswersWhatWasDecidedAndJudgesWhatIsMissing) {
+  OfferGate gate;
+  gate.resume(kSession, outcomes({1, 2, 3, 5, 6, 8}));
+  gate.enter_session(kSession);
+  EXPECT_EQ(gate.verdict({}).last_decided, 6U) << "4 lies a credit before 8: the client had its decision";
+  EXPECT_EQ(gate.admit(5), OfferGate::Admission::kRepeated);
+  EXPECT_EQ(gate.admit(8), OfferGate::Admission::kRepeated);
+  EXPECT_EQ(gate.admit(7), OfferGate::Admission::kNew);
+  EXPECT_EQ(gate.admit(9), OfferGate::Admission::kNew) << "8 needs no judgement";
+  gate.decide(kSession, outcome(9));
+  gate.decide(kSession, outcome(7));
+  EXPECT_EQ(gate.verdict({}).last_decided, 9U);
+  EXPECT_EQ(gate.verdict({}).recent.back().seq, 9U);
+}
+
+TEST(OfferGate, ARestoredGateThatLacksRefusalsFollowsTheClient) {
+  OfferGate gate;
+  gate.resume(kSession, outcomes({10}));  // 7 to 9 were refused, the client knows it, we do not
+  for (int times = 1; times < OfferGate::kSentAgain; ++times)
+    EXPECT_EQ(gate.admit(10), OfferGate::Admission::kRepeated);
+  EXPECT_EQ(gate.verdict({}).last_decided, 6U);
+  EXPECT_EQ(gate.admit(10), OfferGate::Admission::kRepeated);
+  EXPECT_EQ(gate.verdict({}).last_decided, 10U) << "now the client learns of it";
+  EXPECT_EQ(gate.verdict({}).recent.back().seq, 10U);
+  EXPECT_EQ(gate.admit(11), OfferGate::Admission::kNew);
+
+  OfferGate behind;
+  behind.resume(kSession, outcomes({10}));
+  for (int times = 1; times < OfferGate::kSentAgain; ++times)
+    EXPECT_EQ(behind.admit(13), OfferGate::Admission::kGap);
+  EXPECT_EQ(behind.admit(13), OfferGate::Admission::kNew);
+  EXPECT_EQ(behind.verdict({}).last_decided, 12U);
+}
+
+TEST(SeedGate, ARestoredGateRepeatsItsVerdict) {
+  wire::SeedVerdict verdict;
+  verdict.command = {kSession, 3};
+  verdict.accepted = true;
+  SeedGate gate;
+  gate.resume(verdict);
+  gate.enter_session(kSession);
+  EXPECT_EQ(gate.admit(3), SeedGate::Admission::kRepeated);
+  EXPECT_TRUE(gate.verdict().accepted);
+  EXPECT_EQ(gate.admit(2), SeedGate::Admission::kSuperseded);
+  EXPECT_EQ(gate.admit(4), SeedGate::Admission::kNew);
+}
+
 TEST(SeedGate, JudgesTheNewestOnceAndRepeatsItsVerdict) {
   SeedGate gate;
   gate.enter_session(kSession);

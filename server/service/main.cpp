@@ -28,6 +28,8 @@ sigset_t block_signals() {
 
 int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   const auto log = cairn::make_logger("cairn-server", options.verbosity);
+  // A file-size limit is a full disk like any other: an error of the write, not the end.
+  std::signal(SIGXFSZ, SIG_IGN);
   const cairn::wire::LogRedirect middleware_log(log);
   cairn::ServiceOptions service;
   service.domain = options.domain;
@@ -37,8 +39,13 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.mapping.adjuster = options.adjuster;
   service.max_maps = options.max_maps;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
+  service.store = options.store;
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
+  if (options.store.empty()) {
+    std::fprintf(stderr,
+                 "cairn-server: maps are kept in memory only and end with it; --store DIR keeps them\n");
+  }
   auto running = cairn::Service::start(service, log);
   if (!running) {
     std::fprintf(stderr, "cairn-server: %s\n", running.error().message.c_str());

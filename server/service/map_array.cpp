@@ -46,7 +46,9 @@ uint64_t digest(const wire::MapSeed& seed) {
 MapArray::MapArray(uint64_t seed) : seeded_(seed != 0), random_(make_generator(seed)) {}
 
 MapId MapArray::next_id() {
-  return draw_id(random_);
+  MapId id = draw_id(random_);
+  while (maps_.contains(id)) id = draw_id(random_);  // a seed draws again what a restart has brought back
+  return id;
 }
 
 MapId MapArray::repeatable_id(const wire::MapSeed& seed) {

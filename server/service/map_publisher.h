@@ -7,12 +7,11 @@
 #include <optional>
 #include <vector>
 
+#include "common/base/time.h"
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
 
 namespace cairn {
-
-using MonotonicTime = std::chrono::steady_clock::time_point;
 
 /// One revision on its way to one client: what the client does not have in this version, to be written in
 /// this order, then the commit.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/io/image_file.h"
+#include "server/service/resume.h"
 
 namespace cairn {
 namespace {
@@ -58,27 +59,35 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
   return std::make_shared<const GrayImage>(std::move(*decoded));
 }
 
-MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, Changed changed, Logger log)
+MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Changed changed,
+                     Logger log)
     : background_(lanes.background),
       queue_(lanes.urgent),
       options_(options),
+      store_(store),
       changed_(std::move(changed)),
       log_(std::move(log)) {}
 
 void MapRunner::start(SeedJob job, SeedDone done) {
   queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
-    const bool lockstep = job.lockstep;
     Result<SeedResult> result = fail(ErrorCode::kInternal, kInternalError);
     self->guarded([&] {
-      Result<SeedResult> made = self->make_map(std::move(job));
-      if (made && lockstep) self->finish_all_work();
+      Result<SeedResult> made = self->make_map(&job);
+      if (made && job.lockstep) self->finish_all_work();
       if (made) self->publish();
       result = std::move(made);
     });
-    const bool made = result.has_value();
-    done(std::move(result), made ? self->published_ : nullptr);
-    if (made && !lockstep) self->schedule_upkeep();
+    if (!result) return done(std::move(result), nullptr);
+    self->keep_seed(job, *result, std::move(done));
+    if (!job.lockstep) self->schedule_upkeep();
   });
+}
+
+void MapRunner::resume(RestoredMap restored) {
+  maker_ = std::move(restored.maker);
+  epochs_ = std::move(restored.epochs);
+  publish();
+  schedule_upkeep();
 }
 
 void MapRunner::guarded(const std::function<void()>& work) {
@@ -91,17 +100,17 @@ void MapRunner::guarded(const std::function<void()>& work) {
   }
 }
 
-Result<SeedResult> MapRunner::make_map(SeedJob job) {
-  for (auto [message, image] : {std::pair{&job.first_image, &job.input.first_image},
-                                std::pair{&job.second_image, &job.input.second_image}}) {
+Result<SeedResult> MapRunner::make_map(SeedJob* job) {
+  for (auto [message, image] : {std::pair{&job->first_image, &job->input.first_image},
+                                std::pair{&job->second_image, &job->input.second_image}}) {
     Result<GrayImagePtr> decoded = decode_image(*message);
     if (!decoded) return tl::unexpected(decoded.error());
-    if (!fits(**decoded, *job.input.camera)) {
+    if (!fits(**decoded, *job->input.camera)) {
       return fail(ErrorCode::kDamaged, "the images are not of the camera's size");
     }
     *image = std::move(*decoded);
   }
-  auto started = MapMaker::start(job.input, options_);
+  auto started = MapMaker::start(job->input, options_);
   if (!started) return tl::unexpected(started.error());
   maker_ = std::move(started->first);
   return std::move(started->second);
@@ -112,6 +121,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
+    JobOrigin origin = std::move(job.origin);
     OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
     self->guarded([&] {
       OfferJudgement judged = self->judge(std::move(job));
@@ -122,7 +132,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
     });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
     if (self->published_ != nullptr) judgement.revision = self->published_->revision;
-    done(std::move(judgement));
+    self->keep_offer(std::move(origin), std::move(judgement), std::move(done));
     if (accepted && !lockstep) self->schedule_upkeep();
   });
 }
@@ -131,8 +141,11 @@ OfferJudgement MapRunner::judge(OfferJob job) {
   using wire::OfferDecision;
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
   if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
-  if (job.epoch != published_->epoch) {
+  if (!carry_over(epochs_, job.epoch, published_->epoch, &job.input)) {
     return {OfferDecision::kStale, "the map has entered another epoch since the frame was taken", {}, {}};
+  }
+  if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
+    return {OfferDecision::kFull, std::move(why), {}, {}};
   }
   Result<GrayImagePtr> image = decode_image(job.image);
   if (!image) return {OfferDecision::kDamaged, image.error().message, {}, {}};
@@ -199,8 +212,9 @@ void MapRunner::finish_all_work() {
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
-  changed_(snapshot, maker_->statistics());
+  changed_(snapshot, maker_->statistics(), maker_->keyframe_views());
   published_ = std::move(snapshot);
+  save_soon();
 }
 
 }  // namespace cairn

@@ -4,18 +4,28 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
 #include "common/wire/messages.h"
 #include "server/mapping/map_maker.h"
+#include "server/service/map_persistence.h"
 #include "server/service/serial_queue.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
 
+/// Whose command a job is: kept with the decision on it.
+struct JobOrigin {
+  std::string client;  ///< name
+  wire::CommandId command;
+};
+
 /// A seed as it came in: the images are decoded on the map's queue.
 struct SeedJob {
+  JobOrigin origin;
   SeedInput input;  ///< without images
   wire::ImageMessage first_image;
   wire::ImageMessage second_image;
@@ -23,6 +33,7 @@ struct SeedJob {
 };
 
 struct OfferJob {
+  JobOrigin origin;
   KeyframeInput input;  ///< without image
   Epoch epoch;
   wire::ImageMessage image;
@@ -41,10 +52,11 @@ struct OfferJudgement {
 [[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
 
 /// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
-/// them); global adjustments run on a copy in the other lane and are adopted on the queue. Callbacks are made
-/// on the queue. A lockstep job is answered only when the work it causes, global adjustment included, is
-/// finished on the queue's thread. Every job is answered, whatever happens in it, unless stop() comes first.
-/// Thread-safe; tasks keep it alive.
+/// them); global adjustments run on a copy in the other lane and are adopted on the queue. With a store, what
+/// is accepted is answered when it is durable; the queue does not wait for that. Callbacks are made on the
+/// queue, or by the store's writer. A lockstep job is answered only when the work it causes, global
+/// adjustment included, is finished on the queue's thread. Every job is answered, whatever happens in it,
+/// unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {
@@ -52,24 +64,30 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     WorkerPool& background;
   };
   /// A new state of the map: `snapshot` has grown a revision.
-  using Changed = std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics)>;
+  using Changed =
+      std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics, std::vector<KeyframeView> views)>;
   /// `snapshot` is null when the seed was refused.
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
   using OfferDone = std::function<void(OfferJudgement judgement)>;
 
-  MapRunner(Lanes lanes, const MapMakerOptions& options, Changed changed, Logger log);
+  /// `store` outlives the lanes; null: nothing is kept.
+  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Changed changed, Logger log);
 
   /// Makes the map; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
+  /// Goes on with a map from the store; to be called once, before anything else. Publishes it.
+  void resume(RestoredMap restored);
   void offer(OfferJob job, OfferDone done);
   /// Ends upkeep as soon as possible; what waits is dropped without an answer. Does not wait.
   void stop() {
     stopping_ = true;
     queue_.close();
   }
+  /// Hands what has changed to the store. For the end, when no lane runs any more.
+  void save_last_changes();
 
  private:
-  [[nodiscard]] Result<SeedResult> make_map(SeedJob job);
+  [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
   [[nodiscard]] OfferJudgement judge(OfferJob job);
   /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map.
   void guarded(const std::function<void()>& work);
@@ -79,19 +97,31 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void finish_all_work();
   void publish();
 
+  // Into the store (map_keeping.cpp).
+  void keep_seed(const SeedJob& job, const SeedResult& result, SeedDone done);
+  void keep_offer(JobOrigin origin, OfferJudgement judgement, OfferDone done);
+  void save_soon();
+  void save();
+  [[nodiscard]] MapUpdate take_update();
+
   WorkerPool& background_;
   SerialQueue queue_;
   MapMakerOptions options_;
+  MapPersistence* store_;
   Changed changed_;
   Logger log_;
   std::atomic<bool> stopping_{false};
   std::atomic<int> waiting_offers_{0};
+  std::atomic<bool> update_lost_{false};  ///< the store lacks changes that were taken
 
   // What follows belongs to the queue.
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr published_;
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
+  bool save_scheduled_ = false;
+  std::vector<DecisionRecord> refusals_;  ///< to be kept with the next save
+  std::vector<EpochRecord> epochs_;       ///< of the map
   bool frozen_ = false;  ///< its work has failed: it is served as last published and takes no keyframes
 };
 

@@ -49,7 +49,7 @@ constexpr OptionRow kOptions[] = {
      true},
     {"max-maps", "N", "maps at most [1000]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
-    {"store", "DIR", "keeps maps across restarts", false},
+    {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
     {"security", "DIR", "DDS Security files", false},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
 };
@@ -134,6 +134,8 @@ Result<ServerOptions> translate(const Words& words) {
         return refuse("expected a number of megabytes from 1 on");
       }
       options.max_memory_mb = *megabytes;
+    } else if (name == "store") {
+      options.store = value;
     } else if (name == "listen") {
       options.listen = value;
     } else if (name == "profile") {

@@ -23,6 +23,7 @@ struct ServerOptions {
   Adjuster adjuster = Adjuster::kOwn;
   size_t max_maps = 1000;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
+  std::string store;                             ///< folder; empty: nothing is kept
   int verbosity = 0;
 };
 

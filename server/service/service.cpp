@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/wire/participant.h"
+#include "server/service/map_persistence.h"
 #include "server/service/switchboard.h"
 #include "server/service/worker_pool.h"
 
@@ -25,14 +26,18 @@ void name_this_start(ServiceOptions* options) {
 }
 
 /// In order: the switchboard takes nothing more, both lanes end (running work may still call it and the other
-/// lane), then all go.
+/// lane), the last changes go to the store, whose writer ends (its callbacks may call all of them), then all
+/// go.
 struct Service::State {
   State(int workers, const Logger& log) : urgent(workers, 0, log), background(1, kBackgroundNice, log) {}
   ~State() {
     if (switchboard) switchboard->stop();
     urgent.stop();
     background.stop();
+    if (switchboard) switchboard->save_last_changes();
+    store.reset();
   }
+  std::unique_ptr<MapPersistence> store;
   std::unique_ptr<Switchboard> switchboard;
   WorkerPool urgent;
   WorkerPool background;
@@ -46,7 +51,19 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
   }
   auto state = std::make_unique<State>(options.workers, log);
-  auto switchboard = Switchboard::start(options, {state->urgent, state->background}, std::move(log));
+  ServiceOptions known = options;
+  std::vector<RestoredMap> restored;
+  if (!options.store.empty()) {
+    auto store = MapPersistence::start(options.store, log);
+    if (!store) return tl::unexpected(store.error());
+    state->store = std::move(*store);
+    known.server = state->store->server();
+    known.start_count = state->store->start_count();
+    restored = state->store->restore(options.mapping, options.workers);
+    log->info("{} maps from {}", restored.size(), options.store.string());
+  }
+  auto switchboard = Switchboard::start(known, {state->urgent, state->background}, state->store.get(),
+                                        std::move(restored), std::move(log));
   if (!switchboard) return tl::unexpected(switchboard.error());
   state->switchboard = std::move(*switchboard);
   return std::unique_ptr<Service>(new Service(std::move(state)));

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <memory>
 #include <string>
@@ -11,6 +12,7 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 
 namespace cairn {
 
@@ -18,13 +20,15 @@ struct ServiceOptions {
   int domain = 0;
   std::string listen;  ///< interface or address; empty: by profile
   std::string profile = "loopback";
-  uint64_t seed = 0;         ///< of map ids; 0: random
-  ServerId server;           ///< new with every start (there is no store)
-  uint64_t start_count = 1;  ///< larger with every start: the epoch of the maps made in it
-  int workers = 2;           ///< of the urgent lane
+  uint64_t seed = 0;            ///< of map ids; 0: random
+  std::filesystem::path store;  ///< folder in which all is kept; empty: in memory only
+  ServerId server;              ///< without a store: new with every start
+  uint64_t start_count = 1;     ///< without a store: larger with every start, the epoch of its maps
+  int workers = 2;              ///< of the urgent lane
   size_t max_maps = 1000;
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   MapMakerOptions mapping;
+  RelocOptions relocalization;
   int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };
 
@@ -35,8 +39,8 @@ void name_this_start(ServiceOptions* options);
 /// (README.md). Thread-safe.
 class Service {
  public:
-  /// Errors: kUsage (domain), kConfiguration (profile, interface), kRefused (the domain has a server on this
-  /// host).
+  /// With a store, all its maps are there on return. Errors: kUsage (domain), kConfiguration (profile,
+  /// interface), kRefused (the domain has a server on this host, the store has one), kIo (store).
   [[nodiscard]] static Result<std::unique_ptr<Service>> start(const ServiceOptions& options, Logger log);
   /// Answers nothing more and ends running work as soon as possible.
   ~Service();

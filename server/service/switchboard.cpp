@@ -21,13 +21,6 @@ constexpr size_t kMaxClients = 256;  // names remembered; those present are neve
 constexpr size_t kMaxFeeds = 16;     // maps per client
 constexpr std::chrono::seconds kNoticeInterval{1};
 
-template <typename Message, typename Use>
-void take_all(wire::Reader<Message>& reader, const Use& use) {
-  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
-    for (wire::Sample<Message>& sample : samples) use(sample);
-  }
-}
-
 bool is_map_topic(std::string_view topic) {
   const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
                              wire::topic_name<wire::KeyframePoses>(), wire::topic_name<wire::MapCommit>()};
@@ -37,7 +30,8 @@ bool is_map_topic(std::string_view topic) {
 }  // namespace
 
 Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& options, Lanes lanes,
-                                                        Logger log) {
+                                                        MapPersistence* store,
+                                                        std::vector<RestoredMap> restored, Logger log) {
   wire::ParticipantOptions joining;
   joining.domain = static_cast<uint32_t>(options.domain);
   joining.role = wire::Role::kServer;
@@ -50,30 +44,34 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   auto discovered = wire::DiscoveredReaders::create(*participant);
   if (!discovered) return tl::unexpected(discovered.error());
   auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
-                                  wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>>(
-      *participant, wire::kEveryClient);
+                                  wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>,
+                                  wire::Reader<wire::RelocQuery>>(*participant, wire::kEveryClient);
   if (!readers) return tl::unexpected(readers.error());
-  auto& [cameras, states, seeds, offers] = *readers;
+  auto& [cameras, states, seeds, offers, queries] = *readers;
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers}); !attached) {
+  if (Status attached = waiter->attach({*discovered, cameras, states, seeds, offers, queries}); !attached) {
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Switchboard>(
-      new Switchboard(options, lanes, std::move(*participant),
+      new Switchboard(options, lanes, store, std::move(restored), std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
-                       std::move(offers), std::move(*waiter)},
+                       std::move(offers), std::move(queries), std::move(*waiter)},
                       std::move(log)));
 }
 
-Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant,
-                         Readers readers, Logger log)
+Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+                         std::vector<RestoredMap> restored, wire::Participant participant, Readers readers,
+                         Logger log)
     : options_(options),
       lanes_(lanes),
+      store_(store),
+      restored_(std::move(restored)),
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, options.relocalization)),
       next_tick_(steady_clock::now()),
       thread_([this] { run(); }) {}
 
@@ -115,6 +113,7 @@ std::vector<MapSnapshotPtr> Switchboard::maps() const {
 }
 
 void Switchboard::run() {
+  resume(std::exchange(restored_, {}));
   while (true) {
     readers_.waiter.wait(time_to_wait());
     {
@@ -155,7 +154,7 @@ void Switchboard::run_posted() {
 
 void Switchboard::take_messages() {
   for (const wire::DiscoveredReader& reader : readers_.discovered.take()) on_discovered(reader);
-  take_all(readers_.cameras, [this](const auto& sample) {
+  wire::take_all(readers_.cameras, [this](const auto& sample) {
     Client* client = identify(readers_.cameras, sample);
     const auto process = readers_.cameras.peer_of(sample.publication);
     if (client == nullptr || !sample.message || !process) return;
@@ -163,7 +162,7 @@ void Switchboard::take_messages() {
     if (!taken)
       log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
-  take_all(readers_.states, [this](const auto& sample) {
+  wire::take_all(readers_.states, [this](const auto& sample) {
     if (!sample.message) {
       // No tracker disposes; anybody may under any key. That no writer of a key is left, the middleware says.
       if (sample.gone == wire::Gone::kNoWriters) on_gone(sample.key.client);
@@ -172,13 +171,17 @@ void Switchboard::take_messages() {
     if (Client* client = identify(readers_.states, sample))
       on_state(*client, sample.publication, *sample.message);
   });
-  take_all(readers_.seeds, [this](auto& sample) {
+  wire::take_all(readers_.seeds, [this](auto& sample) {
     Client* client = identify(readers_.seeds, sample);
     if (client != nullptr && sample.message) on_seed(*client, std::move(*sample.message));
   });
-  take_all(readers_.offers, [this](auto& sample) {
+  wire::take_all(readers_.offers, [this](auto& sample) {
     Client* client = identify(readers_.offers, sample);
     if (client != nullptr && sample.message) on_offer(*client, std::move(*sample.message));
+  });
+  wire::take_all(readers_.queries, [this](auto& sample) {
+    Client* client = identify(readers_.queries, sample);
+    if (client != nullptr && sample.message) on_query(*client, std::move(*sample.message));
   });
 }
 
@@ -189,12 +192,17 @@ void Switchboard::feed_clients() {
   }
 }
 
+std::string Switchboard::health() const {
+  const std::string trouble = store_ ? store_->trouble() : std::string();
+  return trouble.empty() ? "ok" : trouble;
+}
+
 void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
   const wire::ServerStatus status{options_.server,
                                   options_.start_count,
                                   std::string(version()),
-                                  "ok",
+                                  health(),
                                   static_cast<uint32_t>(presence_.live_count(now)),
                                   static_cast<uint32_t>(maps_.live_count()),
                                   lanes_.urgent.take_load()};

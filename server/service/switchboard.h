@@ -15,6 +15,7 @@
 #include "common/wire/waiter.h"
 #include "server/service/client.h"
 #include "server/service/map_array.h"
+#include "server/service/place_desk.h"
 #include "server/service/presence.h"
 #include "server/service/service.h"
 #include "server/service/worker_pool.h"
@@ -31,6 +32,8 @@ class Switchboard {
     WorkerPool& background;
   };
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
+                                                                  MapPersistence* store,
+                                                                  std::vector<RestoredMap> restored,
                                                                   Logger log);
   ~Switchboard() { stop(); }
   Switchboard(const Switchboard&) = delete;
@@ -45,6 +48,8 @@ class Switchboard {
   /// See Service. Thread-safe.
   void publish(MapSnapshotPtr snapshot);
   [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
+  /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
+  void save_last_changes();
 
  private:
   struct Readers {
@@ -53,10 +58,11 @@ class Switchboard {
     wire::Reader<wire::TrackerStateMessage> states;
     wire::Reader<wire::MapSeed> seeds;
     wire::Reader<wire::KeyframeOffer> offers;
+    wire::Reader<wire::RelocQuery> queries;
     wire::Waiter waiter;
   };
-  Switchboard(const ServiceOptions& options, Lanes lanes, wire::Participant participant, Readers readers,
-              Logger log);
+  Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+              std::vector<RestoredMap> restored, wire::Participant participant, Readers readers, Logger log);
 
   // The loop (switchboard.cpp).
   void run();
@@ -64,6 +70,7 @@ class Switchboard {
   void run_posted();
   void take_messages();
   void feed_clients();
+  [[nodiscard]] std::string health() const;
   void tick(MonotonicTime now);
 
   // Who is there (switchboard.cpp).
@@ -81,12 +88,19 @@ class Switchboard {
   void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
 
+  // Maps and clients from before a restart (resumption.cpp).
+  void resume(std::vector<RestoredMap> restored);
+  void resume_clients(const std::vector<RestoredMap>& restored);
+
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
   void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
                        const MapSnapshotPtr& snapshot);
   void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
+  void on_query(Client& client, wire::RelocQuery message);
+  void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
+  [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
   void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
   /// Why no map may grow; empty when it may.
   [[nodiscard]] std::string why_memory_is_full() const;
@@ -96,11 +110,14 @@ class Switchboard {
 
   const ServiceOptions options_;
   Lanes lanes_;
+  MapPersistence* store_;
+  std::vector<RestoredMap> restored_;  ///< until the thread has taken them up
   wire::Participant participant_;
   Readers readers_;
   Logger log_;
 
   MapArray maps_;
+  std::shared_ptr<PlaceDesk> places_;
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;

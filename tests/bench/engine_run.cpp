@@ -19,6 +19,7 @@
 #include "common/io/trajectory.h"
 #include "server/mapping/adjustment.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 #include "tests/bench/bundle_file.h"
 
 namespace cairn {
@@ -68,6 +69,8 @@ struct Arguments {
   size_t frames = SIZE_MAX;
   size_t after_start = SIZE_MAX;
   bool local_only = false;
+  std::vector<size_t> hidden;  ///< pairs: frame, count; something passes in front of the camera
+  bool ask = true;             ///< a lost tracker may ask the relocalizer
   bool verbose = false;
 };
 
@@ -89,6 +92,7 @@ struct AdjustmentTotals {
 
 struct Totals {
   size_t frames = 0, with_map = 0, tracked = 0, lost = 0, accepted = 0, refused = 0;
+  size_t questions = 0, places = 0;
   long first_map_frame = -1;
   std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms;
   AdjustmentTotals local, global;
@@ -106,11 +110,16 @@ class EngineRun {
 
   void frame(const Frame& frame, TrajectoryWriter* trajectory) {
     const double before = thread_cpu_ms();
-    const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, &probe_);
+    const bool hidden = is_hidden(frame.index);
+    const FrameResult& result =
+        tracker_->track(hidden ? black(*frame.image) : frame.image, frame.time, snapshot_, &probe_);
     totals_.cpu_ms.push_back(thread_cpu_ms() - before);
     probe_.finish_frame();
     ++totals_.frames;
     if (snapshot_) count(frame, result, trajectory);
+    // Alone, a tracker is told no more than that there is no map yet.
+    if (result.place_question && (arguments_.ask || !snapshot_)) answer(*result.place_question);
+    note_recovery(frame.index, hidden, result.pose_measured);
     if (result.seed) seed(*result.seed, frame);
     if (result.keyframe) offer(*result.keyframe, frame);
     if (arguments_.verbose) print_frame(frame, result);
@@ -154,6 +163,7 @@ class EngineRun {
                 percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95));
     t.local.print("local");
     t.global.print("global");
+    std::printf("questions %zu, places found %zu\n", t.questions, t.places);
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
     if (maker_) {
       const MapStatistics m = maker_->statistics();
@@ -175,6 +185,43 @@ class EngineRun {
       static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name,
                                            {frame.time, result.camera_from_map.inverse()}));
     }
+  }
+
+  [[nodiscard]] bool is_hidden(size_t index) const {
+    for (size_t i = 0; i + 1 < arguments_.hidden.size(); i += 2) {
+      if (index >= arguments_.hidden[i] && index - arguments_.hidden[i] < arguments_.hidden[i + 1])
+        return true;
+    }
+    return false;
+  }
+  static GrayImagePtr black(const GrayImage& like) {
+    auto image = std::make_shared<GrayImage>(like.width(), like.height());
+    for (int y = 0; y < image->height(); ++y) std::fill_n(image->row(y), image->width(), uint8_t{8});
+    return image;
+  }
+
+  /// How many frames after the view is free again the first pose comes.
+  void note_recovery(size_t index, bool hidden, bool posed) {
+    if (hidden) {
+      free_since_ = index + 1;
+    } else if (free_since_ > 0 && posed) {
+      std::printf("frame %zu: hidden before, tracked again after %zu frames\n", index,
+                  index - free_since_ + 1);
+      free_since_ = 0;
+    }
+  }
+
+  /// The relocalizer's answer, there before the next frame as in lockstep.
+  void answer(const PlaceView& view) {
+    const PlaceAnswer said = relocalize(index_, *camera_, view);
+    ++totals_.questions;
+    std::optional<PoseSuggestion> place;
+    if (said.verdict == PlaceVerdict::kConfirmed) {
+      ++totals_.places;
+      const PlaceCandidate& best = said.candidates.front();
+      place = PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
+    }
+    tracker_->place_answered(place);
   }
 
   void print_frame(const Frame& frame, const FrameResult& result) const {
@@ -261,6 +308,7 @@ class EngineRun {
       totals_.global.add(thread_cpu_ms() - before, adopted);
     }
     snapshot_ = maker_->snapshot();
+    index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
     for (const CameraEstimate& estimate : maker_->statistics().cameras) use(estimate);
   }
 
@@ -283,6 +331,8 @@ class EngineRun {
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr snapshot_;
+  PlaceIndex index_;
+  size_t free_since_ = 0;
   CpuProbe probe_;
   Totals totals_;
   std::map<std::string, size_t> refusals_;
@@ -375,6 +425,8 @@ int main(int argc, char** argv) {
   app.add_option("--bundle", arguments.bundle,
                  "the last map's global adjustment is written here, for cairn-ba-bench");
   app.add_flag("--ceres", arguments.ceres, "bundle adjustment by Ceres");
+  app.add_option("--hide", arguments.hidden, "frame and count, and so on: the camera sees nothing there");
+  app.add_flag("!--alone", arguments.ask, "a lost tracker asks nobody");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {

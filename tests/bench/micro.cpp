@@ -4,12 +4,15 @@
 // frame, OpenCV's FAST and pyramid. README.md has the figures.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <cstring>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <random>
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
+#include "client/tracking/point_search.h"
 #include "common/geometry/pose.h"
 #include "common/geometry/two_view.h"
 #include "common/image/patch.h"
@@ -137,6 +140,52 @@ void BM_RefinePatch(benchmark::State& state) {
     benchmark::DoNotOptimize(refine_patch(at.patch, prepared().pyramid.level(0).view(), start));
 }
 BENCHMARK(BM_RefinePatch);
+
+/// A map of `count` points strewn over a table of 2 x 2 m, cut by one keyframe 1 m above it.
+MapSnapshotPtr table_of_points(int count) {
+  std::mt19937 engine(1);
+  std::uniform_real_distribution<float> along(-1, 1);
+  auto keyframes = std::make_shared<KeyframeBlock>();
+  keyframes->live = 1;
+  const KeyframeId keyframe{1};
+  keyframes->keyframes.push_back({keyframe, SE3(Eigen::Quaterniond::Identity(), {0, 0, 1}), 1});
+  auto map = std::make_shared<MapSnapshot>();
+  map->keyframe_blocks.push_back(keyframes);
+  constexpr float kPixel = 1.0F / 525;
+  for (int first = 0; first < count; first += kBlockSlots) {
+    auto patches = std::make_shared<PatchBlock>();
+    auto positions = std::make_shared<PositionBlock>();
+    for (int i = first; i < std::min(count, first + kBlockSlots); ++i) {
+      const Eigen::Vector3f at(along(engine), along(engine), 0.1F * along(engine));
+      const Eigen::Vector3f seen = at + Eigen::Vector3f::UnitZ();
+      PointSource source;
+      source.id = PointId{static_cast<uint64_t>(i) + 1};
+      source.keyframe = keyframe;
+      source.level = static_cast<uint8_t>(i % kPyramidLevels);
+      source.ray_center = seen.normalized();
+      const float pixel = kPixel * static_cast<float>(1 << source.level);
+      source.ray_right = (seen + pixel * Eigen::Vector3f::UnitX()).normalized();
+      source.ray_down = (seen + pixel * Eigen::Vector3f::UnitY()).normalized();
+      patches->points.push_back(source);
+      positions->positions.push_back(at);
+      positions->visibility.push_back({-seen.normalized(), 0.9F, 0.7F, 1.3F});
+      positions->live |= uint64_t{1} << (i - first);
+    }
+    map->point_blocks.push_back(make_point_block(patches, positions, map->keyframe_blocks));
+  }
+  return map;
+}
+
+/// Points of a whole map that are to be looked for in a frame that shows a quarter of it.
+void BM_FindVisible(benchmark::State& state) {
+  PointSearch search(desk().shared_camera());
+  search.use_map(table_of_points(static_cast<int>(state.range(0))));
+  std::vector<VisiblePoint> visible;
+  const SE3 camera_from_map(so3_exp({0.2, 0.1, 0}), {0.1, 0, 0.9});
+  for (auto _ : state) search.find_visible(camera_from_map, 1000, &visible);
+  state.counters["visible"] = static_cast<double>(visible.size());
+}
+BENCHMARK(BM_FindVisible)->Arg(1000)->Arg(3000)->Arg(10000)->Arg(30000)->Arg(100000);
 
 void BM_TinyImage(benchmark::State& state) {
   FrameImages images = prepare();

@@ -30,8 +30,8 @@ class MapRunnerTest : public ::testing::Test {
  protected:
   MapRunnerTest()
       : runner_(std::make_shared<MapRunner>(
-            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
-            [this](const MapSnapshotPtr&, const MapStatistics&) {
+            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{}, nullptr,
+            [this](const MapSnapshotPtr&, const MapStatistics&, const std::vector<KeyframeView>&) {
               if (++published_ == fails_at_) throw std::bad_alloc();
             },
             null_logger())) {}

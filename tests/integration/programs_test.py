@@ -7,11 +7,13 @@ programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 import json
 import pathlib
 import signal
+import struct
 import subprocess
 import sys
 import tempfile
 import time
 import unittest
+import zlib
 
 BINARIES = None
 LIMIT = 300  # seconds, which only a broken program takes
@@ -101,6 +103,98 @@ class Followers(OnTheDesk):
                 self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.9, said)
                 self.assertEqual(self.map_row(name), self.map_row("builder"))
                 self.assertLessEqual(self.ate_mm(name), 5)
+
+
+def black_png(width, height):
+    """A gray picture that shows nothing."""
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    rows = (b"\0" + bytes([8]) * width) * height
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)) +
+            chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+class Places(OnTheDesk):
+    """Recordings put together from two desks and a covered camera."""
+    COVERED = 10
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.render("other", 2)
+        cls.write_recording("other-builder", [("other", range(cls.FRAMES))])
+
+    @classmethod
+    def render(cls, folder, seed):
+        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / folder, "--frames", cls.FRAMES,
+                               "--seed", seed),
+                       check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    @classmethod
+    def write_recording(cls, name, parts):
+        """`parts`: (desk, frame numbers); between two of them the camera is covered. Stamps run on at 30 Hz."""
+        folder = cls.folder / name
+        folder.mkdir()
+        (folder / "camera.txt").write_text((cls.folder / "desk/camera.txt").read_text())
+        (folder / "black.png").write_bytes(black_png(640, 480))
+        pictures = []
+        for desk, frames in parts:
+            if pictures:
+                pictures += ["black.png"] * cls.COVERED
+            listed = [row.split()[1] for row in (cls.folder / desk / "rgb.txt").read_text().splitlines() if row[0] != "#"]
+            pictures += [f"../{desk}/{listed[i]}" for i in frames]
+        (folder / "rgb.txt").write_text("".join(f"{i / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
+
+    def play(self, server, name, recording, *more):
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/{recording}", "--domain", server.domain,
+                                      "--name", name, "--headless", "--trajectory", self.folder / f"{name}.txt", "--stats",
+                                      self.folder / f"{name}.json", *more),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return json.loads((self.folder / f"{name}.json").read_text())["frames"], done.stderr
+
+    def assert_back_soon(self, frames, first, said):
+        """Tracked again within 10 frames of seeing something, three of which are the proof."""
+        tracked = [frame["state"] in ("tracking", "poor") for frame in frames]
+        self.assertFalse(any(tracked[first - self.COVERED + 1:first]), "a covered camera has no pose")
+        self.assertFalse(any(tracked[first:first + 2]), "not before it is proven")
+        self.assertTrue(any(tracked[first:first + 11]), said)
+        self.assertGreater(sum(tracked[first + 11:first + 40]), 25, said)
+
+    def test_a_tracker_shown_another_part_of_its_map_after_a_loss_finds_itself(self):
+        self.write_recording("elsewhere", [("desk", range(60)), ("desk", range(180, 240)), ("desk", range(40, 100))])
+        for pace in ("lockstep", "realtime"):
+            with ServerProcess() as server:
+                self.track(server, f"maker-{pace}", "--pace", "lockstep")
+                name = f"jumper-{pace}"
+                frames, said = self.play(server, name, "elsewhere", "--role", "reader", "--pace", pace)
+                self.assert_back_soon(frames, 70, said)
+                self.assert_back_soon(frames, 140, said)
+                self.assertEqual(len([row for row in (self.folder / f"{name}.txt").read_text().splitlines()
+                                      if row.startswith("# map")]), 1)
+
+    def test_a_tracker_carried_between_two_maps_switches(self):
+        with ServerProcess() as server:
+            self.track(server, "maker", "--pace", "lockstep")
+            self.play(server, "other-maker", "other-builder", "--pace", "lockstep")
+            self.write_recording("walk", [("desk", range(60)), ("other", range(60, 120)), ("desk", range(100, 160))])
+            for pace in ("lockstep", "realtime"):
+                name = f"walker-{pace}"
+                frames, said = self.play(server, name, "walk", "--role", "reader", "--pace", pace)
+                self.assert_back_soon(frames, 70, said)
+                self.assert_back_soon(frames, 140, said)
+                maps = [row.split()[3] for row in (self.folder / f"{name}.txt").read_text().splitlines()
+                        if row.startswith("# map")]
+                self.assertEqual(maps, ["map-1", "map-2", "map-1"])
+
+    def test_a_builder_in_an_unmapped_place_begins_a_map_and_goes_on_in_one_that_is_known(self):
+        self.write_recording("round", [("desk", range(120)), ("other", range(240)), ("desk", range(40, 100))])
+        with ServerProcess() as server:
+            frames, said = self.play(server, "rounder", "round", "--pace", "lockstep", "--lost-patience", 1)
+            maps = [row.split()[3] for row in (self.folder / "rounder.txt").read_text().splitlines()
+                    if row.startswith("# map")]
+            self.assertEqual(maps, ["map-1", "map-2", "map-1"], said)
+            self.assert_back_soon(frames, 120 + 10 + 240 + 10, said)
 
 
 class Faults(OnTheDesk):

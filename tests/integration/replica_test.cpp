@@ -43,7 +43,7 @@ uint64_t hash_of(const MapSnapshot& map) {
     }
   }
   for (const auto& block : map.point_blocks) {
-    const uint64_t live = block->live();
+    const uint64_t live = block->live;
     hash.add(&live, sizeof(live));
     for (const auto* numbers : {&block->x, &block->y, &block->z}) hash.add(numbers->data(), sizeof(*numbers));
     for (const auto& vector : block->right) hash.add(vector.data(), 3 * sizeof(float));

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "client/tracking/frame_images.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -32,7 +33,7 @@ void expect_same_revision(const MapSnapshot& replica, const MapSnapshot& origina
     ASSERT_EQ(got.count, sent.count);
     EXPECT_EQ(got.patches->version, sent.patches->version);
     EXPECT_EQ(got.positions->version, sent.positions->version);
-    EXPECT_EQ(got.live(), sent.live());
+    EXPECT_EQ(got.live, sent.live);
     for (int slot = 0; slot < sent.count; ++slot) {
       EXPECT_EQ(got.source(slot).id, sent.source(slot).id);
       EXPECT_EQ(got.source(slot).pixels, sent.source(slot).pixels);
@@ -137,6 +138,45 @@ TEST_F(SessionTest, ASecondProcessUnderOneNameIsRefusedUntilTheFirstHasGone) {
   EXPECT_TRUE(second->wait_until_settled(60s)) << "the name is free: the seed that waited is judged";
   EXPECT_EQ(second->status().link, ServerLink::kConnected);
   EXPECT_EQ(service_->maps().size(), 2U);
+}
+
+std::shared_ptr<const PlaceView> view_of(const GrayImage& image) {
+  FrameImages images;
+  images.build_pyramid(image.view());
+  images.find_corners();
+  return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.corners));
+}
+
+TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) {
+  ASSERT_TRUE(session_->wait_for_server(60s));
+  const auto image = scene_.render(testing::Scene::pose(1), 77);
+  session_->send_question(view_of(*image), Timestamp{1});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  auto answer = session_->take_place_answer();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->verdict, PlaceVerdict::kNotKnown) << "there is no map yet";
+  EXPECT_FALSE(answer->reason.empty());
+
+  seed();
+  session_->send_question(view_of(*image), Timestamp{2});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  answer = session_->take_place_answer();
+  ASSERT_TRUE(answer.has_value());
+  ASSERT_EQ(answer->verdict, PlaceVerdict::kConfirmed) << answer->reason;
+  const MapSnapshotPtr map = session_->snapshot();
+  const PlaceCandidate& place = answer->candidates.front();
+  EXPECT_EQ(place.map, map->map);
+  EXPECT_EQ(place.epoch, map->epoch);
+  EXPECT_EQ(place.revision, map->revision);
+  EXPECT_NE(map->find(place.keyframe), nullptr);
+  EXPECT_FALSE(session_->take_place_answer()) << "once";
+
+  const auto elsewhere = testing::Scene(12).render(testing::Scene::pose(1), 77);
+  session_->send_question(view_of(*elsewhere), Timestamp{3});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  answer = session_->take_place_answer();
+  ASSERT_TRUE(answer.has_value());
+  EXPECT_EQ(answer->verdict, PlaceVerdict::kNotKnown);
 }
 
 TEST_F(SessionTest, SeveralClientsFollowOneMap) {

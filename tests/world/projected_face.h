@@ -60,6 +60,11 @@ struct ProjectedFace {
   float nearest = 0;  ///< largest inverse depth of a corner in front of the camera
 };
 
+/// Whether `front` is nearer than `back` all over the box (as far as their planes go).
+[[nodiscard]] inline bool hides(const IdealBox& box, const ProjectedFace& front, const ProjectedFace& back) {
+  return box.maximum(back.inverse_depth - front.inverse_depth) < 0;
+}
+
 /// Nothing if the face shows its back, lies behind the camera or outside `view`.
 [[nodiscard]] std::optional<ProjectedFace> project_face(const Face& face, const Texture& texture,
                                                         const SE3& camera_from_map, const IdealBox& view);

@@ -10,8 +10,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinShadingSamples = 2;   // texture is filtered already
-constexpr int kMinCoverageSamples = 4;  // what edges need to look smooth
+constexpr int kMinSamples = 2;          // texture is filtered already
+constexpr int kMinCoverageLooks = 4;    // what edges need to look smooth
 constexpr int kMaxSamples = 24;         // beyond 24 px of blur nothing is left to alias
 constexpr double kBlurPerSample = 1.5;  // px
 constexpr double kPixelAperture = 1.0;  // px
@@ -24,6 +24,27 @@ constexpr float kTextureLevelBias = 0;
 double fraction_of_multiple(size_t i, double irrational) {
   const double multiple = static_cast<double>(i) * irrational;
   return multiple - std::floor(multiple);
+}
+
+/// The R2 sequence (Roberts, 2018): even over the pixel for every count.
+Eigen::Array2d place_in_pixel(size_t i) {
+  return {fraction_of_multiple(i, 0.7548776662466927), fraction_of_multiple(i, 0.5698402909980532)};
+}
+
+/// Moves places so that their mean is the pixel's centre and they are uncorrelated with the times at which
+/// they are looked at (mean 0).
+void balance(std::span<const double> seconds, std::span<Eigen::Array2d> places) {
+  Eigen::Array2d mean = Eigen::Array2d::Zero();
+  for (const Eigen::Array2d& place : places) mean += place / static_cast<double>(places.size());
+  Eigen::Array2d covariance = Eigen::Array2d::Zero();
+  double variance = 0;
+  for (size_t i = 0; i < places.size(); ++i) {
+    places[i] = kPixelAperture * (places[i] - mean);
+    covariance += seconds[i] * places[i];
+    variance += seconds[i] * seconds[i];
+  }
+  if (variance <= 0) return;  // nothing moves
+  for (size_t i = 0; i < places.size(); ++i) places[i] -= seconds[i] * covariance / variance;
 }
 
 }  // namespace
@@ -72,6 +93,7 @@ void Renderer::make_tiles() {
     const auto [top, bottom] = std::minmax_element(tile.rays.y.begin(), tile.rays.y.end());
     const float margin = sampling_.ideal_per_pixel;
     tile.box = {*left - margin, *top - margin, *right + margin, *bottom + margin};
+    make_blocks(margin, &tile.rays);
     view_ = view_.united(tile.box);
     IdealBox& row_box = row_boxes_[index / static_cast<size_t>(columns_)];
     row_box = index % static_cast<size_t>(columns_) == 0 ? tile.box : row_box.united(tile.box);
@@ -97,87 +119,60 @@ double Renderer::image_motion(const SE3& begin_from_map, const SE3& end_from_map
 
 /// Places samples over the pixel and the shutter time so that mean place and mean time are the pixel's centre
 /// and the middle of the exposure exactly, the variance in time is that of an even exposure, and place and
-/// time are uncorrelated.
-void Renderer::spread_samples(int count, double shutter, SampleSet* set) {
-  set->samples.resize(static_cast<size_t>(count));
-  set->views.resize(set->samples.size());
-  const double time_scale = shutter / std::sqrt(1.0 - 1.0 / (static_cast<double>(count) * count));
-  Eigen::Array2d mean = Eigen::Array2d::Zero();
-  for (size_t i = 0; i < set->samples.size(); ++i) {
-    // The R2 sequence (Roberts, 2018): even over the pixel for every count.
-    Sample& sample = set->samples[i];
-    sample.seconds = time_scale * ((static_cast<double>(i) + 0.5) / count - 0.5);
-    sample.pixel = {fraction_of_multiple(i, 0.7548776662466927), fraction_of_multiple(i, 0.5698402909980532)};
-    mean += sample.pixel / count;
-  }
-  Eigen::Array2d covariance = Eigen::Array2d::Zero();
-  double variance = 0;
-  for (Sample& sample : set->samples) {
-    sample.pixel = kPixelAperture * (sample.pixel - mean);
-    covariance += sample.seconds * sample.pixel;
-    variance += sample.seconds * sample.seconds;
-  }
-  if (variance <= 0) return;  // nothing moves
-  for (Sample& sample : set->samples) sample.pixel -= sample.seconds * covariance / variance;
-}
-
-/// More samples for more blur. Shading samples are few; each goes with one or two coverage samples of about
-/// its time.
+/// time are uncorrelated. More blur takes more samples; where there are few, each looks at faces twice.
 void Renderer::plan_samples(const CameraPath& camera_from_map, double shutter) {
   const double blur =
       shutter <= 0 ? 0 : image_motion(camera_from_map(-0.5 * shutter), camera_from_map(0.5 * shutter));
-  const int for_blur = std::min(static_cast<int>(std::ceil(blur / kBlurPerSample)), kMaxSamples);
-  const int shading = std::max(for_blur, kMinShadingSamples);
-  spread_samples(shading, shutter, &shading_);
-  spread_samples(shading < kMinCoverageSamples ? 2 * shading : shading, shutter, &coverage_);
+  const int count =
+      std::max(std::min(static_cast<int>(std::ceil(blur / kBlurPerSample)), kMaxSamples), kMinSamples);
+  const size_t looks = count < kMinCoverageLooks ? kMaxCoverageShifts : 1;
+  const double time_scale = shutter / std::sqrt(1.0 - 1.0 / (static_cast<double>(count) * count));
+  std::vector<double> times;
+  std::vector<double> look_times;
+  std::vector<Eigen::Array2d> shading;
+  std::vector<Eigen::Array2d> coverage;
+  for (int i = 0; i < count; ++i) {
+    times.push_back(time_scale * ((i + 0.5) / count - 0.5));
+    shading.push_back(place_in_pixel(shading.size()));
+    for (size_t look = 0; look < looks; ++look) {
+      look_times.push_back(times.back());
+      coverage.push_back(place_in_pixel(coverage.size()));
+    }
+  }
+  balance(times, shading);
+  balance(look_times, coverage);
+  samples_.resize(times.size());
+  views_.resize(times.size());
+  for (size_t i = 0; i < samples_.size(); ++i) {
+    const auto first = coverage.begin() + static_cast<std::ptrdiff_t>(i * looks);
+    samples_[i] = {times[i], shading[i], {first, first + static_cast<std::ptrdiff_t>(looks)}};
+  }
 }
 
+/// The faces in view, near ones first, so that they hide the far ones before those are looked at.
 void Renderer::project_faces(const SE3& camera_from_map, View* view) const {
   view->faces.clear();
-  view->place_of.assign(scenario_.faces.size(), -1);
-  for (size_t i = 0; i < scenario_.faces.size(); ++i) {
-    const Face& face = scenario_.faces[i];
+  for (const Face& face : scenario_.faces) {
     auto projected =
         project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], camera_from_map, view_);
-    if (!projected) continue;
-    view->place_of[i] = static_cast<int>(view->faces.size());
-    view->faces.push_back(*projected);
+    if (projected) view->faces.push_back(*projected);
   }
-}
-
-/// Near faces first, so that they hide the far ones before those are looked at; each with its shading
-/// counterpart.
-void Renderer::sort_faces(const View& shading, View* coverage) {
-  coverage->near_to_far.clear();
-  for (size_t i = 0; i < coverage->place_of.size(); ++i) {
-    if (coverage->place_of[i] < 0) continue;
-    const ProjectedFace& face = coverage->faces[static_cast<size_t>(coverage->place_of[i])];
-    const int place = shading.place_of[i];
-    coverage->near_to_far.push_back(
-        {face.bounds, face.nearest, &face, place < 0 ? &face : &shading.faces[static_cast<size_t>(place)]});
-  }
-  std::ranges::stable_sort(coverage->near_to_far, std::greater{}, &VisibleFace::nearest);
+  view->near_to_far.clear();
+  for (const ProjectedFace& face : view->faces)
+    view->near_to_far.push_back({face.bounds, face.nearest, &face});
+  std::ranges::stable_sort(view->near_to_far, std::greater{}, &VisibleFace::nearest);
 }
 
 void Renderer::project_views(const CameraPath& camera_from_map, double row_seconds) {
-  for (SampleSet* set : {&shading_, &coverage_}) {
-    for (size_t i = 0; i < set->samples.size(); ++i) {
-      project_faces(camera_from_map(row_seconds + set->samples[i].seconds), &set->views[i]);
-    }
-  }
-  const size_t per_shading = coverage_.samples.size() / shading_.samples.size();
-  for (size_t i = 0; i < coverage_.views.size(); ++i) {
-    sort_faces(shading_.views[i / per_shading], &coverage_.views[i]);
+  for (size_t i = 0; i < samples_.size(); ++i) {
+    project_faces(camera_from_map(row_seconds + samples_[i].seconds), &views_[i]);
   }
 }
 
 /// Adds a face to what may show in a tile, unless it is outside or hidden; takes out what it hides.
 void Renderer::bin_face(const VisibleFace& visible, const IdealBox& box, TileBin* bin) {
   const ProjectedFace& face = *visible.face;
-  const auto hides = [&box](const ProjectedFace& front, const ProjectedFace& back) {
-    return box.maximum(back.inverse_depth - front.inverse_depth) < 0;
-  };
-  if (!visible.bounds.overlaps(box) || (bin->occluder != nullptr && hides(*bin->occluder, face))) return;
+  if (!visible.bounds.overlaps(box) || (bin->occluder != nullptr && hides(box, *bin->occluder, face))) return;
   uint32_t crossing = 0;
   for (int edge = 0; edge < face.edge_count; ++edge) {
     const LinearFunction& f = face.edges[static_cast<size_t>(edge)];
@@ -185,25 +180,25 @@ void Renderer::bin_face(const VisibleFace& visible, const IdealBox& box, TileBin
     if (box.minimum(f) < 0) crossing |= 1U << edge;
   }
   if (crossing == 0) {
-    std::erase_if(bin->faces, [&](const TileFace& other) { return hides(face, *other.face); });
+    std::erase_if(bin->faces, [&](const TileFace& other) { return hides(box, face, *other.face); });
     bin->occluder = &face;
   }
-  bin->faces.push_back({&face, visible.shading, crossing});
+  bin->faces.push_back({&face, crossing});
 }
 
-/// Sorts the faces that the coverage samples see into the tiles of one row.
+/// Sorts the faces that the samples see into the tiles of one row.
 void Renderer::fill_bins(int tile_row) {
   const auto columns = static_cast<size_t>(columns_);
   const std::span tiles(&tiles_[static_cast<size_t>(tile_row) * columns], columns);
   const IdealBox& row_box = row_boxes_[static_cast<size_t>(tile_row)];
-  bins_.resize(coverage_.samples.size() * columns);
-  for (size_t i = 0; i < coverage_.views.size(); ++i) {
+  bins_.resize(views_.size() * columns);
+  for (size_t i = 0; i < views_.size(); ++i) {
     const std::span bins(&bins_[i * columns], columns);
     for (TileBin& bin : bins) {
       bin.faces.clear();
       bin.occluder = nullptr;
     }
-    for (const VisibleFace& visible : coverage_.views[i].near_to_far) {
+    for (const VisibleFace& visible : views_[i].near_to_far) {
       if (!visible.bounds.overlaps(row_box)) continue;
       const auto first = std::ranges::partition_point(
           tiles, [&visible](const Tile& tile) { return tile.box.x1 < visible.bounds.x0; });
@@ -217,24 +212,19 @@ void Renderer::fill_bins(int tile_row) {
 
 void Renderer::sample_tile(const Tile& tile, size_t column, TileSum* sum) const {
   sum->fill(0);
-  const auto shift_of = [&tile](const Sample& sample) {
-    const Eigen::Array2f pixel = sample.pixel.cast<float>();
+  const auto shift_of = [&tile](const Eigen::Array2d& place) {
+    const Eigen::Array2f pixel = place.cast<float>();
     return RayShift{pixel.x() * tile.per_pixel_x.x + pixel.y() * tile.per_pixel_y.x,
                     pixel.x() * tile.per_pixel_x.y + pixel.y() * tile.per_pixel_y.y};
   };
-  const float weight = 1.0F / static_cast<float>(shading_.samples.size());
-  const size_t per_shading = coverage_.samples.size() / shading_.samples.size();
-  std::array<CoverageSample, 2> coverage;
-  for (size_t i = 0; i < shading_.samples.size(); ++i) {
-    bool plain = true;
-    for (size_t j = 0; j < per_shading; ++j) {
-      const TileBin& bin = bins_[(i * per_shading + j) * static_cast<size_t>(columns_) + column];
-      coverage[j] = {shift_of(coverage_.samples[i * per_shading + j]), bin.faces};
-      plain = plain && bin.plain() && bin.faces[0].shading == coverage[0].faces[0].shading;
-    }
-    // Where one face fills the tile, one look is as good as two.
-    kernels_.sample(tile.rays, shift_of(shading_.samples[i]), {coverage.data(), plain ? 1 : per_shading},
-                    sampling_, weight, sum);
+  std::array<RayShift, kMaxCoverageShifts> coverage;
+  for (size_t i = 0; i < samples_.size(); ++i) {
+    std::ranges::transform(samples_[i].coverage, coverage.begin(), shift_of);
+    const TileSample sample{bins_[i * static_cast<size_t>(columns_) + column].faces,
+                            shift_of(samples_[i].shading),
+                            {coverage.data(), samples_[i].coverage.size()},
+                            1.0F / static_cast<float>(samples_.size())};
+    kernels_.sample(tile.rays, sample, sampling_, sum);
   }
 }
 

@@ -41,41 +41,32 @@ class Renderer {
     RayShift per_pixel_x;
     RayShift per_pixel_y;
   };
+  /// One moment of the exposure, with the places within the pixel that are looked at then.
   struct Sample {
     double seconds = 0;
-    Eigen::Array2d pixel = Eigen::Array2d::Zero();  ///< place, from the pixel's centre
+    Eigen::Array2d shading = Eigen::Array2d::Zero();  ///< from the pixel's centre
+    std::vector<Eigen::Array2d> coverage;             ///< likewise
   };
   struct VisibleFace {
     IdealBox bounds;
     float nearest = 0;  ///< inverse depth
     const ProjectedFace* face = nullptr;
-    const ProjectedFace* shading = nullptr;  ///< the same face as the shading sample sees it
   };
   /// The faces in view, as one sample sees them.
   struct View {
     std::vector<ProjectedFace> faces;
-    std::vector<int> place_of;             ///< scenario face -> place in `faces`, -1 unseen
-    std::vector<VisibleFace> near_to_far;  ///< of coverage samples
+    std::vector<VisibleFace> near_to_far;
   };
   struct TileBin {
     std::vector<TileFace> faces;
     const ProjectedFace* occluder = nullptr;  ///< covers the whole tile
-
-    /// One face and none of its edges: nothing to smooth.
-    [[nodiscard]] bool plain() const { return faces.size() == 1 && occluder != nullptr; }
-  };
-  struct SampleSet {
-    std::vector<Sample> samples;
-    std::vector<View> views;
   };
 
   void make_tiles();
   [[nodiscard]] double image_motion(const SE3& begin_from_map, const SE3& end_from_map) const;
-  static void spread_samples(int count, double shutter, SampleSet* set);
   void plan_samples(const CameraPath& camera_from_map, double shutter);
   void project_faces(const SE3& camera_from_map, View* view) const;
   void project_views(const CameraPath& camera_from_map, double row_seconds);
-  static void sort_faces(const View& shading, View* coverage);
   static void bin_face(const VisibleFace& visible, const IdealBox& box, TileBin* bin);
   void fill_bins(int tile_row);
   void sample_tile(const Tile& tile, size_t column, TileSum* sum) const;
@@ -92,9 +83,9 @@ class Renderer {
   std::vector<Eigen::Vector3d> landmarks_;  ///< centres of faces, to measure image motion
 
   // Kept between frames for their memory only.
-  SampleSet shading_;          ///< where texture is looked up
-  SampleSet coverage_;         ///< where faces are told apart: as many for each shading sample
-  std::vector<TileBin> bins_;  ///< of one row of tiles, coverage sample by coverage sample
+  std::vector<Sample> samples_;
+  std::vector<View> views_;    ///< sample by sample
+  std::vector<TileBin> bins_;  ///< of one row of tiles, sample by sample
   std::vector<TileSum> sums_;
 };
 

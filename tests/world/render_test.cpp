@@ -325,17 +325,18 @@ TEST(TileKernels, AllProcessorsGiveTheSameBytes) {
   }
   ASSERT_GT(projected.size(), 20U);
   std::vector<TileFace> faces;
-  for (const ProjectedFace& face : projected) faces.push_back({&face, &face, (1U << face.edge_count) - 1});
+  for (const ProjectedFace& face : projected) faces.push_back({&face, (1U << face.edge_count) - 1});
   TileRays rays;
   for (size_t i = 0; i < kTilePixels; ++i) {
     rays.x[i] = -0.4F + 0.025F * static_cast<float>(i % kTileWidth);
     rays.y[i] = -0.3F + 0.07F * static_cast<float>(i / kTileWidth);
   }
+  make_blocks(4e-3F, &rays);
   std::vector<std::array<uint8_t, kTilePixels>> results;
   for (const TileKernels* kernels : {&baseline_kernels(), &best_kernels()}) {
     TileSum sum{};
-    const std::array<CoverageSample, 2> coverage = {{{{1e-4F, 2e-4F}, faces}, {{-3e-3F, 1e-3F}, faces}}};
-    kernels->sample(rays, {1e-4F, 0}, coverage, {0.002F, -0.5F}, 0.5F, &sum);
+    const std::array<RayShift, 2> coverage = {{{1e-4F, 2e-4F}, {-3e-3F, 1e-3F}}};
+    kernels->sample(rays, {faces, {1e-4F, 0}, coverage, 0.5F}, {0.002F, -0.5F}, &sum);
     std::array<uint8_t, kTilePixels> pixels;
     kernels->develop(rays, sum, {1.5F, 0.4F, 3.0F, 99, 0, kTileWidth}, &pixels);
     results.push_back(pixels);

@@ -14,18 +14,30 @@ namespace cairn {
 constexpr int kTileWidth = 32;
 constexpr int kTileHeight = 8;
 constexpr int kTilePixels = kTileWidth * kTileHeight;
+// Within a tile, squares of so many pixels a side: few faces cross each.
+constexpr int kBlockSize = 8;
+constexpr int kTileBlocks = kTileWidth / kBlockSize;
+static_assert(kTileHeight == kBlockSize);
 
-/// Ideal image points (plane z = 1) of the pixels of a tile, row-major.
+/// Ideal image points (plane z = 1) of the pixels of a tile.
 struct TileRays {
-  alignas(32) std::array<float, kTilePixels> x;
+  alignas(32) std::array<float, kTilePixels> x;  ///< row-major
   alignas(32) std::array<float, kTilePixels> y;
+  struct Block {
+    alignas(32) std::array<float, kBlockSize> middle_x;  ///< of each row of the block
+    alignas(32) std::array<float, kBlockSize> middle_y;
+    IdealBox box;  ///< of the rays, with room for shifts within the pixel
+  };
+  std::array<Block, kTileBlocks> blocks;
 };
+
+/// Fills in the blocks from the rays; shifts within the pixel are at most `margin`.
+void make_blocks(float margin, TileRays* rays);
 
 /// A face that may show in a tile.
 struct TileFace {
-  const ProjectedFace* face = nullptr;     ///< as the coverage sample sees it
-  const ProjectedFace* shading = nullptr;  ///< as the shading sample sees it
-  uint32_t crossing_edges = 0;             ///< bit i: edge i crosses the tile
+  const ProjectedFace* face = nullptr;
+  uint32_t crossing_edges = 0;  ///< bit i: edge i crosses the tile
 };
 
 using TileSum = std::array<float, kTilePixels>;  ///< grey values, weighted sum of samples
@@ -36,10 +48,16 @@ struct RayShift {
   float y = 0;
 };
 
-/// One look at a tile to find which face is nearest at each pixel.
-struct CoverageSample {
-  RayShift shift;
+constexpr size_t kMaxCoverageShifts = 2;
+
+/// One look at a tile.
+struct TileSample {
   std::span<const TileFace> faces;
+  RayShift shading;  ///< where texture is looked up
+  /// Where faces are told apart: 1 to kMaxCoverageShifts. What costs, texture, is looked up once for all of
+  /// them (multisample anti-aliasing).
+  std::span<const RayShift> coverage;
+  float weight = 1;
 };
 
 struct SamplingParameters {
@@ -59,11 +77,10 @@ struct DevelopParameters {
 
 /// The inner loops, built for SSE2 and AVX2. Both do the same arithmetic in the same order: the same bytes.
 struct TileKernels {
-  /// Adds `weight` times the light of every pixel to `sum`: texture (trilinear) at the shading sample, mixed
-  /// as the coverage samples see the faces; black where there is no face. What costs, texture, is looked up
-  /// once for several coverage samples (multisample anti-aliasing).
-  void (*sample)(const TileRays& rays, RayShift shading_shift, std::span<const CoverageSample> coverage,
-                 const SamplingParameters& parameters, float weight, TileSum* sum);
+  /// Adds the light of every pixel, times the sample's weight, to `sum`: texture (trilinear), mixed as the
+  /// coverage shows the faces; black where there is no face.
+  void (*sample)(const TileRays& rays, const TileSample& sample, const SamplingParameters& parameters,
+                 TileSum* sum);
   /// Gain, vignetting, noise, rounding; row-major pixels of the tile.
   void (*develop)(const TileRays& rays, const TileSum& sum, const DevelopParameters& parameters,
                   std::array<uint8_t, kTilePixels>* pixels);

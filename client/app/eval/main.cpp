@@ -8,6 +8,7 @@
 #include "client/app/eval/plot.h"
 #include "client/app/eval/report.h"
 #include "client/app/eval/run_stats.h"
+#include "common/base/suggestion.h"
 #include "common/base/version.h"
 #include "common/io/text.h"
 #include "common/io/trajectory.h"
@@ -46,6 +47,17 @@ struct StatsArguments {
   bool json = false;
 };
 
+/// CLI11's own words for it name the greatest double in full.
+std::string check_not_negative(const std::string& text) {
+  const auto number = parse_number(text);
+  return number && *number >= 0 ? "" : "'" + text + "' is not a number from 0 on";
+}
+
+std::string check_positive(const std::string& text) {
+  const auto number = parse_number(text);
+  return number && *number > 0 ? "" : "'" + text + "' is not a number greater than 0";
+}
+
 void add_trajectory_options(CLI::App& command, TrajectoryArguments& arguments) {
   command.add_option("TRUTH", arguments.truth, "TUM rows `t tx ty tz qx qy qz qw`, camera to world")
       ->required();
@@ -60,7 +72,8 @@ void add_trajectory_options(CLI::App& command, TrajectoryArguments& arguments) {
       ->check(CLI::IsMember({"sim3", "se3"}).description(""))
       ->type_name("sim3|se3");
   command.add_option("--t-max-diff", arguments.max_difference, "farthest apart that two times match [s]")
-      ->check(CLI::NonNegativeNumber)
+      ->check(check_not_negative)
+      ->type_name("SECONDS")
       ->capture_default_str();
   command.add_flag("--json", arguments.json, "one JSON document on stdout");
   command.add_option("--plot", arguments.plot, "picture of both paths and of the error over time")
@@ -143,10 +156,23 @@ Status run_stats(const StatsArguments& arguments) {
   return {};
 }
 
-int report_status(const Status& status) {
+int report_status(Status status) {
+  if (std::fflush(stdout) != 0 && status) {
+    status = fail(ErrorCode::kIo, cannot_be_written("standard output"));
+  }
   if (status) return 0;
   std::fprintf(stderr, "cairn-eval: %s\n", status.error().message.c_str());
   return exit_code(status.error().code);
+}
+
+int report_usage(const CLI::App& app, const CLI::ParseError& error) {
+  std::string message = error.what();
+  if (const auto words = app.remaining(true); app.get_subcommands().empty() && !words.empty()) {
+    message =
+        "unknown command '" + words.front() + "'" + did_you_mean(words.front(), {"ate", "rpe", "stats"});
+  }
+  std::fprintf(stderr, "cairn-eval: %s\ncairn-eval --help lists all commands\n", message.c_str());
+  return kUsageExit;
 }
 
 int run(int argc, char** argv) {
@@ -161,7 +187,8 @@ int run(int argc, char** argv) {
   auto* rpe = app.add_subcommand("rpe", "relative pose error over a fixed distance, all pairs");
   add_trajectory_options(*rpe, trajectories);
   rpe->add_option("--delta", trajectories.relative.delta, "how far apart the two poses of a pair are")
-      ->check(CLI::PositiveNumber)
+      ->check(check_positive)
+      ->type_name("NUMBER")
       ->capture_default_str();
   rpe->add_option_function<std::string>(
          "--delta-unit",
@@ -180,7 +207,7 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kUsageExit;
+    return error.get_exit_code() == 0 ? app.exit(error) : report_usage(app, error);
   }
   if (ate->parsed()) return report_status(run_ate(trajectories));
   if (rpe->parsed()) return report_status(run_rpe(trajectories));

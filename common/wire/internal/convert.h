@@ -67,7 +67,9 @@ template <typename Message>
   X(KeyframePoses, cairn_KeyframePoses)      \
   X(MapCommit, cairn_MapCommit)              \
   X(SeedVerdict, cairn_SeedVerdict)          \
-  X(OfferVerdict, cairn_OfferVerdict)
+  X(OfferVerdict, cairn_OfferVerdict)        \
+  X(RelocQuery, cairn_RelocQuery)            \
+  X(RelocAnswer, cairn_RelocAnswer)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \

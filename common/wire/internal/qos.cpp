@@ -27,6 +27,11 @@ QosPtr common_qos(QosClass qos_class) {
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
       dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kCommandDepth);
       break;
+    case QosClass::kQuery:
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
+      break;
     case QosClass::kStream:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);

@@ -14,6 +14,7 @@ enum class QosClass : uint8_t {
   kClaim,    ///< state of a client: its key may be claimed by several processes, so readers keep each one's
   kStatus,   ///< state, whose writer must say at least once a second that it is not hung (MANUAL_BY_TOPIC)
   kCommand,  ///< every one, in order, once applied; the application bounds how many are in flight (credit)
+  kQuery,    ///< newest question or answer, repeated if lost, not for those who come later
   kStream,   ///< newest value, lost ones are not repeated; silent writers are seen within 3 s
 };
 

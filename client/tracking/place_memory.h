@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "client/tracking/frame_images.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// The tiny image by which places are compared, by client and server alike.
+[[nodiscard]] TinyImage place_image(const FrameImages& frame);
+
+/// How the camera turned between two place images; not at all where they have nothing in common.
+[[nodiscard]] SE3 turn_between(const TinyImage& then, const TinyImage& now, const Camera& camera);
+
+/// The tracker's own memory of where it was: tiny images of frames it tracked well with their poses (Klein
+/// and Murray, ECCV 2008, kept at the client), so that a tracker that is lost finds back to where it has been
+/// without asking anyone. Poses are kept relative to a keyframe, so they survive adjustments. Of all maps
+/// that it was in; bounded: the oldest views go first. One thread.
+class PlaceMemory {
+ public:
+  /// Remembers a frame if its camera is far enough from the views remembered last.
+  void remember(const FrameImages& frame, const MapSnapshot& map, KeyframeId reference,
+                const SE3& camera_from_reference, double mean_depth);
+  /// The pose in `map` of the view whose tiny image is nearest to the frame's, turned as the tiny images say.
+  /// `skip` passes over the best ones: successive frames try successive candidates.
+  [[nodiscard]] std::optional<SE3> recall(const FrameImages& frame, const Camera& camera,
+                                          const MapSnapshot& map, size_t skip);
+
+ private:
+  struct View {
+    TinyImage tiny;
+    MapId map;
+    Epoch epoch;
+    KeyframeId reference;
+    SE3 camera_from_reference;
+  };
+  std::deque<View> views_;
+  std::vector<std::pair<float, size_t>> ranked_;  ///< kept for its memory
+};
+
+}  // namespace cairn

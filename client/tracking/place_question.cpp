@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/place_question.h"
+
+#include "client/tracking/place_memory.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kQuestionInterval = 1.0 / 15 - 1e-3;  // [s]
+constexpr double kAnswerPatience = 0.5;                // [s]
+constexpr double kFresh = 1.0;                         // [s]
+
+}  // namespace
+
+std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time) {
+  if (asked_) {
+    const double since = seconds_between(time, *asked_);
+    // Recordings may jump back: a question from the future is an old one.
+    if (since >= 0 && since < (under_way_ ? kAnswerPatience : kQuestionInterval)) return nullptr;
+    if (since >= 0 && under_way_) nobody_answers_ = true;
+  }
+  asked_ = time;
+  under_way_ = true;
+  tiny_ = place_image(frame);
+  return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.corners));
+}
+
+void PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
+  under_way_ = false;
+  nobody_answers_ = false;
+  suggestion_ = suggestion;
+  not_known_ = suggestion ? std::nullopt : asked_;
+}
+
+bool PlaceQuestion::suggests(const MapSnapshot& map) const {
+  return suggestion_ && suggestion_->map == map.map && suggestion_->epoch == map.epoch;
+}
+
+std::optional<SE3> PlaceQuestion::take(const FrameImages& frame, const Camera& camera,
+                                       const MapSnapshot& map) {
+  if (!suggests(map)) return std::nullopt;
+  const PoseSuggestion taken = *suggestion_;
+  suggestion_.reset();
+  const KeyframePose* keyframe = map.find(taken.reference);
+  if (keyframe == nullptr) return std::nullopt;
+  const SE3 turn = tiny_.empty() ? SE3() : turn_between(tiny_, place_image(frame), camera);
+  return turn * taken.camera_from_reference * keyframe->camera_from_map;
+}
+
+bool PlaceQuestion::is_not_known(Timestamp begin, Timestamp time) const {
+  return not_known_ && *not_known_ >= begin && *not_known_ <= time &&
+         seconds_between(time, *not_known_) <= kFresh;
+}
+
+}  // namespace cairn

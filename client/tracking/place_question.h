@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "client/tracking/frame_images.h"
+#include "client/tracking/pose_suggestion.h"
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/image/place.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// The question where the camera is, asked outside, and what comes back (DESIGN 7): one question under way,
+/// at most 15 a second in the time of the frames, given up after half a second without an answer. Pure; one
+/// thread.
+class PlaceQuestion {
+ public:
+  /// The frame described, if a question may be asked now; null otherwise.
+  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time);
+  /// The answer: a place to try, or that no place is known.
+  void answered(const std::optional<PoseSuggestion>& suggestion);
+  void drop_suggestion() { suggestion_.reset(); }
+
+  /// Whether a place suggested in this map waits to be tried.
+  [[nodiscard]] bool suggests(const MapSnapshot& map) const;
+  /// The place suggested, to be tried once, as a pose of the present frame: turned since the question as the
+  /// tiny images say. Nothing when the map is another or its keyframe has gone.
+  [[nodiscard]] std::optional<SE3> take(const FrameImages& frame, const Camera& camera,
+                                        const MapSnapshot& map);
+  /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
+  [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
+  /// Whether the latest question that could have been answered was not.
+  [[nodiscard]] bool nobody_answers() const { return nobody_answers_; }
+
+ private:
+  std::optional<Timestamp> asked_;  ///< when the latest question was asked
+  bool under_way_ = false;
+  bool nobody_answers_ = false;
+  TinyImage tiny_;                      ///< of the frame asked about
+  std::optional<Timestamp> not_known_;  ///< when the frame was taken of which the latest answer says so
+  std::optional<PoseSuggestion> suggestion_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/pose_finder.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "client/tracking/tracker.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (ptam.md 5)
+constexpr int kCoarseAvailable = 20;  // ptam.md 5: fewer and the coarse stage is left out
+constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTAM: 20 of 60)
+constexpr int kRefineIterations = 8;  // ptam.md 5
+constexpr int kLargeAttempted = 10;   // ptam.md 8
+constexpr int kFewestFound = 15;      // inliers below which no pose is believed
+constexpr double kMinSquaredCutoff =
+    1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
+// Where half of the matches are false (stripes, tiles, blur), their median is no measure of the noise, and a
+// cut-off from it lets them bend the pose by centimetres. A map that does not fit so well is tracked by the
+// second attempt, which has no ceiling.
+constexpr double kMaxSquaredCutoff = 9.0;
+constexpr float kWiden = 2.0F;  // ptam.md 5 doubles points and radius
+
+}  // namespace
+
+SearchEffort normal_effort(const TrackerOptions& options) {
+  return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse,
+          kMaxSquaredCutoff};
+}
+
+SearchEffort wide_effort(const TrackerOptions& options) {
+  SearchEffort effort;
+  effort.coarse_points = 2 * options.coarse_points;
+  effort.coarse_radius = kWiden * options.coarse_radius;
+  effort.fine_radius = kWiden * options.fine_radius;
+  effort.fine_radius_after_coarse = options.fine_radius;
+  return effort;
+}
+
+PoseFinder::PoseFinder(CameraPtr camera, const TrackerOptions& options)
+    : camera_(camera),
+      max_points_(options.max_points),
+      good_quality_(options.good_quality),
+      lost_quality_(options.lost_quality),
+      search_(std::move(camera)) {}
+
+void PoseFinder::clear() {
+  visible_.clear();
+  attempted_ = 0;
+  found_ = 0;
+  rms_ = 0;
+}
+
+float PoseFinder::quality() const {
+  return attempted_ == 0 ? 0 : static_cast<float>(found_) / static_cast<float>(attempted_);
+}
+
+std::optional<double> PoseFinder::mean_depth() const {
+  double sum = 0;
+  int count = 0;
+  for (const VisiblePoint& p : visible_) {
+    if (!p.found) continue;
+    sum += p.depth;
+    ++count;
+  }
+  if (count == 0) return std::nullopt;
+  return sum / count;
+}
+
+std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff, StageProbe* probe) {
+  const ScopedStage stage(probe, Stage::kPose);
+  observations_.clear();
+  observed_.clear();
+  for (size_t i = 0; i < visible_.size(); ++i) {
+    const VisiblePoint& p = visible_[i];
+    if (!p.found) continue;
+    observations_.push_back({p.position, p.pixel.cast<double>(), static_cast<double>(1 << p.level)});
+    observed_.push_back(i);
+  }
+  PoseOptions pose_options;
+  pose_options.min_squared_cutoff = kMinSquaredCutoff;
+  pose_options.max_squared_cutoff = max_squared_cutoff;
+  const auto estimate = optimize_pose(*camera_, start, observations_, pose_options);
+  if (!estimate) return std::nullopt;
+  found_ = estimate->inliers;
+  rms_ = estimate->rms;
+  // Only what agrees with the pose counts as found.
+  for (size_t i = 0; i < observed_.size(); ++i) visible_[observed_[i]].found = estimate->weights[i] > 0;
+  return estimate->camera_from_map;
+}
+
+std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3& start,
+                                            const SearchEffort& effort, StageProbe* probe) {
+  const auto coarse_end = std::find_if(visible_.begin(), visible_.end(),
+                                       [](const VisiblePoint& p) { return p.level < kCoarseLevel; });
+  if (coarse_end - visible_.begin() < kCoarseAvailable) return std::nullopt;
+  int found = 0;
+  {
+    const ScopedStage stage(probe, Stage::kCoarse);
+    const auto count = std::min<ptrdiff_t>(coarse_end - visible_.begin(), effort.coarse_points);
+    for (auto p = visible_.begin(); p != visible_.begin() + count; ++p) {
+      search_.search(frame, effort.coarse_radius, kRefineIterations, &*p);
+      found += p->found ? 1 : 0;
+    }
+  }
+  if (found < kCoarseFound) return std::nullopt;
+  auto pose = solve(start, effort.max_squared_cutoff, probe);
+  if (!pose || found_ < kCoarseFound) return std::nullopt;
+  return pose;
+}
+
+std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& start,
+                                          const SearchEffort& effort, float radius, StageProbe* probe) {
+  {
+    const ScopedStage stage(probe, Stage::kFine);
+    std::erase_if(visible_, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
+    for (VisiblePoint& p : visible_) {
+      // A coarse point that was not found is looked for again where the coarse pose puts it.
+      if (!p.found) search_.search(frame, radius, kRefineIterations, &p);
+    }
+  }
+  return solve(start, effort.max_squared_cutoff, probe);
+}
+
+std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
+                                      StageProbe* probe) {
+  {
+    const ScopedStage stage(probe, Stage::kProject);
+    search_.find_visible(start, max_points_, &visible_);
+  }
+  found_ = 0;
+  const auto coarse = coarse_stage(frame, start, effort, probe);
+  if (!coarse) {
+    for (VisiblePoint& p : visible_) p.found = false;
+    if (effort.needs_coarse) {
+      found_ = 0;
+      return std::nullopt;
+    }
+  }
+  const auto pose = fine_stage(frame, coarse.value_or(start), effort,
+                               coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
+  attempted_ = static_cast<int>(visible_.size());
+  if (!pose) found_ = 0;
+  return pose;
+}
+
+PoseVerdict PoseFinder::judge() const {
+  if (found_ < kFewestFound) return PoseVerdict::kBad;
+  if (quality() > good_quality_) return PoseVerdict::kGood;
+  int large = 0;
+  int large_found = 0;
+  for (const VisiblePoint& p : visible_) {
+    if (p.level < kCoarseLevel) continue;
+    ++large;
+    large_found += p.found ? 1 : 0;
+  }
+  const float share =
+      large > kLargeAttempted ? static_cast<float>(large_found) / static_cast<float>(large) : quality();
+  return share < lost_quality_ ? PoseVerdict::kBad : PoseVerdict::kPoor;
+}
+
+}  // namespace cairn

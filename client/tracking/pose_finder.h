@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "client/tracking/frame_images.h"
+#include "client/tracking/point_search.h"
+#include "client/tracking/stage.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/pose.h"
+#include "common/geometry/se3.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+struct TrackerOptions;
+
+/// How far and for how many points a frame is searched.
+struct SearchEffort {
+  int coarse_points = 0;
+  float coarse_radius = 0;  ///< [px of level 0]
+  float fine_radius = 0;    ///< [px of level 0] without a coarse stage before
+  float fine_radius_after_coarse = 0;
+  double max_squared_cutoff = std::numeric_limits<double>::infinity();  ///< of the pose's M-estimator [sigma]
+  bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
+};
+[[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
+/// Twice the points and radius (PTAM 2007, section 5.4): the second attempt, and whoever is lost.
+[[nodiscard]] SearchEffort wide_effort(const TrackerOptions& options);
+
+enum class PoseVerdict : uint8_t { kGood, kPoor, kBad };
+
+/// The pose of a frame in a map from a rough one: the coarse and the fine stage of PTAM 2007, section 5.5.
+/// What is said after locate() is of its latest call. Memory is reused from frame to frame. One thread.
+class PoseFinder {
+ public:
+  PoseFinder(CameraPtr camera, const TrackerOptions& options);
+
+  /// From now on this revision.
+  void use_map(const MapSnapshotPtr& map) { search_.use_map(map); }
+  /// Other values of the same camera, from now on.
+  void use_camera(const CameraPtr& camera) {
+    camera_ = camera;
+    search_.use_camera(camera);
+  }
+  /// Forgets what the frame before was found to show.
+  void clear();
+
+  [[nodiscard]] std::optional<SE3> locate(const FrameImages& frame, const SE3& start,
+                                          const SearchEffort& effort, StageProbe* probe);
+  /// How far the pose located is to be believed: by the share of the points found and, where that is low, of
+  /// those on the two top levels, which stand blur.
+  [[nodiscard]] PoseVerdict judge() const;
+
+  [[nodiscard]] int attempted() const { return attempted_; }
+  [[nodiscard]] int found() const { return found_; }  ///< inliers of the pose
+  [[nodiscard]] float quality() const;                ///< found / attempted
+  [[nodiscard]] double rms() const { return rms_; }   ///< [px of level 0, scaled by 2^-level] of the inliers
+  /// [map unit] of the points found; nothing without any.
+  [[nodiscard]] std::optional<double> mean_depth() const;
+  /// The points searched; found are those that agree with the pose.
+  [[nodiscard]] const std::vector<VisiblePoint>& points() const { return visible_; }
+
+ private:
+  [[nodiscard]] std::optional<SE3> coarse_stage(const FrameImages& frame, const SE3& start,
+                                                const SearchEffort& effort, StageProbe* probe);
+  [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
+                                              const SearchEffort& effort, float radius, StageProbe* probe);
+  [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
+
+  CameraPtr camera_;
+  int max_points_;
+  float good_quality_;
+  float lost_quality_;
+  PointSearch search_;
+  int attempted_ = 0;
+  int found_ = 0;
+  double rms_ = 0;
+  std::vector<VisiblePoint> visible_;
+  std::vector<PointObservation> observations_;
+  std::vector<size_t> observed_;  ///< index into visible_ of each observation
+};
+
+}  // namespace cairn

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "client/tracking/tracker.h"
+#include "client/tracking/trails.h"
+
+namespace cairn {
+
+/// The pose of the present frame in the map that was made from trails, by where these are now; nothing when
+/// too few are left or they do not agree.
+[[nodiscard]] std::optional<SE3> pose_from_trails(const Camera& camera, const MapSnapshot& map,
+                                                  const SeedAnswer& seed,
+                                                  std::span<const TrailFollower::Live> trails,
+                                                  uint64_t random_seed);
+
+}  // namespace cairn

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+
+#include "common/image/corners.h"
+#include "common/image/image.h"
+
+namespace cairn {
+
+/// 256 brightness comparisons around a corner, turned with it (steered BRIEF: Calonder et al., ECCV 2010;
+/// orientation by the intensity centroid as ORB: Rublee et al., ICCV 2011). Indifferent to gain, bias and
+/// roll; stands changes of scale by about 1.4. The pattern is our own and part of the wire: client and server
+/// must agree on it.
+using Descriptor = std::array<uint64_t, 4>;
+
+constexpr int kDescriptorRadius = 13;  ///< px around the corner that are read, after smoothing
+
+/// Number of comparisons that differ, 0..256.
+[[nodiscard]] int descriptor_distance(const Descriptor& a, const Descriptor& b);
+
+/// The image blurred by the binomial [1 4 6 4 1]/16 twice (sigma 1.4), borders repeated: single noisy pixels
+/// do not decide comparisons. `out` keeps its memory.
+void smooth_for_descriptors(const GrayView& image, GrayImage* out);
+
+/// Describes a corner of a smoothed image. False when it lies closer than kDescriptorRadius to the border.
+[[nodiscard]] bool describe(const GrayView& smoothed, Corner corner, Descriptor* out);
+
+/// The nearest of a set and how near the second nearest is. index -1 for an empty set.
+struct NearestDescriptor {
+  int index = -1;
+  int distance = 257;
+  int second_distance = 257;
+};
+/// Linear scan; ties go to the lower index. Vectorised by population count where the machine has it.
+[[nodiscard]] NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set);
+
+}  // namespace cairn

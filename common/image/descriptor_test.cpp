@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/image/descriptor.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "common/image/place.h"
+#include "common/image/test_textures.h"
+
+namespace cairn {
+namespace {
+
+using test::TightImage;
+
+constexpr unsigned kSeed = 4;
+
+std::vector<Descriptor> random_descriptors(size_t count, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::vector<Descriptor> made(count);
+  for (Descriptor& d : made) {
+    for (uint64_t& word : d) word = random();
+  }
+  return made;
+}
+
+/// A texture of blobs, sampled anywhere.
+const test::Waves<2>& texture() {
+  static const test::Waves<2> waves(kSeed, 0.7, 14);
+  return waves;
+}
+
+Descriptor describe_center(const GrayImage& image) {
+  GrayImage smoothed;
+  smooth_for_descriptors(image, &smoothed);
+  Descriptor descriptor{};
+  EXPECT_TRUE(describe(smoothed,
+                       {static_cast<int16_t>(image.width() / 2), static_cast<int16_t>(image.height() / 2)},
+                       &descriptor));
+  return descriptor;
+}
+
+/// 41x41 around a place of the texture, rolled and lit.
+GrayImage view_of(const Eigen::Vector2d& place, double roll, double gain = 1, double bias = 0) {
+  return test::render(41, 41, [&](int x, int y) {
+    const Eigen::Vector2d p = place + Eigen::Rotation2Dd(roll) * Eigen::Vector2d(x - 20, y - 20);
+    return std::clamp(gain * texture()(p) + bias, 0.0, 255.0);
+  });
+}
+
+TEST(Descriptor, DistanceCountsDifferentBits) {
+  const auto d = random_descriptors(20, kSeed);
+  for (const Descriptor& a : d) {
+    EXPECT_EQ(descriptor_distance(a, a), 0);
+    for (const Descriptor& b : d) {
+      int bits = 0;
+      for (size_t i = 0; i < 256; ++i) bits += ((a[i / 64] ^ b[i / 64]) >> (i % 64) & 1) != 0 ? 1 : 0;
+      EXPECT_EQ(descriptor_distance(a, b), bits);
+    }
+  }
+}
+
+TEST(Descriptor, TheNearestIsFoundWithTheSecond) {
+  const auto set = random_descriptors(300, kSeed);
+  for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {
+    std::vector<int> distances;
+    for (const Descriptor& d : set) distances.push_back(descriptor_distance(query, d));
+    const NearestDescriptor found = find_nearest(query, set);
+    const auto least = std::min_element(distances.begin(), distances.end());
+    EXPECT_EQ(found.index, least - distances.begin());
+    EXPECT_EQ(found.distance, *least);
+    std::sort(distances.begin(), distances.end());
+    EXPECT_EQ(found.second_distance, distances[1]);
+  }
+  EXPECT_EQ(find_nearest(set[0], {}).index, -1);
+}
+
+TEST(Descriptor, LightAndRollChangeLittleAndAnotherPlaceMuch) {
+  std::mt19937 random(kSeed);
+  std::uniform_real_distribution<double> anywhere(-500, 500);
+  std::uniform_real_distribution<double> any_roll(-3, 3);
+  int light = 0;
+  int roll = 0;
+  int elsewhere = 0;
+  constexpr int kPlaces = 40;
+  for (int i = 0; i < kPlaces; ++i) {
+    const Eigen::Vector2d place(anywhere(random), anywhere(random));
+    const Descriptor here = describe_center(view_of(place, 0));
+    light += descriptor_distance(here, describe_center(view_of(place, 0, 0.5, 40)));
+    roll += descriptor_distance(here, describe_center(view_of(place, any_roll(random))));
+    elsewhere += descriptor_distance(here, describe_center(view_of({anywhere(random), anywhere(random)}, 0)));
+  }
+  EXPECT_LT(light / kPlaces, 10);
+  EXPECT_LT(roll / kPlaces, 50);
+  EXPECT_GT(elsewhere / kPlaces, 100);
+}
+
+TEST(Descriptor, NothingOutsideTheImageIsRead) {
+  std::mt19937 random(kSeed);
+  const TightImage image = TightImage::noise(40, 30, 40, &random);
+  Descriptor descriptor;
+  for (int y = -2; y < 32; ++y) {
+    for (int x = -2; x < 42; ++x) {
+      const bool inside = x >= kDescriptorRadius && y >= kDescriptorRadius && x < 40 - kDescriptorRadius &&
+                          y < 30 - kDescriptorRadius;
+      EXPECT_EQ(describe(image.view(), {static_cast<int16_t>(x), static_cast<int16_t>(y)}, &descriptor),
+                inside);
+    }
+  }
+  for (const int size : {1, 2, 3, 5}) {
+    GrayImage smoothed;
+    smooth_for_descriptors(TightImage::noise(size, size, 40, &random).view(), &smoothed);
+    EXPECT_EQ(smoothed.width(), size);
+  }
+}
+
+TEST(Descriptor, SmoothingKeepsAFlatImageAndTheMeanOfAnother) {
+  GrayImage smoothed;
+  smooth_for_descriptors(test::render(20, 10, [](int, int) { return 137; }), &smoothed);
+  for (int y = 0; y < 10; ++y) {
+    for (int x = 0; x < 20; ++x) EXPECT_EQ(smoothed.view().at(x, y), 137);
+  }
+  smooth_for_descriptors(test::render(21, 21, [](int x, int y) { return x == 10 && y == 10 ? 255 : 0; }),
+                         &smoothed);
+  int sum = 0;
+  for (int y = 0; y < 21; ++y) {
+    for (int x = 0; x < 21; ++x) {
+      sum += smoothed.view().at(x, y);
+      EXPECT_EQ(smoothed.view().at(x, y), smoothed.view().at(20 - x, y)) << "symmetric";
+      EXPECT_EQ(smoothed.view().at(x, y), smoothed.view().at(y, x));
+    }
+  }
+  EXPECT_NEAR(sum, 255, 40) << "but for rounding";
+}
+
+TEST(Place, CornersAreSpreadBoundedAndInTheImage) {
+  const GrayImage image = test::render(320, 240, [](int x, int y) {
+    return x < 160 ? std::clamp(128 + 3 * (texture()({3.0 * x, 3.0 * y}) - 128), 0.0, 255.0)
+                   : 128.0 + (x / 40 + y / 40) % 2 * 40;
+  });
+  Pyramid pyramid;
+  pyramid.build(image);
+  std::array<CornerList, kPyramidLevels> corners;
+  for (int l = 0; l < kPyramidLevels; ++l)
+    detect_fast10(pyramid.level(l), 10, &corners[static_cast<size_t>(l)]);
+  const PlaceView view = describe_place(pyramid, corners);
+  EXPECT_EQ(view.small.width(), 40);
+  std::array<int, kPyramidLevels> count{};
+  for (const PlaceCorner& c : view.corners) {
+    ++count[c.level];
+    EXPECT_TRUE(image.view().contains(c.pixel.x(), c.pixel.y()));
+  }
+  for (size_t l = 0; l < count.size(); ++l) EXPECT_LE(count[l], kPlaceCorners[l]);
+  EXPECT_GT(count[0], 50);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "common/image/pyramid.h"
+#include "common/map/ids.h"
+#include "common/map/observations.h"
+
+namespace cairn {
+
+/// A keyframe with its picture and what was measured in it, as handed from the map maker to who reads maps.
+/// Immutable parts are shared; cheap to copy but for the measurements.
+struct KeyframeView {
+  KeyframeId id;
+  CameraPtr camera;
+  std::shared_ptr<const Pyramid> pyramid;
+  std::vector<PointMeasurement> measurements;  ///< ascending by point
+};
+
+}  // namespace cairn

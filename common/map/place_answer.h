@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/geometry/se3.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// What came of the question where a picture was taken.
+enum class PlaceVerdict : uint8_t {
+  kConfirmed = 0,    ///< geometry agrees; the tracker's proof is still to come
+  kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
+  kNotKnown = 2,     ///< no place of any map looks like it
+};
+[[nodiscard]] constexpr const char* to_string(PlaceVerdict verdict) {
+  return verdict == PlaceVerdict::kConfirmed     ? "confirmed"
+         : verdict == PlaceVerdict::kUnconfirmed ? "unconfirmed"
+                                                 : "not known";
+}
+
+/// A keyframe near which the picture may have been taken. The pose is relative to it, so it survives
+/// adjustments on the way.
+struct PlaceCandidate {
+  MapId map;
+  Epoch epoch;
+  Revision revision;  ///< with whose positions it was judged
+  KeyframeId keyframe;
+  SE3 camera_from_keyframe;
+  float score = 0;   ///< of the tiny images; the method's own unit (relocalizer.h)
+  int matches = 0;   ///< corners that look like points of the keyframe and agree on a pose
+  int inliers = 0;   ///< points of the map around that pose which it explains
+  int expected = 0;  ///< points of the map around that pose which project into the picture
+  bool confirmed = false;
+  std::string reason;  ///< for a person: why it is not confirmed
+};
+
+struct PlaceAnswer {
+  PlaceVerdict verdict = PlaceVerdict::kNotKnown;
+  std::vector<PlaceCandidate> candidates;  ///< best first
+  std::string reason;                      ///< for a person, when not confirmed
+};
+
+}  // namespace cairn

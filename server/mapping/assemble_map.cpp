@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "server/mapping/map_record.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMinKeyframes = 2;
+
+/// Puts a map together; a step for each kind of record, in the order of what refers to what.
+class Assembly {
+ public:
+  explicit Assembly(const MapRecord& record)
+      : record_(record), keyframes_(record.keyframe_count), points_(record.point_count) {
+    for (size_t i = 0; i < keyframes_.size(); ++i) {
+      keyframes_[i].id = KeyframeId{i + 1};
+      keyframes_[i].live = false;
+    }
+    for (size_t i = 0; i < points_.size(); ++i) {
+      points_[i].source.id = PointId{i + 1};
+      points_[i].source.keyframe = KeyframeId{1};  // a removed point has some source all the same
+      points_[i].live = false;
+    }
+    has_source_.resize(points_.size());
+    has_measurements_.resize(keyframes_.size());
+  }
+
+  Result<AssembledMap> run() {
+    if (!record_.foundation) return fail(ErrorCode::kDamaged, "what its start has fixed is missing");
+    place_keyframes();
+    place_images();
+    place_points();
+    place_measurements();
+    MapState state(std::move(keyframes_), std::move(points_));
+    remove_what_lacks_its_parts(&state);
+    if (!state.is_live(KeyframeId{1})) return fail(ErrorCode::kDamaged, "its first keyframe is lost");
+    if (state.live_keyframes() < kMinKeyframes) {
+      return fail(ErrorCode::kDamaged, "fewer than two of its keyframes are left");
+    }
+    return AssembledMap{std::move(state), std::move(repairs_)};
+  }
+
+ private:
+  [[nodiscard]] bool is_keyframe(KeyframeId id) const { return id && id.value <= keyframes_.size(); }
+  [[nodiscard]] bool is_point(PointId id) const { return id && id.value <= points_.size(); }
+  MapKeyframe& keyframe(KeyframeId id) { return keyframes_[id.value - 1]; }
+
+  void place_keyframes() {
+    for (const KeyframeRecord& r : record_.keyframes) {
+      if (!is_keyframe(r.id) || r.reference >= r.id || r.camera == nullptr || !r.camera_from_map.is_finite())
+        continue;
+      MapKeyframe& k = keyframe(r.id);
+      k.reference = r.reference;
+      k.camera = r.camera;
+      k.time = r.time;
+      k.camera_from_map = r.camera_from_map;
+      k.mean_depth = r.mean_depth;
+      k.near_depth = r.near_depth;
+      k.far_depth = r.far_depth;
+      k.live = r.live;
+    }
+    for (const MapKeyframe& k : keyframes_) {
+      if (k.camera == nullptr) note_lost(k.id, "its entry");
+    }
+  }
+
+  void place_images() {
+    for (const ImageRecord& r : record_.images) {
+      if (!is_keyframe(r.keyframe) || !keyframe(r.keyframe).live || r.image == nullptr) continue;
+      MapKeyframe& k = keyframe(r.keyframe);
+      if (r.image->width() == k.camera->width() && r.image->height() == k.camera->height())
+        k.images = prepare_images(r.image->view());
+    }
+    for (MapKeyframe& k : keyframes_) {
+      if (k.live && k.images == nullptr) note_lost(k.id, "its image");
+    }
+  }
+
+  void place_points() {
+    for (const SourcesRecord& r : record_.sources) {
+      for (size_t s = 0; s < r.points.size(); ++s) {
+        const size_t i = size_t{r.block} * kBlockSlots + s;
+        if (i >= points_.size() || !is_keyframe(r.points[s].keyframe)) continue;
+        points_[i].source = r.points[s];
+        points_[i].source.id = PointId{i + 1};
+        has_source_[i] = true;
+      }
+    }
+    std::vector<bool> has_position(points_.size());
+    for (const PositionsRecord& r : record_.positions) {
+      for (size_t s = 0; s < r.points.size(); ++s) {
+        const size_t i = size_t{r.block} * kBlockSlots + s;
+        const PositionsRecord::Point& p = r.points[s];
+        if (i >= points_.size() || !p.position.allFinite()) continue;
+        has_position[i] = true;
+        points_[i].position = p.position;
+        points_[i].attempts = p.attempts;
+        points_[i].found = p.found;
+        points_[i].live = p.live && has_source_[i];
+      }
+    }
+    size_t lost = 0;
+    for (size_t i = 0; i < points_.size(); ++i) lost += has_source_[i] && has_position[i] ? 0 : 1;
+    if (lost > 0) repairs_.push_back(std::to_string(lost) + " points are left out: their entries are lost");
+  }
+
+  void place_measurements() {
+    size_t dangling = 0;
+    for (const MeasurementsRecord& r : record_.measurements) {
+      if (!is_keyframe(r.keyframe)) continue;
+      has_measurements_[r.keyframe.value - 1] = true;
+      MapKeyframe& k = keyframe(r.keyframe);
+      if (!k.live) continue;
+      PointId last;
+      for (const Measurement& m : r.measurements) {
+        const bool sound = is_point(m.point) && m.point > last && points_[m.point.value - 1].live &&
+                           m.level < kPyramidLevels && m.pixel.allFinite();
+        dangling += sound ? 0 : 1;
+        if (!sound) continue;
+        last = m.point;
+        k.measurements.push_back(m);
+      }
+      for (const PointId id : r.given_up) {
+        if (is_point(id) && points_[id.value - 1].live) k.given_up.push_back(id);
+      }
+      std::sort(k.given_up.begin(), k.given_up.end());
+    }
+    if (dangling > 0)
+      repairs_.push_back(std::to_string(dangling) + " measurements are left out: their points are lost");
+    for (const MapKeyframe& k : keyframes_) {
+      if (k.live && !has_measurements_[k.id.value - 1]) note_lost(k.id, "its measurements");
+    }
+  }
+
+  void note_lost(KeyframeId id, const std::string& what) {
+    lost_.push_back(id);
+    repairs_.push_back("keyframe " + std::to_string(id.value) + " is left out: " + what +
+                       (what.back() == 's' ? " are lost" : " is lost"));
+  }
+
+  void remove_what_lacks_its_parts(MapState* state) {
+    for (const KeyframeId id : lost_) state->remove_keyframe(id);
+    if (repairs_.empty()) return;
+    const std::vector<PointId> live = state->live_point_ids();
+    for (const PointId id : live) {
+      const MapPoint& p = state->point(id);
+      if (p.observers.size() < 2 || !state->find_measurement(p.source.keyframe, id)) state->remove_point(id);
+    }
+  }
+
+  const MapRecord& record_;
+  std::vector<MapKeyframe> keyframes_;
+  std::vector<MapPoint> points_;
+  std::vector<bool> has_source_;
+  std::vector<bool> has_measurements_;
+  std::vector<KeyframeId> lost_;
+  std::vector<std::string> repairs_;
+};
+
+}  // namespace
+
+Result<AssembledMap> assemble_map(const MapRecord& record) {
+  return Assembly(record).run();
+}
+
+}  // namespace cairn

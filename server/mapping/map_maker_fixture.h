@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "server/mapping/map_maker.h"
+#include "server/mapping/test_scene.h"
+
+/// What a tracker would send of the test scene, and a map that is made of it.
+namespace cairn::testing {
+
+constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
+inline const auto kNeverYield = [] { return false; };
+
+/// Trails as a tracker would have them: corners of the first image, their true places in the second with a
+/// pixel's rounding, one in ten wrong.
+[[nodiscard]] std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first,
+                                             const SE3& first_pose, const SE3& second_pose);
+/// Similarity from the map to the world of the scene, by the first two keyframes.
+[[nodiscard]] Similarity3 world_from_map(const MapSnapshot& s);
+/// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
+/// should be.
+[[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step);
+
+/// The bytes of everything in a snapshot that is made of numbers.
+[[nodiscard]] std::vector<uint8_t> bytes_of(const MapSnapshot& s);
+
+/// A map of Scene as it is made: seed, offers, work.
+class MapMakerFixture : public ::testing::Test {
+ protected:
+  MapMakerFixture() : scene_(11) {
+    input_.map_name = "two planes";
+    input_.epoch = Epoch{1};
+    input_.camera = scene_.camera();
+    input_.first_image = scene_.render(Scene::pose(0), 0);
+    input_.second_image = scene_.render(Scene::pose(kSecondStep), kSecondStep);
+    input_.trails = make_trails(scene_, *input_.first_image, Scene::pose(0), Scene::pose(kSecondStep));
+  }
+
+  void start() {
+    auto started = MapMaker::start(input_, options_);
+    ASSERT_TRUE(started) << started.error().message;
+    maker_ = std::move(started->first);
+    seed_ = std::move(started->second);
+  }
+
+  void work() {
+    for (int i = 0; i < 100; ++i) {
+      if (maker_->step(kNeverYield).work == MapWork::kNone) return;
+    }
+    FAIL() << "the work does not end";
+  }
+
+  /// Offers the view of a step and, when accepted, does all the work.
+  KeyframeDecision offer(int step) {
+    const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), step));
+    if (decision.verdict == KeyframeVerdict::kAccepted) {
+      steps_.push_back(step);
+      work();
+    }
+    return decision;
+  }
+
+  StepReport adjust_globally() {
+    const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
+    solve(problem.get(), {});
+    return maker_->adopt(*problem);
+  }
+
+  Scene scene_;
+  SeedInput input_;
+  MapMakerOptions options_;
+  std::unique_ptr<MapMaker> maker_;
+  SeedResult seed_;
+  std::vector<int> steps_{0, kSecondStep};  ///< Scene::pose() of each keyframe
+};
+
+}  // namespace cairn::testing

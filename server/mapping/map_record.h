@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "server/mapping/map_state.h"
+
+/// What has to be kept of a map so that it goes on as if nothing had happened: plain values, nothing that can
+/// be derived. A record may hold a whole map or only what has changed; applying the changes in order to a
+/// whole gives a whole again.
+namespace cairn {
+
+/// A keyframe but for its image and measurements.
+struct KeyframeRecord {
+  KeyframeId id;
+  KeyframeId reference;
+  CameraPtr camera;
+  Timestamp time;
+  SE3 camera_from_map;
+  double mean_depth = 0;  ///< [map unit] this and the two below: MapKeyframe
+  double near_depth = 0;
+  double far_depth = 0;
+  bool live = true;
+};
+
+struct MeasurementsRecord {
+  KeyframeId keyframe;
+  std::vector<Measurement> measurements;  ///< ascending by point
+  std::vector<PointId> given_up;          ///< ascending
+};
+
+/// The image that a keyframe was made of (pyramid level 0).
+struct ImageRecord {
+  KeyframeId keyframe;
+  GrayImagePtr image;
+};
+
+/// The immutable part of points 64 block + 1 .. 64 block + size().
+struct SourcesRecord {
+  uint32_t block = 0;
+  std::vector<PointSource> points;
+};
+
+/// The part of points that changes; slots as in SourcesRecord.
+struct PositionsRecord {
+  struct Point {
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
+    int attempts = 0;
+    int found = 0;
+    bool live = true;
+  };
+  uint32_t block = 0;
+  std::vector<Point> points;
+};
+
+/// What the two-view start has fixed for good.
+struct FoundationRecord {
+  double min_distance_over_depth = 0;               ///< KeyframeSpacing
+  std::vector<std::pair<PointId, double>> anchors;  ///< ScaleAnchor: points and their distance [map unit]
+  bool plane_aligned = false;
+};
+
+/// A keyframe that still lacks points, from a candidate of the level on; the levels in the map maker's order.
+struct PendingKeyframe {
+  KeyframeId id;
+  size_t next_level = 0;
+  size_t next_candidate = 0;
+  int made = 0;
+};
+
+/// Work that is due.
+struct WorkRecord {
+  std::vector<PendingKeyframe> wanting_points;
+  std::vector<PointId> wanting_observers;  ///< new points, to be found in old keyframes
+  KeyframeId newest;                       ///< around which the local adjustment goes
+  bool local_adjustment_due = false;
+  bool upkeep_due = false;
+  bool global_adjustment_due = false;
+};
+
+struct MapRecord {
+  size_t keyframe_count = 0;  ///< ever made, of the map that this is or belongs to
+  size_t point_count = 0;
+  std::optional<FoundationRecord> foundation;
+  std::optional<WorkRecord> work;
+  std::vector<KeyframeRecord> keyframes;
+  std::vector<MeasurementsRecord> measurements;
+  std::vector<ImageRecord> images;         ///< of new keyframes
+  std::vector<KeyframeId> removed_images;  ///< of keyframes that were removed
+  std::vector<SourcesRecord> sources;
+  std::vector<PositionsRecord> positions;
+
+  [[nodiscard]] bool empty() const {
+    return !foundation && !work && keyframes.empty() && measurements.empty() && images.empty() &&
+           removed_images.empty() && sources.empty() && positions.empty();
+  }
+};
+
+/// A map put together from its record, and what had to be left out: one line for a person each. A keyframe
+/// without image or measurements is removed, as are points without source or position, and what refers to
+/// them.
+struct AssembledMap {
+  MapState state;
+  std::vector<std::string> repairs;
+};
+
+/// Error kDamaged when what is left is no map: the first keyframe or the foundation is missing, or fewer than
+/// two keyframes remain. Takes the images' time: some milliseconds a keyframe.
+[[nodiscard]] Result<AssembledMap> assemble_map(const MapRecord& record);
+
+/// Tells what has changed in a map since it was asked last: by digests of what it gave out then, so nothing
+/// that changes the map needs to know. Not thread-safe.
+class MapRecorder {
+ public:
+  /// The first time, everything.
+  [[nodiscard]] MapRecord take(const MapState& map, const FoundationRecord& foundation,
+                               const WorkRecord& work);
+  /// What was given out has been lost: everything again.
+  void reset() { *this = MapRecorder(); }
+
+ private:
+  std::vector<uint64_t> keyframes_;  ///< digests by id - 1, as the next
+  std::vector<uint64_t> measurements_;
+  std::vector<bool> has_image_;
+  std::vector<uint64_t> positions_;  ///< digests by block
+  size_t sources_ = 0;               ///< points whose sources were given out
+  uint64_t work_ = 0;
+  bool has_foundation_ = false;
+};
+
+}  // namespace cairn

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/mapping/map_record.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "server/mapping/map_maker_fixture.h"
+
+namespace cairn {
+namespace {
+
+using testing::bytes_of;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::kNeverYield;
+
+/// Replaces or adds by key: what a store does with rows.
+template <typename Row, typename Key>
+void put(std::vector<Row>* rows, const std::vector<Row>& changed, Key key) {
+  for (const Row& row : changed) {
+    const auto same = [&](const Row& r) { return key(r) == key(row); };
+    const auto it = std::find_if(rows->begin(), rows->end(), same);
+    if (it == rows->end()) {
+      rows->push_back(row);
+    } else {
+      *it = row;
+    }
+  }
+}
+
+void apply(const MapRecord& changes, MapRecord* whole) {
+  whole->keyframe_count = changes.keyframe_count;
+  whole->point_count = changes.point_count;
+  if (changes.foundation) whole->foundation = changes.foundation;
+  if (changes.work) whole->work = changes.work;
+  put(&whole->keyframes, changes.keyframes, [](const auto& r) { return r.id; });
+  put(&whole->measurements, changes.measurements, [](const auto& r) { return r.keyframe; });
+  put(&whole->images, changes.images, [](const auto& r) { return r.keyframe; });
+  put(&whole->sources, changes.sources, [](const auto& r) { return r.block; });
+  put(&whole->positions, changes.positions, [](const auto& r) { return r.block; });
+  for (const KeyframeId id : changes.removed_images)
+    std::erase_if(whole->images, [id](const ImageRecord& r) { return r.keyframe == id; });
+}
+
+template <typename T>
+void drop_at(std::vector<T>* rows, size_t index) {
+  ASSERT_LT(index, rows->size());
+  rows->erase(rows->begin() + static_cast<ptrdiff_t>(index));
+}
+
+class MapRecordTest : public testing::MapMakerFixture {
+ protected:
+  static constexpr Epoch kNextEpoch{2};
+
+  void grow() {
+    start();
+    for (int step = 5; step <= 14; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  }
+  [[nodiscard]] Result<MapMaker::Restored> restore(const MapRecord& record) const {
+    return MapMaker::restore(record, {input_.map, input_.map_name, kNextEpoch}, options_);
+  }
+  /// The map as it is, cut into blocks anew: published ones lag what moved by less than can be seen.
+  [[nodiscard]] std::vector<uint8_t> state_of(MapMaker* map) const {
+    map->keep_everything_anew();
+    const auto copy = restore(map->take_changes());
+    return copy ? bytes_of(*copy->maker->snapshot()) : std::vector<uint8_t>();
+  }
+  /// Does one thing to both maps and expects them to stay equal.
+  template <typename Act>
+  void expect_same(MapMaker* a, MapMaker* b, Act act) {
+    act(a);
+    act(b);
+    EXPECT_TRUE(state_of(a) == state_of(b));
+  }
+};
+
+TEST_F(MapRecordTest, ARestoredMapGoesOnAsTheOriginalWouldHave) {
+  start();
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  // In the midst of its work: one keyframe with some of its points, none re-found yet.
+  const KeyframeInput newest = testing::make_offer(scene_, *maker_->snapshot(), 8);
+  ASSERT_EQ(maker_->add_keyframe(newest).verdict, KeyframeVerdict::kAccepted);
+  int polls = 0;
+  ASSERT_FALSE(maker_->step([&] { return ++polls > 3; }).finished);
+
+  const auto restored = restore(maker_->take_changes());
+  ASSERT_TRUE(restored) << restored.error().message;
+  EXPECT_THAT(restored->repairs, IsEmpty());
+  MapMaker* copy = restored->maker.get();
+  EXPECT_EQ(copy->snapshot()->epoch, kNextEpoch);
+  EXPECT_EQ(copy->statistics().measurements, maker_->statistics().measurements);
+
+  const auto finish_work = [](MapMaker* maker) {
+    while (maker->step(kNeverYield).work != MapWork::kNone) {
+    }
+  };
+  expect_same(maker_.get(), copy, finish_work);
+  expect_same(maker_.get(), copy, [](MapMaker* maker) {
+    ASSERT_TRUE(maker->wants_global_adjustment());
+    const GlobalAdjustmentPtr problem = maker->prepare_global_adjustment();
+    solve(problem.get(), {});
+    maker->adopt(*problem);
+  });
+  const KeyframeInput next = testing::make_offer(scene_, *maker_->snapshot(), 11);
+  expect_same(maker_.get(), copy, [&](MapMaker* maker) {
+    ASSERT_EQ(maker->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    finish_work(maker);
+  });
+}
+
+TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {
+  start();
+  MapRecord kept = maker_->take_changes();
+  for (int step = 5; step <= 14; step += 3) {
+    ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    apply(maker_->take_changes(), &kept);
+  }
+  adjust_globally();
+  const MapRecord last = maker_->take_changes();
+  EXPECT_THAT(last.sources, IsEmpty()) << "an adjustment makes no points";
+  EXPECT_THAT(last.images, IsEmpty());
+  EXPECT_FALSE(last.foundation);
+  EXPECT_FALSE(last.positions.empty());
+  apply(last, &kept);
+  EXPECT_TRUE(maker_->take_changes().empty()) << "nothing has changed";
+
+  maker_->keep_everything_anew();
+  const MapRecord whole = maker_->take_changes();
+  EXPECT_EQ(whole.keyframes.size(), kept.keyframes.size());
+  const auto from_changes = restore(kept);
+  const auto from_whole = restore(whole);
+  ASSERT_TRUE(from_changes && from_whole);
+  EXPECT_TRUE(bytes_of(*from_changes->maker->snapshot()) == bytes_of(*from_whole->maker->snapshot()));
+  EXPECT_EQ(from_whole->maker->statistics().measurements, maker_->statistics().measurements);
+  EXPECT_DOUBLE_EQ(from_whole->maker->statistics().mean_reprojection, maker_->statistics().mean_reprojection);
+}
+
+TEST_F(MapRecordTest, WhatIsLostIsNamedAndTheRestGoesOn) {
+  grow();
+  const MapRecord whole = maker_->take_changes();
+  struct Loss {
+    const char* said;
+    std::function<void(MapRecord*)> lose;
+  };
+  const Loss losses[] = {
+      {"keyframe 3 is left out: its image is lost", [](MapRecord* r) { drop_at(&r->images, 2); }},
+      {"keyframe 3 is left out: its measurements are lost",
+       [](MapRecord* r) { drop_at(&r->measurements, 2); }},
+      {"keyframe 4 is left out: its entry is lost", [](MapRecord* r) { drop_at(&r->keyframes, 3); }},
+      {"64 points are left out", [](MapRecord* r) { drop_at(&r->positions, 1); }},
+      {"64 points are left out", [](MapRecord* r) { drop_at(&r->sources, 1); }},
+  };
+  for (const Loss& loss : losses) {
+    SCOPED_TRACE(loss.said);
+    MapRecord record = whole;
+    loss.lose(&record);
+    const auto restored = restore(record);
+    ASSERT_TRUE(restored) << restored.error().message;
+    ASSERT_FALSE(restored->repairs.empty());
+    EXPECT_THAT(restored->repairs.front() + restored->repairs.back(), HasSubstr(loss.said));
+    MapMaker& map = *restored->maker;
+    EXPECT_LT(map.statistics().measurements, maker_->statistics().measurements);
+    const KeyframeInput next = testing::make_offer(scene_, *map.snapshot(), 17);
+    EXPECT_EQ(map.add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    while (map.step(kNeverYield).work != MapWork::kNone) {
+    }
+    EXPECT_LT(map.statistics().mean_reprojection, 0.6);
+  }
+}
+
+TEST_F(MapRecordTest, WhatIsNoMapIsRefused) {
+  start();
+  const MapRecord whole = maker_->take_changes();
+  MapRecord record = whole;
+  record.foundation.reset();
+  EXPECT_EQ(restore(record).error().code, ErrorCode::kDamaged);
+  record = whole;
+  drop_at(&record.images, 0);
+  EXPECT_THAT(restore(record).error().message, HasSubstr("first keyframe"));
+  record = whole;
+  drop_at(&record.images, 1);
+  EXPECT_EQ(restore(record).error().code, ErrorCode::kDamaged);
+  EXPECT_EQ(restore(MapRecord{}).error().code, ErrorCode::kDamaged);
+}
+
+TEST_F(MapRecordTest, ReferencesThatLeadNowhereAreLeftOut) {
+  grow();
+  MapRecord record = maker_->take_changes();
+  record.measurements[2].measurements.front().point = PointId{record.point_count + 7};
+  record.measurements[2].measurements.back().level = 9;
+  record.sources[0].points[0].keyframe = KeyframeId{99};
+  record.positions[0].points[1].position.x() = std::nan("");
+  record.keyframes[3].reference = KeyframeId{4};  // itself
+  record.work->newest = KeyframeId{1000};
+  record.work->wanting_observers = {PointId{0}, PointId{record.point_count + 1}};
+  record.work->wanting_points = {{KeyframeId{50}, 99, 12345, -3}, {KeyframeId{2}, 99, 12345, -3}};
+  const auto restored = restore(record);
+  ASSERT_TRUE(restored) << restored.error().message;
+  EXPECT_FALSE(restored->repairs.empty());
+  while (restored->maker->step(kNeverYield).work != MapWork::kNone) {
+  }
+  EXPECT_LT(restored->maker->statistics().mean_reprojection, 0.6);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/confirm.h"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <bitset>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr int kCellsAcross = 4;
+constexpr int kCellsDown = 3;
+constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
+constexpr size_t kNeighbours = 4;         ///< keyframes whose points are looked for around a pose
+constexpr double kAngleWeight = 1;        ///< a radian between optical axes counts as one mean depth apart
+/// Radius of the search around a pose [px of the corner's level]: that of three points is rough yet.
+constexpr double kRadii[] = {6, 2.5};
+
+/// Keyframes that see about what a pose sees, nearest first.
+std::vector<IndexedKeyframePtr> keyframes_around(const IndexedMap& map, const SE3& camera_from_map) {
+  std::vector<std::pair<double, size_t>> ranked;
+  const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
+  for (size_t i = 0; i < map.keyframes.size(); ++i) {
+    const KeyframePose* pose = map.snapshot->find(map.keyframes[i]->id);
+    if (pose == nullptr) continue;
+    const double depth = std::max(1e-6, static_cast<double>(pose->mean_depth));
+    const double distance = (pose->camera_from_map.center() - camera_from_map.center()).norm() / depth;
+    const Eigen::Vector3d its_axis = pose->camera_from_map.rotation_matrix().row(2);
+    ranked.emplace_back(distance + kAngleWeight * (its_axis - axis).norm(), i);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), kNeighbours));
+  std::vector<IndexedKeyframePtr> around;
+  for (const auto& [_, i] : ranked) around.push_back(map.keyframes[i]);
+  return around;
+}
+
+int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std::span<const double> weights,
+                const Camera& camera) {
+  std::bitset<size_t{kCellsAcross} * kCellsDown> occupied;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    if (!(weights[i] > 0)) continue;
+    const Eigen::Vector2f& p = view.corners[matches[i].corner].pixel;
+    const int column =
+        std::clamp(static_cast<int>(p.x()) * kCellsAcross / camera.width(), 0, kCellsAcross - 1);
+    const int row = std::clamp(static_cast<int>(p.y()) * kCellsDown / camera.height(), 0, kCellsDown - 1);
+    occupied.set(static_cast<size_t>(row * kCellsAcross + column));
+  }
+  return static_cast<int>(occupied.count());
+}
+
+void judge(const ConfirmOptions& options, Confirmation* result) {
+  if (result->inliers < options.min_inliers) {
+    result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
+  } else if (result->inliers < options.min_share * std::min<double>(result->expected, result->corners)) {
+    result->reason =
+        fmt::format("only {} of {} points that should be seen", result->inliers, result->expected);
+  } else if (result->cells < options.min_cells) {
+    result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
+  } else {
+    result->confirmed = true;
+  }
+}
+
+}  // namespace
+
+Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
+                     const IndexedMap& map, const IndexedKeyframe& keyframe, const ConfirmOptions& options) {
+  Confirmation result;
+  const auto matches = match_anywhere(view, keyframe, *map.snapshot);
+  result.corners = static_cast<int>(view.corners.size());
+  result.matches = static_cast<int>(matches.size());
+  if (result.matches < options.min_matches) {
+    result.reason = fmt::format("{} corners look alike, {} needed", result.matches, options.min_matches);
+    return result;
+  }
+  PoseRansacOptions ransac;
+  ransac.threshold = kRansacThreshold;
+  ransac.iterations = options.ransac_iterations;
+  ransac.min_inliers = options.ransac_inliers;
+  ransac.seed = options.seed;
+  auto pose = ransac_pose(camera, to_observations(view, matches), ransac);
+  if (!pose) {
+    result.reason = pose.error().message;
+    return result;
+  }
+  result.agreeing = pose->inliers;
+  for (const double radius : kRadii) {
+    const auto around = keyframes_around(map, pose->camera_from_map);
+    const GuidedMatches guided =
+        match_by_pose(view, grid, camera, pose->camera_from_map, map, around, radius);
+    PoseOptions refinement;
+    refinement.fixed_cutoff_after = 0;
+    refinement.late_squared_cutoff = radius * radius;
+    pose = optimize_pose(camera, pose->camera_from_map, to_observations(view, guided.matches), refinement);
+    if (!pose) {
+      result.reason = pose.error().message;
+      return result;
+    }
+    result.camera_from_map = pose->camera_from_map;
+    result.inliers = pose->inliers;
+    result.expected = static_cast<int>(guided.expected);
+    result.cells = count_cells(view, guided.matches, pose->weights, camera);
+  }
+  judge(options, &result);
+  return result;
+}
+
+}  // namespace cairn

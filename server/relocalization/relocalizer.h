@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "common/geometry/camera.h"
+#include "common/image/place.h"
+#include "common/map/place_answer.h"
+#include "server/relocalization/confirm.h"
+#include "server/relocalization/place_index.h"
+
+/// Which map, where, and how sure (DESIGN 7, stage A). Pure and re-entrant: queries run on any threads at the
+/// same time.
+namespace cairn {
+
+/// How keyframes are ranked and answers made.
+enum class RelocMethod : uint8_t {
+  kPaper = 0,     ///< Castle et al. 2008: the one nearest tiny image, turned by ESM; nothing is confirmed
+  kImproved = 1,  ///< tiny images normalised for gain, the best few confirmed by geometry
+};
+
+struct RelocOptions {
+  RelocMethod method = RelocMethod::kImproved;
+  /// Keyframes handed to geometry at most. Neighbours in a map look alike: they are tried when the best of
+  /// each place have failed.
+  int shortlist = 12;
+  int sure_inliers = 80;  ///< with so many no other candidate is tried
+  ConfirmOptions confirm;
+};
+
+/// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =
+/// alike (kImproved).
+[[nodiscard]] PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
+                                     const RelocOptions& options = {});
+
+}  // namespace cairn

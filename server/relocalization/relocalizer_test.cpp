@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/relocalizer.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/image/corners.h"
+#include "server/mapping/test_scene.h"
+
+namespace cairn {
+namespace {
+
+using testing::Scene;
+
+constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
+constexpr size_t kPointsPerLevel = 200;
+
+std::array<CornerList, kPyramidLevels> find_corners(const Pyramid& pyramid) {
+  std::array<CornerList, kPyramidLevels> corners;
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    detect_fast10(pyramid.level(l), kFastThresholds[static_cast<size_t>(l)],
+                  &corners[static_cast<size_t>(l)]);
+  }
+  return corners;
+}
+
+PlaceView describe_image(const GrayView& image) {
+  Pyramid pyramid;
+  pyramid.build(image);
+  return describe_place(pyramid, find_corners(pyramid));
+}
+
+/// A map of a scene made without a map maker: keyframes at some steps of its camera, their corners as points
+/// at their exact places.
+class ExactMap {
+ public:
+  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps) : scene_(scene) {
+    auto keyframes = std::make_shared<KeyframeBlock>();
+    for (const int step : steps) add_keyframe(step, keyframes.get());
+    auto snapshot = std::make_shared<MapSnapshot>();
+    snapshot->map.bytes[0] = id;
+    snapshot->epoch = Epoch{3};
+    snapshot->revision = Revision{7};
+    snapshot->keyframe_blocks = {keyframes};
+    for (size_t first = 0; first < sources_.size(); first += kBlockSlots) {
+      const size_t last = std::min(sources_.size(), first + kBlockSlots);
+      const auto begin = static_cast<ptrdiff_t>(first);
+      const auto end = static_cast<ptrdiff_t>(last);
+      auto patches = std::make_shared<PatchBlock>();
+      patches->points.assign(sources_.begin() + begin, sources_.begin() + end);
+      auto positions = std::make_shared<PositionBlock>();
+      positions->positions.assign(positions_.begin() + begin, positions_.begin() + end);
+      positions->visibility.resize(last - first);
+      positions->live = last - first == kBlockSlots ? ~uint64_t{0} : (uint64_t{1} << (last - first)) - 1;
+      snapshot->point_blocks.push_back(make_point_block(patches, positions, snapshot->keyframe_blocks));
+    }
+    snapshot_ = snapshot;
+  }
+
+  [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
+  [[nodiscard]] const std::vector<KeyframeView>& views() const { return views_; }
+  [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
+
+ private:
+  void add_keyframe(int step, KeyframeBlock* keyframes) {
+    const KeyframeId id{views_.size() + 1};
+    const SE3 pose = Scene::pose(step);
+    auto pyramid = std::make_shared<Pyramid>();
+    pyramid->build(scene_.render(pose, static_cast<uint64_t>(step))->view());
+    KeyframeView view{id, scene_.camera(), pyramid, {}};
+    const auto corners = find_corners(*pyramid);
+    double depth_sum = 0;
+    for (int l = 0; l < kPyramidLevels; ++l) {
+      auto candidates = find_candidates(pyramid->level(l), corners[static_cast<size_t>(l)], 6, 14, 20);
+      std::stable_sort(candidates.begin(), candidates.end(),
+                       [](const auto& a, const auto& b) { return a.score > b.score; });
+      candidates.resize(std::min(candidates.size(), kPointsPerLevel));
+      for (const Candidate& c : candidates) {
+        const Eigen::Vector2f pixel(from_level(c.corner.x, l), from_level(c.corner.y, l));
+        const Eigen::Vector3d point = scene_.hit(pose, pixel.cast<double>());
+        PointSource source;
+        source.id = PointId{sources_.size() + 1};
+        source.keyframe = id;
+        sources_.push_back(source);
+        positions_.push_back(point.cast<float>());
+        view.measurements.push_back({source.id, static_cast<uint8_t>(l), pixel});
+        depth_sum += (pose * point).z();
+      }
+    }
+    const auto depth = static_cast<float>(depth_sum / static_cast<double>(view.measurements.size()));
+    keyframes->live |= uint64_t{1} << keyframes->keyframes.size();
+    keyframes->keyframes.push_back({id, pose, depth});
+    views_.push_back(std::move(view));
+  }
+
+  const Scene& scene_;
+  std::vector<PointSource> sources_;
+  std::vector<Eigen::Vector3f> positions_;
+  std::vector<KeyframeView> views_;
+  MapSnapshotPtr snapshot_;
+};
+
+/// The camera that an answer's best candidate says, in the map's frame.
+SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map) {
+  const PlaceCandidate& best = answer.candidates.front();
+  return best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;
+}
+
+/// Distance between two cameras, over the depth of the view.
+double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map) {
+  return (estimate.center() - truth.center()).norm() / map.nearest_keyframe(truth.center())->mean_depth;
+}
+
+/// Two mapped places; rendering them takes most of the time, so all tests share them.
+struct Places {
+  Scene scene{11};
+  Scene other_scene{12};
+  ExactMap map{scene, 1, {0, 4, 8}};
+  ExactMap other_map{other_scene, 2, {0, 4, 8}};
+};
+
+class RelocalizerTest : public ::testing::Test {
+ protected:
+  RelocalizerTest() {
+    static const Places places;
+    places_ = &places;
+    index_.put(map().index());
+    index_.put(places_->other_map.index());
+  }
+  [[nodiscard]] const Scene& scene() const { return places_->scene; }
+  [[nodiscard]] const ExactMap& map() const { return places_->map; }
+
+  const Places* places_ = nullptr;
+  PlaceIndex index_;
+};
+
+TEST_F(RelocalizerTest, AViewOfAMappedPlaceIsFoundInItsMapWithItsPose) {
+  for (const int step : {1, 2, 5, 7, 9}) {
+    SCOPED_TRACE(step);
+    for (const auto& [scene, map] :
+         {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
+      const auto image = scene->render(Scene::pose(step), 100 + static_cast<uint64_t>(step));
+      const PlaceAnswer answer = relocalize(index_, *scene->camera(), describe_image(image->view()));
+      ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+      EXPECT_EQ(answer.candidates.front().map, map->snapshot()->map);
+      EXPECT_EQ(answer.candidates.front().epoch, Epoch{3});
+      EXPECT_LT(error_of(camera_of(answer, *map->snapshot()), Scene::pose(step), *map->snapshot()), 0.01);
+    }
+  }
+}
+
+TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
+  const Scene elsewhere(13);
+  for (const int step : {0, 3, 8}) {
+    const auto image = elsewhere.render(Scene::pose(step), 1);
+    const PlaceAnswer answer = relocalize(index_, *elsewhere.camera(), describe_image(image->view()));
+    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown) << step;
+    EXPECT_FALSE(answer.reason.empty());
+    for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
+  }
+}
+
+TEST_F(RelocalizerTest, LightDoesNotMatter) {
+  const auto image = scene().render(Scene::pose(2), 5);
+  for (const auto& [gain, bias] : {std::pair(0.5, 0.0), std::pair(0.7, 70.0), std::pair(1.4, -20.0)}) {
+    SCOPED_TRACE(::testing::Message() << gain << " " << bias);
+    GrayImage lit(image->view());
+    for (int y = 0; y < lit.height(); ++y) {
+      for (int x = 0; x < lit.width(); ++x)
+        lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * lit.row(y)[x] + bias), 0L, 255L));
+    }
+    const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
+    ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+    EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(2), *map().snapshot()), 0.01);
+  }
+}
+
+TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyPictureKnowNothing) {
+  const auto image = scene().render(Scene::pose(2), 5);
+  const PlaceView view = describe_image(image->view());
+  EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), {}).verdict, PlaceVerdict::kNotKnown);
+  PlaceView blank = describe_image(GrayImage(image->width(), image->height()));
+  EXPECT_TRUE(blank.corners.empty());
+  EXPECT_EQ(relocalize(index_, *scene().camera(), blank).verdict, PlaceVerdict::kNotKnown);
+}
+
+TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
+  RelocOptions paper;
+  paper.method = RelocMethod::kPaper;
+  const auto image = scene().render(Scene::pose(4), 5);
+  const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(image->view()), paper);
+  ASSERT_EQ(answer.verdict, PlaceVerdict::kUnconfirmed);
+  ASSERT_EQ(answer.candidates.size(), 1U);
+  EXPECT_EQ(answer.candidates.front().map, map().snapshot()->map);
+  EXPECT_EQ(answer.candidates.front().keyframe, KeyframeId{2});
+  EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(4), *map().snapshot()), 0.02);
+  const auto elsewhere = Scene(13).render(Scene::pose(0), 1);
+  EXPECT_EQ(relocalize(index_, *scene().camera(), describe_image(elsewhere->view()), paper).verdict,
+            PlaceVerdict::kUnconfirmed);
+}
+
+TEST_F(RelocalizerTest, EqualQuestionsHaveEqualAnswers) {
+  const auto image = scene().render(Scene::pose(3), 5);
+  const PlaceView view = describe_image(image->view());
+  const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
+  const PlaceAnswer second = relocalize(index_, *scene().camera(), view);
+  ASSERT_EQ(first.candidates.size(), second.candidates.size());
+  for (size_t i = 0; i < first.candidates.size(); ++i) {
+    const SE3& a = first.candidates[i].camera_from_keyframe;
+    const SE3& b = second.candidates[i].camera_from_keyframe;
+    EXPECT_EQ(a.translation(), b.translation());
+    EXPECT_EQ(a.rotation().coeffs(), b.rotation().coeffs());
+    EXPECT_EQ(first.candidates[i].keyframe, second.candidates[i].keyframe);
+  }
+}
+
+TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
+  const IndexedMapPtr first = map().index();
+  std::vector<KeyframeView> views = map().views();
+  views[1].measurements.pop_back();
+  const IndexedMapPtr second = index_map(first.get(), map().snapshot(), views);
+  ASSERT_EQ(second->keyframes.size(), 3U);
+  EXPECT_EQ(first->keyframes[0], second->keyframes[0]);
+  EXPECT_NE(first->keyframes[1], second->keyframes[1]);
+  EXPECT_EQ(first->keyframes[2], second->keyframes[2]);
+
+  views[0].id = KeyframeId{9};  // the snapshot does not have it
+  EXPECT_EQ(index_map(second.get(), map().snapshot(), views)->keyframes.size(), 2U);
+
+  PlaceIndex index = index_;
+  index.remove(map().snapshot()->map);
+  EXPECT_EQ(index.find(map().snapshot()->map), nullptr);
+  EXPECT_EQ(index_.keyframe_count(), 6U) << "copies are values";
+  EXPECT_EQ(index.keyframe_count(), 3U);
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "server/relocalization/relocalizer.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+
+/// A question where a picture was taken, from the wire.
+struct PlaceQuery {
+  CameraPtr camera;
+  PlaceView view;
+  bool lockstep = false;  ///< answered with all that has been reported, not with what is indexed yet
+};
+
+/// The relocalizer at work: keeps the index over all maps and answers questions, both on workers and never on
+/// a map's queue. Queries read an immutable index; a new one is made beside them. Thread-safe; tasks keep it
+/// alive.
+class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
+ public:
+  using Done = std::function<void(PlaceAnswer answer)>;
+
+  PlaceDesk(WorkerPool& workers, const RelocOptions& options) : workers_(workers), options_(options) {}
+
+  /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts.
+  void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views);
+  void remove(const MapId& map);
+  /// `done` is called on a worker.
+  void ask(PlaceQuery query, Done done);
+
+ private:
+  struct Reported {
+    MapSnapshotPtr snapshot;
+    std::vector<KeyframeView> views;
+  };
+  /// Indexes what has been reported. One thread at a time; others wait.
+  void catch_up();
+  [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
+
+  WorkerPool& workers_;
+  const RelocOptions options_;
+
+  std::mutex catching_up_;  ///< held while indexing; before mutex_
+
+  mutable std::mutex mutex_;  ///< of what follows; held for moments
+  std::map<MapId, Reported> reported_;
+  bool scheduled_ = false;
+  std::shared_ptr<const PlaceIndex> index_ = std::make_shared<PlaceIndex>();
+};
+
+}  // namespace cairn

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/resume.h"
+
+#include <algorithm>
+
+namespace cairn {
+namespace {
+
+wire::OfferOutcome outcome_of(const DecisionRecord& decision, const KeptDecisions& map) {
+  wire::OfferOutcome outcome;
+  outcome.seq = decision.seq;
+  outcome.decision = static_cast<wire::OfferDecision>(decision.decision);
+  outcome.reason = decision.reason;
+  outcome.map = map.map;
+  outcome.keyframe = decision.keyframe;
+  outcome.epoch = map.epoch;
+  outcome.revision = Revision{1};
+  return outcome;
+}
+
+wire::SeedVerdict verdict_of(const DecisionRecord& decision, const KeptDecisions& map) {
+  wire::SeedVerdict verdict;
+  verdict.client = client_id_from_name(decision.client);
+  verdict.command = {decision.session, decision.seq};
+  verdict.accepted = true;
+  verdict.map = map.map;
+  verdict.epoch = map.epoch;
+  verdict.revision = Revision{1};
+  verdict.first_keyframe = KeyframeId{1};
+  verdict.second_keyframe = decision.keyframe;
+  verdict.points = decision.seed_points;
+  return verdict;
+}
+
+}  // namespace
+
+std::map<std::string, ResumedClient> resume_clients(std::span<const KeptDecisions> maps) {
+  std::map<std::string, std::pair<Timestamp, SessionId>> newest;
+  for (const KeptDecisions& map : maps) {
+    for (const DecisionRecord& d : map.decisions) {
+      auto& [time, session] = newest[d.client];
+      if (d.time >= time) std::tie(time, session) = std::pair(d.time, d.session);
+    }
+  }
+  std::map<std::string, ResumedClient> clients;
+  for (const auto& [name, entry] : newest) clients[name].session = entry.second;
+  for (const KeptDecisions& map : maps) {
+    for (const DecisionRecord& d : map.decisions) {
+      ResumedClient& client = clients[d.client];
+      if (d.session != client.session) continue;
+      if (d.kind == CommandKind::kOffer) {
+        client.offers.push_back(outcome_of(d, map));
+      } else if (!client.seed || client.seed->command.seq < d.seq) {
+        client.seed = verdict_of(d, map);
+      }
+    }
+  }
+  for (auto& [name, client] : clients) {
+    std::sort(client.offers.begin(), client.offers.end(),
+              [](const auto& a, const auto& b) { return a.seq < b.seq; });
+  }
+  return clients;
+}
+
+bool carry_over(std::span<const EpochRecord> epochs, Epoch tracked_in, Epoch present, KeyframeInput* frame) {
+  if (tracked_in == present) return true;
+  const auto then =
+      std::find_if(epochs.begin(), epochs.end(), [&](const EpochRecord& e) { return e.epoch == tracked_in; });
+  if (then == epochs.end() || std::next(then) == epochs.end()) return false;
+  const EpochRecord& next = *std::next(then);  // what it began with was all that was left of the one before
+  if (frame->reference.value > next.keyframes) return false;
+  std::erase_if(frame->measurements, [&](const PointMeasurement& m) { return m.id.value > next.points; });
+  return true;
+}
+
+}  // namespace cairn

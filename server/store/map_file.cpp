@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/map_file.h"
+
+#include <algorithm>
+
+#include "common/map/limits.h"
+#include "server/store/bytes.h"
+#include "server/store/row_codec.h"
+#include "server/store/rows.h"
+#include "server/store/schema.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kLongLog = 1000;  ///< [pages of 4 kB] from which tidy() writes it back
+constexpr int64_t kDecisionsKept = 10'000;
+constexpr size_t kMaxItems = kMaxBlocks * kBlockSlots;
+
+/// Rows of table map.
+enum MapRow : int64_t { kHeaderRow = 1, kFoundationRow = 2, kWorkRow = 3 };
+
+struct Header {
+  MapHeader header;
+  size_t keyframes = 0;
+  size_t points = 0;
+};
+
+Blob encode_header(const Header& header) {
+  ByteWriter out;
+  out.put(std::span(header.header.id.bytes));
+  out.put_text(header.header.name);
+  out.put(header.header.epoch.value);
+  out.put(static_cast<uint8_t>(header.header.metric));
+  out.put(header.header.created.nanoseconds);
+  out.put(static_cast<uint64_t>(header.keyframes));
+  out.put(static_cast<uint64_t>(header.points));
+  return out.take();
+}
+
+std::optional<Header> decode_header(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  Header header;
+  in.get(std::span(header.header.id.bytes));
+  header.header.name = in.get_text();
+  header.header.epoch.value = in.get<uint64_t>();
+  header.header.metric = in.get<uint8_t>() != 0;
+  header.header.created.nanoseconds = in.get<int64_t>();
+  header.keyframes = in.get<uint64_t>();
+  header.points = in.get<uint64_t>();
+  const bool sound =
+      in.finished() && header.header.id && header.keyframes <= kMaxItems && header.points <= kMaxItems;
+  if (!sound) return std::nullopt;
+  return header;
+}
+
+Blob encode_epoch(const EpochRecord& epoch) {
+  ByteWriter out;
+  out.put(static_cast<uint64_t>(epoch.keyframes));
+  out.put(static_cast<uint64_t>(epoch.points));
+  return out.take();
+}
+
+std::optional<EpochRecord> decode_epoch(int64_t id, std::span<const uint8_t> row) {
+  ByteReader in(row);
+  EpochRecord epoch{Epoch{static_cast<uint64_t>(id)}, 0, 0};
+  epoch.keyframes = in.get<uint64_t>();
+  epoch.points = in.get<uint64_t>();
+  if (!in.finished()) return std::nullopt;
+  return epoch;
+}
+
+Blob encode_decision(const DecisionRecord& decision) {
+  ByteWriter out;
+  out.put_text(decision.client);
+  out.put(decision.session.value);
+  out.put(decision.seq);
+  out.put(static_cast<uint8_t>(decision.kind));
+  out.put(decision.decision);
+  out.put_text(decision.reason);
+  out.put(decision.keyframe.value);
+  out.put(decision.time.nanoseconds);
+  out.put(static_cast<uint32_t>(decision.seed_points.size()));
+  for (const auto& [trail, point] : decision.seed_points) {
+    out.put(trail.value);
+    out.put(point.value);
+  }
+  return out.take();
+}
+
+std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  DecisionRecord decision;
+  decision.client = in.get_text();
+  decision.session.value = in.get<uint64_t>();
+  decision.seq = in.get<uint64_t>();
+  const auto kind = in.get<uint8_t>();
+  decision.decision = in.get<uint8_t>();
+  decision.reason = in.get_text();
+  decision.keyframe.value = in.get<uint64_t>();
+  decision.time.nanoseconds = in.get<int64_t>();
+  decision.seed_points.resize(in.get_count(2 * sizeof(uint64_t)));
+  for (auto& [trail, point] : decision.seed_points) {
+    trail.value = in.get<uint64_t>();
+    point.value = in.get<uint64_t>();
+  }
+  const bool sound = in.finished() && is_valid_name(decision.client) &&
+                     kind <= static_cast<uint8_t>(CommandKind::kOffer) &&
+                     decision.seed_points.size() <= kMaxTrails;
+  if (!sound) return std::nullopt;
+  decision.kind = static_cast<CommandKind>(kind);
+  return decision;
+}
+
+Blob encode_label(const LabelRecord& label) {
+  ByteWriter out;
+  out.put_text(label.text);
+  out.put(Eigen::Vector4d(label.map_from_label.rotation().coeffs()));
+  out.put(label.map_from_label.translation());
+  out.put_text(label.author);
+  out.put(label.time.nanoseconds);
+  return out.take();
+}
+
+std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row) {
+  ByteReader in(row);
+  LabelRecord label;
+  label.id = static_cast<uint64_t>(id);
+  label.text = in.get_text();
+  const auto rotation = in.get_vector<Eigen::Vector4d>();
+  const auto translation = in.get_vector<Eigen::Vector3d>();
+  label.author = in.get_text();
+  label.time.nanoseconds = in.get<int64_t>();
+  if (!in.finished() || !(rotation.norm() > 0.5) || !translation.allFinite()) return std::nullopt;
+  label.map_from_label = SE3(Eigen::Quaterniond(rotation), translation);
+  return label;
+}
+
+bool is_item(int64_t id, size_t count) {
+  return id >= 1 && static_cast<uint64_t>(id) <= count;
+}
+
+}  // namespace
+
+int map_schema_version() {
+  return static_cast<int>(map_schema().steps.size());
+}
+
+Result<MapFile> MapFile::create(const std::filesystem::path& path, const MapHeader& header,
+                                const MapUpdate& content) {
+  auto database = sqlite::Database::open(path, sqlite::OpenMode::kCreate);
+  if (!database) return tl::unexpected(database.error());
+  MapFile file(std::move(*database), header);
+  auto transaction = sqlite::Transaction::begin(&file.database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  Status done = migrate(&file.database_, map_schema(), 0, map_schema_version());
+  if (done) done = file.put(content);
+  if (done)
+    done = file.put("epochs", static_cast<int64_t>(header.epoch.value), encode_epoch({header.epoch, 0, 0}));
+  if (done) done = file.put_header();
+  if (done) done = transaction->commit();
+  if (!done) return tl::unexpected(done.error());
+  return file;
+}
+
+Result<MapFile> MapFile::open(const std::filesystem::path& path) {
+  auto database = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
+  if (!database) return tl::unexpected(database.error());
+  const auto version = schema_version(&*database, map_schema());
+  if (!version) return tl::unexpected(version.error());
+  if (*version == 0) return fail(ErrorCode::kNotFound, path.string() + ": empty: its map was never made");
+  if (*version < map_schema_version()) {
+    auto transaction = sqlite::Transaction::begin(&*database);
+    if (!transaction) return tl::unexpected(transaction.error());
+    Status done = migrate(&*database, map_schema(), *version, map_schema_version());
+    if (done) done = transaction->commit();
+    if (!done) return tl::unexpected(done.error());
+  }
+  std::optional<Header> header;
+  std::vector<std::string> damage;
+  read_rows(
+      &*database, "map",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        if (id == kHeaderRow) header = decode_header(data);
+        return true;
+      },
+      &damage);
+  if (!header) {
+    return fail(ErrorCode::kDamaged,
+                path.string() + ": " + (damage.empty() ? "it does not say what it is" : damage.front()));
+  }
+  MapFile file(std::move(*database), header->header);
+  file.keyframe_count_ = header->keyframes;
+  file.point_count_ = header->points;
+  return file;
+}
+
+// ---- writing
+
+Status MapFile::write(std::span<const MapUpdate> updates) {
+  const std::pair counts(keyframe_count_, point_count_);
+  const auto cameras = cameras_;
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  Status done;
+  for (const MapUpdate& update : updates) {
+    if (done) done = put(update);
+  }
+  if (done) done = put_header();
+  if (done) done = transaction->commit();
+  if (!done) {
+    std::tie(keyframe_count_, point_count_) = counts;
+    cameras_ = cameras;
+  }
+  return done;
+}
+
+Status MapFile::put(const MapUpdate& update) {
+  const MapRecord& r = update.record;
+  Status done;
+  const auto put_if_good = [&](std::string_view table, uint64_t id, const Blob& data) {
+    if (done) done = put(table, static_cast<int64_t>(id), data);
+  };
+  if (r.keyframe_count > 0) {
+    keyframe_count_ = r.keyframe_count;
+    point_count_ = r.point_count;
+  }
+  if (r.foundation) put_if_good("map", kFoundationRow, encode_foundation(*r.foundation));
+  if (r.work) put_if_good("map", kWorkRow, encode_work(*r.work));
+  for (const KeyframeRecord& k : r.keyframes) {
+    const auto camera = camera_row(k.camera->parameters());
+    if (!camera) return tl::unexpected(camera.error());
+    put_if_good("keyframes", k.id.value, encode_keyframe(k, *camera));
+  }
+  for (const ImageRecord& i : r.images) put_if_good("images", i.keyframe.value, encode_image_row(*i.image));
+  for (const KeyframeId id : r.removed_images) {
+    if (done) done = remove("images", static_cast<int64_t>(id.value));
+  }
+  for (const MeasurementsRecord& m : r.measurements)
+    put_if_good("measurements", m.keyframe.value, encode_measurements(m));
+  for (const SourcesRecord& s : r.sources) put_if_good("sources", s.block + 1, encode_sources(s));
+  for (const PositionsRecord& p : r.positions) put_if_good("positions", p.block + 1, encode_positions(p));
+  for (const DecisionRecord& d : update.decisions) {
+    const auto last = database_.number("SELECT coalesce(max(id), 0) FROM decisions");
+    if (!last) return tl::unexpected(last.error());
+    put_if_good("decisions", static_cast<uint64_t>(*last + 1), encode_decision(d));
+    if (done) done = remove("decisions", *last + 1 - kDecisionsKept);
+  }
+  for (const LabelRecord& l : update.labels) put_if_good("labels", l.id, encode_label(l));
+  for (const uint64_t id : update.removed_labels) {
+    if (done) done = remove("labels", static_cast<int64_t>(id));
+  }
+  return done;
+}
+
+Result<sqlite::Statement*> MapFile::statement(std::string_view sql) {
+  const auto known = statements_.find(sql);
+  if (known != statements_.end()) return &known->second;
+  auto prepared = database_.prepare(sql);
+  if (!prepared) return tl::unexpected(prepared.error());
+  return &statements_.emplace(std::string(sql), std::move(*prepared)).first->second;
+}
+
+Status MapFile::put(std::string_view table, int64_t id, std::span<const uint8_t> data) {
+  const auto insert = statement(put_row_sql(table));
+  if (!insert) return tl::unexpected(insert.error());
+  return (*insert)->bind(0, id).bind(1, data).bind(2, row_checksum(id, data)).run();
+}
+
+Status MapFile::remove(std::string_view table, int64_t id) {
+  const auto erase = statement("DELETE FROM " + std::string(table) + " WHERE id = ?");
+  if (!erase) return tl::unexpected(erase.error());
+  return (*erase)->bind(0, id).run();
+}
+
+Status MapFile::put_header() {
+  return put("map", kHeaderRow, encode_header({header_, keyframe_count_, point_count_}));
+}
+
+Result<int64_t> MapFile::camera_row(const CameraParameters& camera) {
+  if (cameras_.empty()) {
+    if (Status learnt = learn_cameras(); !learnt) return tl::unexpected(learnt.error());
+  }
+  int64_t last = 0;
+  for (const auto& [parameters, row] : cameras_) {
+    if (parameters == camera) return row;
+    last = std::max(last, row);
+  }
+  if (Status done = put("cameras", last + 1, encode_camera(camera)); !done)
+    return tl::unexpected(done.error());
+  cameras_.emplace_back(camera, last + 1);
+  return last + 1;
+}
+
+Status MapFile::learn_cameras() {
+  std::vector<std::string> damage;
+  read_rows(
+      &database_, "cameras",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        auto camera = decode_camera(data);
+        if (camera) cameras_.emplace_back(std::move(*camera), id);
+        return camera.has_value();
+      },
+      &damage);
+  if (!damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + damage.front());
+  return {};
+}
+
+Status MapFile::rename(const std::string& name) {
+  const std::string before = std::exchange(header_.name, name);
+  Status done = put_header();
+  if (!done) header_.name = before;
+  return done;
+}
+
+Status MapFile::begin_epoch(Epoch epoch) {
+  const MapHeader before = header_;
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  header_.epoch = epoch;
+  Status done =
+      put("epochs", static_cast<int64_t>(epoch.value), encode_epoch({epoch, keyframe_count_, point_count_}));
+  if (done) done = put_header();
+  if (done) done = transaction->commit();
+  if (!done) header_ = before;
+  return done;
+}
+
+Status MapFile::copy_to(const std::filesystem::path& path) {
+  auto copy = database_.prepare("VACUUM INTO ?");
+  if (!copy) return tl::unexpected(copy.error());
+  return copy->bind(0, std::string_view(path.native())).run();
+}
+
+void MapFile::tidy() {
+  if (database_.log_pages() > kLongLog) database_.checkpoint();
+}
+
+// ---- reading
+
+StoredMap MapFile::load() {
+  StoredMap map;
+  map.header = header_;
+  map.record.keyframe_count = keyframe_count_;
+  map.record.point_count = point_count_;
+  MapRecord& r = map.record;
+  const auto take = [&](std::string_view table, auto* rows, auto decode) {
+    read_rows(
+        &database_, table,
+        [&](int64_t id, std::span<const uint8_t> data) {
+          auto decoded = decode(id, data);
+          if (decoded) rows->push_back(std::move(*decoded));
+          return decoded.has_value();
+        },
+        &map.damage);
+  };
+  CameraRows cameras;
+  read_rows(
+      &database_, "cameras",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        const auto parameters = decode_camera(data);
+        const auto camera =
+            parameters ? make_camera(*parameters) : Result<CameraPtr>(fail(ErrorCode::kDamaged, "no camera"));
+        if (camera) cameras[id] = *camera;
+        return camera.has_value();
+      },
+      &map.damage);
+  read_rows(
+      &database_, "map",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        if (id == kFoundationRow) return (r.foundation = decode_foundation(data)).has_value();
+        if (id == kWorkRow) return (r.work = decode_work(data)).has_value();
+        return id == kHeaderRow;
+      },
+      &map.damage);
+  const auto keyframe_id = [this](int64_t id) {
+    return is_item(id, keyframe_count_) ? KeyframeId{static_cast<uint64_t>(id)} : KeyframeId{};
+  };
+  const auto block_of = [](int64_t id) { return static_cast<uint32_t>(id - 1); };
+  take("keyframes", &r.keyframes, [&](int64_t id, std::span<const uint8_t> data) {
+    return keyframe_id(id) ? decode_keyframe(keyframe_id(id), data, cameras) : std::nullopt;
+  });
+  take("images", &r.images, [&](int64_t id, std::span<const uint8_t> data) -> std::optional<ImageRecord> {
+    ImageRecord image{keyframe_id(id), keyframe_id(id) ? decode_image_row(data) : nullptr};
+    if (image.image == nullptr) return std::nullopt;
+    return image;
+  });
+  take("measurements", &r.measurements, [&](int64_t id, std::span<const uint8_t> data) {
+    return keyframe_id(id) ? decode_measurements(keyframe_id(id), data) : std::nullopt;
+  });
+  take("sources", &r.sources, [&](int64_t id, std::span<const uint8_t> data) {
+    return is_item(id, kMaxBlocks) ? decode_sources(block_of(id), data) : std::nullopt;
+  });
+  take("positions", &r.positions, [&](int64_t id, std::span<const uint8_t> data) {
+    return is_item(id, kMaxBlocks) ? decode_positions(block_of(id), data) : std::nullopt;
+  });
+  take("epochs", &map.epochs, decode_epoch);
+  take("decisions", &map.decisions,
+       [](int64_t, std::span<const uint8_t> data) { return decode_decision(data); });
+  take("labels", &map.labels, decode_label);
+  return map;
+}
+
+}  // namespace cairn

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/map/ids.h"
+#include "server/mapping/map_record.h"
+#include "server/store/sqlite.h"
+
+namespace cairn {
+
+/// What a map file says of itself.
+struct MapHeader {
+  MapId id;
+  std::string name;
+  Epoch epoch;  ///< the last one under which the map was served
+  bool metric = false;
+  Timestamp created;
+};
+
+enum class CommandKind : uint8_t { kSeed = 0, kOffer = 1 };
+
+/// The server's word on a client's command, kept with the map that it concerns: a command that is sent again
+/// after a restart is answered, not carried out twice.
+struct DecisionRecord {
+  std::string client;  ///< name
+  SessionId session;
+  uint64_t seq = 0;
+  CommandKind kind = CommandKind::kOffer;
+  uint8_t decision = 0;  ///< wire::OfferDecision; of a seed that was accepted, 0
+  std::string reason;
+  KeyframeId keyframe;  ///< when accepted
+  Timestamp time;
+  std::vector<std::pair<TrailId, PointId>> seed_points;  ///< of a seed
+};
+
+/// Things said of a place in the map (DESIGN 4, Label).
+struct LabelRecord {
+  uint64_t id = 0;  ///< unique in the map, from 1
+  std::string text;
+  SE3 map_from_label;
+  std::string author;
+  Timestamp time;
+};
+
+/// An epoch and how many ids had been given out when it began: what an earlier epoch called by a higher id
+/// was lost with the server that gave it out, and has another meaning now.
+struct EpochRecord {
+  Epoch epoch;
+  size_t keyframes = 0;
+  size_t points = 0;
+};
+
+/// What is written at a time: all of it or nothing.
+struct MapUpdate {
+  MapRecord record;
+  std::vector<DecisionRecord> decisions;
+  std::vector<LabelRecord> labels;  ///< new or changed
+  std::vector<uint64_t> removed_labels;
+};
+
+/// All of a map file.
+struct StoredMap {
+  MapHeader header;
+  MapRecord record;
+  std::vector<EpochRecord> epochs;  ///< ascending
+  std::vector<DecisionRecord> decisions;
+  std::vector<LabelRecord> labels;
+  std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
+};
+
+/// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
+/// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
+class MapFile {
+ public:
+  /// Makes the file with its first content, or nothing.
+  [[nodiscard]] static Result<MapFile> create(const std::filesystem::path& path, const MapHeader& header,
+                                              const MapUpdate& content);
+  /// Opens a file and brings it to the present schema. Errors: kNotFound (no file, or one whose creation was
+  /// cut short), kDamaged, kConfiguration (written by a newer version), kIo.
+  [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path);
+
+  [[nodiscard]] const MapHeader& header() const { return header_; }
+
+  /// Writes updates in their order, in one transaction: on return they are durable, or none is.
+  Status write(std::span<const MapUpdate> updates);
+  Status rename(const std::string& name);
+  /// Persists a new epoch, later than all before it.
+  Status begin_epoch(Epoch epoch);
+  /// Reads everything; what is damaged is named and left out.
+  [[nodiscard]] StoredMap load();
+  /// A copy in one file, consistent and compact. `path` must not exist.
+  Status copy_to(const std::filesystem::path& path);
+  /// Writes a long log back to the file. After answers have gone out: it takes some ten milliseconds.
+  void tidy();
+
+ private:
+  MapFile(sqlite::Database database, MapHeader header)
+      : database_(std::move(database)), header_(std::move(header)) {}
+  [[nodiscard]] Status put(const MapUpdate& update);
+  [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
+  [[nodiscard]] Status remove(std::string_view table, int64_t id);
+  [[nodiscard]] Status put_header();
+  [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
+  [[nodiscard]] Status learn_cameras();
+  [[nodiscard]] Result<sqlite::Statement*> statement(std::string_view sql);
+
+  sqlite::Database database_;
+  MapHeader header_;
+  size_t keyframe_count_ = 0;
+  size_t point_count_ = 0;
+  std::vector<std::pair<CameraParameters, int64_t>> cameras_;         ///< rows
+  std::map<std::string, sqlite::Statement, std::less<>> statements_;  ///< by SQL; go before the database
+};
+
+/// The version of the schema that this program writes.
+[[nodiscard]] int map_schema_version();
+
+}  // namespace cairn

@@ -1,0 +1,312 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/row_codec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+
+#include "common/io/image_file.h"
+#include "server/store/bytes.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kMaxLength = 1e6;  ///< [map unit] of coordinates and distances
+constexpr double kUnitTolerance = 1e-6;
+constexpr size_t kIdBytes = sizeof(uint64_t);
+
+bool is_length(double value) {
+  return std::abs(value) <= kMaxLength;  // false for NaN
+}
+
+void put_pose(const SE3& pose, ByteWriter* out) {
+  out->put(Eigen::Vector4d(pose.rotation().coeffs()));
+  out->put(pose.translation());
+}
+
+/// Reads a pose; nothing when it is none.
+std::optional<SE3> get_pose(ByteReader* in) {
+  const auto q = in->get_vector<Eigen::Vector4d>();
+  const auto t = in->get_vector<Eigen::Vector3d>();
+  const bool sound =
+      std::abs(q.norm() - 1) < kUnitTolerance && is_length(t.x()) && is_length(t.y()) && is_length(t.z());
+  if (!sound) return std::nullopt;
+  return SE3(Eigen::Quaterniond(q), t);
+}
+
+template <typename Id>
+void put_ids(const std::vector<Id>& ids, ByteWriter* out) {
+  out->put(static_cast<uint32_t>(ids.size()));
+  for (const Id id : ids) out->put(id.value);
+}
+
+template <typename Id>
+std::vector<Id> get_ids(ByteReader* in) {
+  std::vector<Id> ids(in->get_count(kIdBytes));
+  for (Id& id : ids) id.value = in->get<uint64_t>();
+  return ids;
+}
+
+}  // namespace
+
+// ---- camera
+
+Blob encode_camera(const CameraParameters& camera) {
+  ByteWriter out;
+  out.put(static_cast<uint8_t>(camera.model));
+  out.put(static_cast<int32_t>(camera.width));
+  out.put(static_cast<int32_t>(camera.height));
+  out.put(static_cast<uint32_t>(camera.values.size()));
+  for (const double value : camera.values) out.put(value);
+  return out.take();
+}
+
+std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  CameraParameters camera;
+  const auto model = in.get<uint8_t>();
+  camera.width = in.get<int32_t>();
+  camera.height = in.get<int32_t>();
+  camera.values.resize(in.get_count(sizeof(double)));
+  for (double& value : camera.values) value = in.get<double>();
+  if (!in.finished() || model > static_cast<uint8_t>(CameraModel::kFov)) return std::nullopt;
+  camera.model = static_cast<CameraModel>(model);
+  return camera;
+}
+
+// ---- keyframe
+
+Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
+  ByteWriter out;
+  out.put(keyframe.reference.value);
+  out.put(camera);
+  out.put(keyframe.time.nanoseconds);
+  put_pose(keyframe.camera_from_map, &out);
+  out.put(keyframe.mean_depth);
+  out.put(keyframe.near_depth);
+  out.put(keyframe.far_depth);
+  out.put(static_cast<uint8_t>(keyframe.live));
+  return out.take();
+}
+
+std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uint8_t> row,
+                                              const CameraRows& cameras) {
+  ByteReader in(row);
+  KeyframeRecord keyframe;
+  keyframe.id = id;
+  keyframe.reference.value = in.get<uint64_t>();
+  const auto camera = cameras.find(in.get<int64_t>());
+  keyframe.time.nanoseconds = in.get<int64_t>();
+  const auto pose = get_pose(&in);
+  keyframe.mean_depth = in.get<double>();
+  keyframe.near_depth = in.get<double>();
+  keyframe.far_depth = in.get<double>();
+  const auto live = in.get<uint8_t>();
+  const bool sound = in.finished() && pose && camera != cameras.end() && live <= 1 &&
+                     is_length(keyframe.mean_depth) && is_length(keyframe.near_depth) &&
+                     is_length(keyframe.far_depth);
+  if (!sound) return std::nullopt;
+  keyframe.camera = camera->second;
+  keyframe.camera_from_map = *pose;
+  keyframe.live = live == 1;
+  return keyframe;
+}
+
+// ---- measurements
+
+Blob encode_measurements(const MeasurementsRecord& record) {
+  ByteWriter out;
+  out.put(static_cast<uint32_t>(record.measurements.size()));
+  for (const Measurement& m : record.measurements) {
+    out.put(m.point.value);
+    out.put(m.level);
+    out.put(m.pixel);
+  }
+  put_ids(record.given_up, &out);
+  return out.take();
+}
+
+std::optional<MeasurementsRecord> decode_measurements(KeyframeId id, std::span<const uint8_t> row) {
+  constexpr size_t kMeasurementBytes = kIdBytes + 1 + 2 * sizeof(float);
+  ByteReader in(row);
+  MeasurementsRecord record{id, {}, {}};
+  record.measurements.resize(in.get_count(kMeasurementBytes));
+  bool sound = true;
+  PointId last;
+  for (Measurement& m : record.measurements) {
+    m.point.value = in.get<uint64_t>();
+    m.level = in.get<uint8_t>();
+    m.pixel = in.get_vector<Eigen::Vector2f>();
+    sound = sound && m.point > last && m.level < kPyramidLevels && m.pixel.allFinite();
+    last = m.point;
+  }
+  record.given_up = get_ids<PointId>(&in);
+  if (!in.finished() || !sound) return std::nullopt;
+  return record;
+}
+
+// ---- points
+
+Blob encode_sources(const SourcesRecord& record) {
+  ByteWriter out;
+  out.put(static_cast<uint32_t>(record.points.size()));
+  for (const PointSource& p : record.points) {
+    out.put(p.keyframe.value);
+    out.put(p.level);
+    out.put(p.corner.x);
+    out.put(p.corner.y);
+    out.put(p.ray_center);
+    out.put(p.ray_right);
+    out.put(p.ray_down);
+    out.put(p.normal);
+    out.put(std::span(p.pixels));
+  }
+  return out.take();
+}
+
+std::optional<SourcesRecord> decode_sources(uint32_t block, std::span<const uint8_t> row) {
+  constexpr size_t kSourceBytes =
+      kIdBytes + 1 + 2 * sizeof(int16_t) + 4 * 3 * sizeof(float) + kSourcePatchPixels;
+  ByteReader in(row);
+  SourcesRecord record{block, {}};
+  record.points.resize(in.get_count(kSourceBytes));
+  bool sound = record.points.size() <= kBlockSlots;
+  uint64_t id = uint64_t{block} * kBlockSlots;
+  for (PointSource& p : record.points) {
+    p.id.value = ++id;
+    p.keyframe.value = in.get<uint64_t>();
+    p.level = in.get<uint8_t>();
+    p.corner.x = in.get<int16_t>();
+    p.corner.y = in.get<int16_t>();
+    p.ray_center = in.get_vector<Eigen::Vector3f>();
+    p.ray_right = in.get_vector<Eigen::Vector3f>();
+    p.ray_down = in.get_vector<Eigen::Vector3f>();
+    p.normal = in.get_vector<Eigen::Vector3f>();
+    in.get(std::span(p.pixels));
+    sound = sound && p.level < kPyramidLevels && p.ray_center.allFinite() && p.ray_right.allFinite() &&
+            p.ray_down.allFinite() && p.normal.allFinite();
+  }
+  if (!in.finished() || !sound) return std::nullopt;
+  return record;
+}
+
+Blob encode_positions(const PositionsRecord& record) {
+  ByteWriter out;
+  out.put(static_cast<uint32_t>(record.points.size()));
+  for (const PositionsRecord::Point& p : record.points) {
+    out.put(p.position);
+    out.put(static_cast<int32_t>(p.attempts));
+    out.put(static_cast<int32_t>(p.found));
+    out.put(static_cast<uint8_t>(p.live));
+  }
+  return out.take();
+}
+
+std::optional<PositionsRecord> decode_positions(uint32_t block, std::span<const uint8_t> row) {
+  constexpr size_t kPositionBytes = 3 * sizeof(double) + 2 * sizeof(int32_t) + 1;
+  ByteReader in(row);
+  PositionsRecord record{block, {}};
+  record.points.resize(in.get_count(kPositionBytes));
+  bool sound = record.points.size() <= kBlockSlots;
+  for (PositionsRecord::Point& p : record.points) {
+    p.position = in.get_vector<Eigen::Vector3d>();
+    p.attempts = in.get<int32_t>();
+    p.found = in.get<int32_t>();
+    p.live = in.get<uint8_t>() != 0;
+    sound = sound && is_length(p.position.x()) && is_length(p.position.y()) && is_length(p.position.z()) &&
+            p.attempts >= 0 && p.found >= 0;
+  }
+  if (!in.finished() || !sound) return std::nullopt;
+  return record;
+}
+
+// ---- foundation and work
+
+Blob encode_foundation(const FoundationRecord& foundation) {
+  ByteWriter out;
+  out.put(foundation.min_distance_over_depth);
+  out.put(static_cast<uint8_t>(foundation.plane_aligned));
+  out.put(static_cast<uint32_t>(foundation.anchors.size()));
+  for (const auto& [id, distance] : foundation.anchors) {
+    out.put(id.value);
+    out.put(distance);
+  }
+  return out.take();
+}
+
+std::optional<FoundationRecord> decode_foundation(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  FoundationRecord foundation;
+  foundation.min_distance_over_depth = in.get<double>();
+  foundation.plane_aligned = in.get<uint8_t>() != 0;
+  foundation.anchors.resize(in.get_count(kIdBytes + sizeof(double)));
+  bool sound = foundation.min_distance_over_depth > 0 && is_length(foundation.min_distance_over_depth);
+  for (auto& [id, distance] : foundation.anchors) {
+    id.value = in.get<uint64_t>();
+    distance = in.get<double>();
+    sound = sound && distance > 0 && is_length(distance);
+  }
+  if (!in.finished() || !sound) return std::nullopt;
+  return foundation;
+}
+
+Blob encode_work(const WorkRecord& work) {
+  ByteWriter out;
+  out.put(static_cast<uint32_t>(work.wanting_points.size()));
+  for (const PendingKeyframe& p : work.wanting_points) {
+    out.put(p.id.value);
+    out.put(static_cast<uint32_t>(p.next_level));
+    out.put(static_cast<uint32_t>(p.next_candidate));
+    out.put(static_cast<uint32_t>(p.made));
+  }
+  put_ids(work.wanting_observers, &out);
+  out.put(work.newest.value);
+  out.put(static_cast<uint8_t>(work.local_adjustment_due));
+  out.put(static_cast<uint8_t>(work.upkeep_due));
+  out.put(static_cast<uint8_t>(work.global_adjustment_due));
+  return out.take();
+}
+
+std::optional<WorkRecord> decode_work(std::span<const uint8_t> row) {
+  constexpr size_t kPendingBytes = kIdBytes + 3 * sizeof(uint32_t);
+  constexpr uint32_t kMostMade = 1U << 20;
+  ByteReader in(row);
+  WorkRecord work;
+  work.wanting_points.resize(in.get_count(kPendingBytes));
+  bool sound = true;
+  for (PendingKeyframe& p : work.wanting_points) {
+    p.id.value = in.get<uint64_t>();
+    p.next_level = in.get<uint32_t>();
+    p.next_candidate = in.get<uint32_t>();
+    const auto made = in.get<uint32_t>();
+    sound = sound && made <= kMostMade;
+    p.made = static_cast<int>(made & (kMostMade - 1));
+  }
+  work.wanting_observers = get_ids<PointId>(&in);
+  work.newest.value = in.get<uint64_t>();
+  work.local_adjustment_due = in.get<uint8_t>() != 0;
+  work.upkeep_due = in.get<uint8_t>() != 0;
+  work.global_adjustment_due = in.get<uint8_t>() != 0;
+  if (!in.finished() || !sound) return std::nullopt;
+  return work;
+}
+
+// ---- image
+
+Blob encode_image_row(const GrayImage& image) {
+  // Huffman codes alone are smaller and faster than matching on filtered camera noise.
+  const std::vector<int> options{cv::IMWRITE_PNG_COMPRESSION, 1, cv::IMWRITE_PNG_STRATEGY,
+                                 cv::IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY};
+  const cv::Mat view(image.height(), image.width(), CV_8UC1, const_cast<uint8_t*>(image.row(0)),
+                     static_cast<size_t>(image.stride()));
+  Blob bytes;
+  cv::imencode(".png", view, bytes, options);
+  return bytes;
+}
+
+GrayImagePtr decode_image_row(std::span<const uint8_t> row) {
+  Result<GrayImage> image = decode_gray_image(row);
+  return image ? std::make_shared<const GrayImage>(std::move(*image)) : nullptr;
+}
+
+}  // namespace cairn

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/geometry/camera.h"
+#include "server/mapping/map_record.h"
+
+/// The blobs of a map file's rows (README.md has the table). encode_*() of equal values gives equal bytes,
+/// and decode_*() gives back the value bit by bit; it believes nothing: numbers out of range, lists out of
+/// order and bytes too many or too few make it give nothing. Pure.
+namespace cairn {
+
+using Blob = std::vector<uint8_t>;
+
+[[nodiscard]] Blob encode_camera(const CameraParameters& camera);
+[[nodiscard]] std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row);
+
+/// Cameras by their row in the file.
+using CameraRows = std::map<int64_t, CameraPtr>;
+[[nodiscard]] Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera);
+[[nodiscard]] std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uint8_t> row,
+                                                            const CameraRows& cameras);
+
+[[nodiscard]] Blob encode_measurements(const MeasurementsRecord& measurements);
+[[nodiscard]] std::optional<MeasurementsRecord> decode_measurements(KeyframeId id,
+                                                                    std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_sources(const SourcesRecord& sources);
+[[nodiscard]] std::optional<SourcesRecord> decode_sources(uint32_t block, std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_positions(const PositionsRecord& positions);
+[[nodiscard]] std::optional<PositionsRecord> decode_positions(uint32_t block, std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_foundation(const FoundationRecord& foundation);
+[[nodiscard]] std::optional<FoundationRecord> decode_foundation(std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_work(const WorkRecord& work);
+[[nodiscard]] std::optional<WorkRecord> decode_work(std::span<const uint8_t> row);
+
+/// PNG, lossless: 7 ms to write and 3 ms to read for 640x480, 0.4 to 0.5 of the raw size (README.md).
+[[nodiscard]] Blob encode_image_row(const GrayImage& image);
+[[nodiscard]] GrayImagePtr decode_image_row(std::span<const uint8_t> row);  ///< null: not an image
+
+}  // namespace cairn

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/schema.h"
+
+#include <array>
+#include <string>
+
+namespace cairn {
+namespace {
+
+// Steps that have been released are never edited: files of their version exist.
+constexpr std::array kMapSteps{
+    "CREATE TABLE map(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE epochs(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE cameras(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE keyframes(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE images(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE measurements(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE sources(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE positions(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE decisions(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+    "CREATE TABLE labels(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+};
+constexpr std::array kCatalogueSteps{
+    "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+};
+
+constexpr int32_t kMapApplication = 0x4361694D;        // CaiM
+constexpr int32_t kCatalogueApplication = 0x43616943;  // CaiC
+
+}  // namespace
+
+const Schema& map_schema() {
+  static const Schema schema{kMapApplication, kMapSteps};
+  return schema;
+}
+
+const Schema& catalogue_schema() {
+  static const Schema schema{kCatalogueApplication, kCatalogueSteps};
+  return schema;
+}
+
+Result<int> schema_version(sqlite::Database* database, const Schema& schema) {
+  const auto version = database->number("PRAGMA user_version");
+  if (!version) return tl::unexpected(version.error());
+  const auto application = database->number("PRAGMA application_id");
+  if (!application) return tl::unexpected(application.error());
+  const auto tables = database->number("SELECT count(*) FROM sqlite_schema");
+  if (!tables) return tl::unexpected(tables.error());
+  if (*tables == 0 && *version == 0) return 0;
+  if (*application != schema.application_id || *version < 1) {
+    return fail(ErrorCode::kDamaged, database->path() + ": not a file of this program");
+  }
+  if (*version > static_cast<int64_t>(schema.steps.size())) {
+    return fail(ErrorCode::kConfiguration,
+                database->path() + ": written by a newer version (schema " + std::to_string(*version) +
+                    ", known up to " + std::to_string(schema.steps.size()) + "); install that version");
+  }
+  return static_cast<int>(*version);
+}
+
+Status migrate(sqlite::Database* database, const Schema& schema, int version, int target) {
+  for (int v = version; v < target; ++v) {
+    if (Status done = database->execute(schema.steps[static_cast<size_t>(v)]); !done) return done;
+  }
+  return database->execute("PRAGMA application_id=" + std::to_string(schema.application_id) +
+                           "; PRAGMA user_version=" + std::to_string(target));
+}
+
+}  // namespace cairn

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/sqlite.h"
+
+#include <sqlite3.h>
+
+#include <utility>
+
+namespace cairn::sqlite {
+namespace {
+
+constexpr int kBusyMilliseconds = 5000;  ///< a reader (backup, sqlite3 shell) may hold the file for a moment
+
+tl::unexpected<Error> failure(int code, const std::string& path, const char* said) {
+  switch (code & 0xff) {
+    case SQLITE_FULL:
+      return fail(ErrorCode::kIo, path + ": disk full; free space there and go on");
+    case SQLITE_IOERR:
+      return fail(ErrorCode::kIo,
+                  path + ": cannot be written or read (" + said + "); see to the disk, quota or mount");
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_CANTOPEN:
+      return fail(ErrorCode::kIo, path + ": " + said + "; see to existence, owner and mount");
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      return fail(ErrorCode::kIo, path + ": in use by another program");
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+    case SQLITE_FORMAT:
+      return fail(ErrorCode::kDamaged, path + ": " + said);
+    default:
+      return fail(ErrorCode::kInternal, path + ": " + said);
+  }
+}
+
+}  // namespace
+
+// ---- Statement
+
+void Statement::Finalize::operator()(sqlite3_stmt* statement) const {
+  sqlite3_finalize(statement);
+}
+
+Statement& Statement::bind(int index, int64_t value) {
+  sqlite3_bind_int64(statement_.get(), index + 1, value);
+  return *this;
+}
+
+Statement& Statement::bind(int index, std::string_view text) {
+  sqlite3_bind_text64(statement_.get(), index + 1, text.data(), text.size(), SQLITE_TRANSIENT, SQLITE_UTF8);
+  return *this;
+}
+
+Statement& Statement::bind(int index, std::span<const uint8_t> blob) {
+  static constexpr uint8_t kNothing = 0;  // a null pointer would bind NULL
+  sqlite3_bind_blob64(statement_.get(), index + 1, blob.empty() ? &kNothing : blob.data(), blob.size(),
+                      SQLITE_STATIC);
+  return *this;
+}
+
+Result<bool> Statement::step() {
+  const int code = sqlite3_step(statement_.get());
+  if (code == SQLITE_ROW) return true;
+  if (code == SQLITE_DONE) return false;
+  return failure(code, *path_, sqlite3_errmsg(sqlite3_db_handle(statement_.get())));
+}
+
+Status Statement::run() {
+  Result<bool> stepped = step();
+  reset();
+  if (!stepped) return tl::unexpected(stepped.error());
+  return {};
+}
+
+void Statement::reset() {
+  sqlite3_reset(statement_.get());
+  sqlite3_clear_bindings(statement_.get());
+}
+
+int64_t Statement::integer(int column) const {
+  return sqlite3_column_int64(statement_.get(), column);
+}
+
+std::string Statement::text(int column) const {
+  const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement_.get(), column));
+  return text == nullptr
+             ? std::string()
+             : std::string(text, static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column)));
+}
+
+std::span<const uint8_t> Statement::blob(int column) const {
+  const auto* data = static_cast<const uint8_t*>(sqlite3_column_blob(statement_.get(), column));
+  const auto size = static_cast<size_t>(sqlite3_column_bytes(statement_.get(), column));
+  return {data, data == nullptr ? 0 : size};
+}
+
+// ---- Database
+
+void Database::Close::operator()(sqlite3* database) const {
+  sqlite3_close_v2(database);
+}
+
+Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode) {
+  auto name = std::make_unique<const std::string>(path.string());
+  if (mode != OpenMode::kCreate && !std::filesystem::exists(path)) {
+    return fail(ErrorCode::kNotFound, *name + ": no such file");
+  }
+  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
+  flags |= mode == OpenMode::kReadOnly ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE;
+  if (mode == OpenMode::kCreate) flags |= SQLITE_OPEN_CREATE;
+  sqlite3* raw = nullptr;
+  const int code = sqlite3_open_v2(name->c_str(), &raw, flags, nullptr);
+  std::unique_ptr<sqlite3, Close> handle(raw);
+  if (code != SQLITE_OK) return failure(code, *name, sqlite3_errstr(code));
+  sqlite3_busy_timeout(raw, kBusyMilliseconds);
+  sqlite3_db_config(raw, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  Database database(std::move(handle), std::move(name));
+  Status prepared = database.execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;");
+  if (prepared && mode != OpenMode::kReadOnly) {
+    // The log is written back by checkpoint(), after the answers have gone out.
+    prepared =
+        database.execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
+    sqlite3_wal_hook(
+        raw,
+        [](void* pages, sqlite3*, const char*, int count) {
+          *static_cast<int*>(pages) = count;
+          return SQLITE_OK;
+        },
+        database.log_pages_.get());
+  }
+  if (!prepared) return tl::unexpected(prepared.error());
+  return database;
+}
+
+Status Database::execute(const std::string& sql) {
+  const int code = sqlite3_exec(database_.get(), sql.c_str(), nullptr, nullptr, nullptr);
+  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  return {};
+}
+
+Result<Statement> Database::prepare(std::string_view sql) {
+  sqlite3_stmt* raw = nullptr;
+  const int code =
+      sqlite3_prepare_v2(database_.get(), sql.data(), static_cast<int>(sql.size()), &raw, nullptr);
+  Statement statement(raw, path_.get());
+  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  return statement;
+}
+
+Result<int64_t> Database::number(std::string_view sql) {
+  Result<Statement> query = prepare(sql);
+  if (!query) return tl::unexpected(query.error());
+  Result<bool> row = query->step();
+  if (!row) return tl::unexpected(row.error());
+  if (!*row) return fail(ErrorCode::kDamaged, *path_ + ": a row is missing");
+  return query->integer(0);
+}
+
+void Database::checkpoint() {
+  if (sqlite3_wal_checkpoint_v2(database_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr) ==
+      SQLITE_OK) {
+    *log_pages_ = 0;
+  }
+}
+
+int Database::log_pages() const {
+  return *log_pages_;
+}
+
+// ---- Transaction
+
+Result<Transaction> Transaction::begin(Database* database) {
+  if (Status begun = database->execute("BEGIN IMMEDIATE"); !begun) return tl::unexpected(begun.error());
+  return Transaction(database);
+}
+
+Transaction::~Transaction() {
+  // SQLite may have rolled back by itself (disk full): then this says so, which is no matter.
+  if (database_ != nullptr) (void)database_->execute("ROLLBACK");
+}
+
+Status Transaction::commit() {
+  Status committed = database_->execute("COMMIT");
+  if (committed) database_ = nullptr;
+  return committed;
+}
+
+bool is_write_failure(const Error& error) {
+  return error.code == ErrorCode::kIo;
+}
+
+}  // namespace cairn::sqlite

@@ -1,0 +1,373 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/store.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+#include <fstream>
+#include <random>
+
+#include "server/store/bytes.h"
+#include "server/store/row_codec.h"
+#include "server/store/rows.h"
+#include "server/store/schema.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSuffix = ".cairnmap";
+constexpr const char* kFreshSuffix = ".new";
+constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
+constexpr int64_t kServerRow = 1;
+
+/// SQLite's own companions of a database file.
+constexpr const char* kCompanions[] = {"", "-wal", "-shm"};
+
+tl::unexpected<Error> io_failure(const fs::path& path, const std::string& what) {
+  return fail(ErrorCode::kIo, path.string() + ": " + what);
+}
+
+/// Makes entries of a folder durable.
+void sync_folder(const fs::path& folder) {
+  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  ::fsync(descriptor);
+  ::close(descriptor);
+}
+
+/// A database file with its companions to another place.
+Status move_database(const fs::path& from, const fs::path& to) {
+  std::error_code problem;
+  for (const char* companion : kCompanions) {
+    const fs::path source = from.string() + companion;
+    if (!fs::exists(source, problem)) continue;
+    fs::rename(source, to.string() + companion, problem);
+    if (problem) return io_failure(source, "cannot be moved to " + to.string() + ": " + problem.message());
+  }
+  sync_folder(from.parent_path());
+  sync_folder(to.parent_path());
+  return {};
+}
+
+void remove_database(const fs::path& path) {
+  std::error_code ignored;
+  for (const char* companion : kCompanions) fs::remove(path.string() + companion, ignored);
+}
+
+std::string utc_stamp() {
+  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
+  std::tm parts{};
+  gmtime_r(&now, &parts);
+  char text[32];
+  std::strftime(text, sizeof(text), "%Y%m%dT%H%M%SZ", &parts);
+  return text;
+}
+
+/// `stem` with a number if there is one already.
+fs::path free_path(const fs::path& folder, const std::string& stem, const std::string& suffix) {
+  fs::path path = folder / (stem + suffix);
+  for (int i = 2; fs::exists(path); ++i) path = folder / (stem + "-" + std::to_string(i) + suffix);
+  return path;
+}
+
+std::optional<MapId> map_of(const fs::path& path) {
+  if (path.extension() != kSuffix) return std::nullopt;
+  const auto bytes = from_hex(path.stem().string());
+  return bytes ? std::optional(MapId{*bytes}) : std::nullopt;
+}
+
+std::vector<MapId> maps_in(const fs::path& folder) {
+  std::vector<MapId> maps;
+  std::error_code problem;
+  for (const auto& entry : fs::directory_iterator(folder, problem)) {
+    if (const auto map = map_of(entry.path())) maps.push_back(*map);
+  }
+  std::sort(maps.begin(), maps.end());
+  return maps;
+}
+
+/// A server that ended within Store::replace().
+void finish_replacements(const fs::path& folder) {
+  std::vector<fs::path> fresh;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == kFreshSuffix) fresh.push_back(entry.path());
+  }
+  for (const fs::path& path : fresh) {
+    const fs::path place = fs::path(path).replace_extension(kSuffix);
+    if (fs::exists(place)) {
+      remove_database(path);  // the damaged one has not been set aside yet: it will be found again
+    } else {
+      (void)move_database(path, place);
+    }
+  }
+}
+
+uint64_t wall_clock_ms() {
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
+}
+
+void write_reasons(const fs::path& beside, const std::vector<std::string>& reasons) {
+  std::ofstream out(beside.string() + ".txt");
+  for (const std::string& reason : reasons) out << reason << '\n';
+}
+
+}  // namespace
+
+/// Holds the folder against other servers, also after a crash: the kernel lets go of it.
+struct Store::Lock {
+  explicit Lock(int d) : descriptor(d) {}
+  ~Lock() { ::close(descriptor); }
+  Lock(const Lock&) = delete;
+  Lock& operator=(const Lock&) = delete;
+  int descriptor;
+};
+
+Store::Store(fs::path folder, std::unique_ptr<Lock> lock, Logger log)
+    : folder_(std::move(folder)), lock_(std::move(lock)), log_(std::move(log)) {}
+Store::~Store() = default;
+
+Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
+  std::error_code problem;
+  for (const char* part : {"maps", "deleted", "damaged"}) {
+    fs::create_directories(folder / part, problem);
+    if (problem) return io_failure(folder / part, "cannot be made: " + problem.message());
+  }
+  const fs::path lock_path = folder / "lock";
+  const int descriptor = ::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0640);
+  if (descriptor < 0) return io_failure(lock_path, std::strerror(errno));
+  auto lock = std::make_unique<Lock>(descriptor);
+  if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    return fail(ErrorCode::kRefused,
+                folder.string() + ": in use by another server; give each its own --store");
+  }
+  std::unique_ptr<Store> store(new Store(folder, std::move(lock), std::move(log)));
+  finish_replacements(folder / "maps");
+  if (Status opened = store->open_catalogue(); !opened) return tl::unexpected(opened.error());
+  return store;
+}
+
+Status Store::open_catalogue() {
+  const fs::path path = folder_ / "catalogue.db";
+  Status read = read_catalogue();
+  if (!read && read.error().code == ErrorCode::kDamaged) {
+    const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), ".db");
+    log_->error("{}; kept as {}, begun anew: clients take this for another server", read.error().message,
+                aside.string());
+    if (Status moved = move_database(path, aside); !moved) return moved;
+    read = read_catalogue();
+  }
+  return read;
+}
+
+Status Store::read_catalogue() {
+  const fs::path path = folder_ / "catalogue.db";
+  auto database = sqlite::Database::open(path, sqlite::OpenMode::kCreate);
+  if (!database) return tl::unexpected(database.error());
+  const auto version = schema_version(&*database, catalogue_schema());
+  if (!version) return tl::unexpected(version.error());
+  auto transaction = sqlite::Transaction::begin(&*database);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const auto newest = static_cast<int>(catalogue_schema().steps.size());
+  Status done = migrate(&*database, catalogue_schema(), *version, newest);
+  if (!done) return done;
+
+  std::vector<std::string> damage;
+  uint64_t last_start = 0;
+  read_rows(
+      &*database, "server",
+      [&](int64_t, std::span<const uint8_t> data) {
+        ByteReader in(data);
+        in.get(std::span(server_.bytes));
+        last_start = in.get<uint64_t>();
+        return in.finished();
+      },
+      &damage);
+  if (!damage.empty()) return fail(ErrorCode::kDamaged, path.string() + ": " + damage.front());
+  if (!server_) {
+    std::random_device device;
+    for (uint8_t& byte : server_.bytes) byte = static_cast<uint8_t>(device());
+  }
+  start_count_ = std::max(last_start + 1, wall_clock_ms());
+  ByteWriter row;
+  row.put(std::span<const uint8_t>(server_.bytes));
+  row.put(start_count_);
+  const Blob data = row.take();
+  auto insert = database->prepare(put_row_sql("server"));
+  if (!insert) return tl::unexpected(insert.error());
+  done = insert->bind(0, kServerRow).bind(1, std::span(data)).bind(2, row_checksum(kServerRow, data)).run();
+  return done ? transaction->commit() : done;
+}
+
+// ---- which maps there are
+
+fs::path Store::path_of(MapId map) const {
+  return folder_ / "maps" / (to_hex(map.bytes) + kSuffix);
+}
+
+fs::path Store::deleted_path_of(MapId map) const {
+  return folder_ / "deleted" / (to_hex(map.bytes) + kSuffix);
+}
+
+std::vector<MapId> Store::maps() const {
+  return maps_in(folder_ / "maps");
+}
+
+std::vector<MapHeader> Store::deleted_maps() const {
+  std::vector<MapHeader> headers;
+  for (const MapId map : maps_in(folder_ / "deleted")) {
+    const auto file = MapFile::open(deleted_path_of(map));
+    if (file) headers.push_back(file->header());
+  }
+  return headers;
+}
+
+Result<StoredMap> Store::load(MapId map) const {
+  auto file = MapFile::open(path_of(map));
+  if (!file && file.error().code == ErrorCode::kNotFound) remove_database(path_of(map));
+  if (!file) return tl::unexpected(file.error());
+  if (file->header().id != map) {
+    return fail(ErrorCode::kDamaged,
+                path_of(map).string() + ": holds another map, " + to_hex(file->header().id.bytes));
+  }
+  const Epoch epoch{std::max(start_count_, file->header().epoch.value + 1)};
+  if (Status begun = file->begin_epoch(epoch); !begun) return tl::unexpected(begun.error());
+  return file->load();
+}
+
+// ---- changes
+
+Result<MapFile*> Store::file_of(MapId map) {
+  const auto it = std::find_if(open_files_.begin(), open_files_.end(),
+                               [map](const OpenFile& open) { return open.map == map; });
+  if (it != open_files_.end()) {
+    open_files_.splice(open_files_.begin(), open_files_, it);
+    return &open_files_.front().file;
+  }
+  auto file = MapFile::open(path_of(map));
+  if (!file) return tl::unexpected(file.error());
+  keep_open(map, std::move(*file));
+  return &open_files_.front().file;
+}
+
+void Store::keep_open(MapId map, MapFile file) {
+  if (open_files_.size() >= kMaxOpenFiles) open_files_.pop_back();
+  open_files_.push_front({map, std::move(file)});
+}
+
+void Store::close(MapId map) {
+  open_files_.remove_if([map](const OpenFile& open) { return open.map == map; });
+}
+
+Status Store::create(const MapHeader& header, const MapUpdate& whole) {
+  if (fs::exists(path_of(header.id)) || fs::exists(deleted_path_of(header.id))) {
+    return fail(ErrorCode::kRefused, "map " + to_hex(header.id.bytes) + " is in the store already");
+  }
+  auto file = MapFile::create(path_of(header.id), header, whole);
+  if (!file) {
+    remove_database(path_of(header.id));
+    return tl::unexpected(file.error());
+  }
+  keep_open(header.id, std::move(*file));
+  return {};
+}
+
+Status Store::write(MapId map, std::span<const MapUpdate> updates) {
+  const auto file = file_of(map);
+  return file ? (*file)->write(updates) : tl::unexpected(file.error());
+}
+
+Status Store::rename(MapId map, const std::string& name) {
+  const auto file = file_of(map);
+  return file ? (*file)->rename(name) : tl::unexpected(file.error());
+}
+
+Status Store::remove(MapId map) {
+  close(map);
+  if (!fs::exists(path_of(map))) {
+    if (fs::exists(deleted_path_of(map))) return {};
+    return fail(ErrorCode::kNotFound, "no map " + to_hex(map.bytes));
+  }
+  return move_database(path_of(map), deleted_path_of(map));
+}
+
+Status Store::undelete(MapId map) {
+  if (fs::exists(path_of(map))) return {};
+  if (!fs::exists(deleted_path_of(map))) {
+    return fail(ErrorCode::kNotFound, "no deleted map " + to_hex(map.bytes));
+  }
+  return move_database(deleted_path_of(map), path_of(map));
+}
+
+Result<fs::path> Store::set_aside(MapId map, const std::vector<std::string>& reasons) {
+  close(map);
+  const fs::path aside = free_path(folder_ / "damaged", to_hex(map.bytes) + "-" + utc_stamp(), kSuffix);
+  if (Status moved = move_database(path_of(map), aside); !moved) return tl::unexpected(moved.error());
+  write_reasons(aside, reasons);
+  return aside;
+}
+
+Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
+                                const std::vector<std::string>& reasons) {
+  const fs::path fresh = folder_ / "maps" / (to_hex(header.id.bytes) + kFreshSuffix);
+  remove_database(fresh);
+  if (const auto file = MapFile::create(fresh, header, saved); !file) {
+    remove_database(fresh);
+    return tl::unexpected(file.error());
+  }
+  auto aside = set_aside(header.id, reasons);
+  if (!aside) return aside;
+  if (Status moved = move_database(fresh, path_of(header.id)); !moved) return tl::unexpected(moved.error());
+  return aside;
+}
+
+// ---- archives
+
+Status Store::export_map(MapId map, const fs::path& path) {
+  const auto file = file_of(map);
+  return file ? (*file)->copy_to(path) : tl::unexpected(file.error());
+}
+
+Result<MapId> Store::import_map(const fs::path& archive) {
+  const fs::path copy = folder_ / "incoming";
+  remove_database(copy);
+  std::error_code problem;
+  fs::copy_file(archive, copy, problem);
+  if (problem) return io_failure(archive, "cannot be copied into the store: " + problem.message());
+  const auto read = read_archive(copy);
+  remove_database(copy);
+  if (!read) return tl::unexpected(read.error());
+  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, archive.string() + ": " + read->damage.front());
+  const MapId map = read->header.id;
+  if (fs::exists(path_of(map)) || fs::exists(deleted_path_of(map))) {
+    return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
+                                         ") is in the store already, or among the deleted ones");
+  }
+  MapUpdate whole{read->record, read->decisions, read->labels, {}};
+  auto file = MapFile::create(path_of(map), read->header, whole);
+  if (!file) {
+    remove_database(path_of(map));
+    return tl::unexpected(file.error());
+  }
+  return map;
+}
+
+void Store::tidy() {
+  for (OpenFile& open : open_files_) open.file.tidy();
+}
+
+Result<StoredMap> read_archive(const fs::path& path) {
+  auto file = MapFile::open(path);
+  if (!file) return tl::unexpected(file.error());
+  return file->load();
+}
+
+}  // namespace cairn

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <list>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/log.h"
+#include "server/store/map_file.h"
+
+namespace cairn {
+
+/// A folder with all that a server keeps (README.md): a file for each map, and a catalogue of what belongs to
+/// the server itself. A plain class, one thread at a time, but for what is marked.
+class Store {
+ public:
+  /// Opens the folder, or makes it, and counts a start of the server. A damaged catalogue is set aside and
+  /// begun anew: maps do not depend on it. Errors: kRefused (another server uses it), kIo.
+  [[nodiscard]] static Result<std::unique_ptr<Store>> open(const std::filesystem::path& folder, Logger log);
+  ~Store();
+  Store(const Store&) = delete;
+  Store& operator=(const Store&) = delete;
+
+  /// The same through all starts.
+  [[nodiscard]] ServerId server() const { return server_; }
+  /// Larger at every start, and not below the wall clock [ms]: later than any epoch of a map in here, of a
+  /// backup, or of a catalogue that was lost.
+  [[nodiscard]] uint64_t start_count() const { return start_count_; }
+  [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+
+  /// Those that are in use, ascending, and those that were deleted. What is there without ever having been
+  /// made whole (the server ended in between) is removed.
+  [[nodiscard]] std::vector<MapId> maps() const;
+  [[nodiscard]] std::vector<MapHeader> deleted_maps() const;
+
+  /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
+  /// time, by any thread, before anything is written. Errors: as MapFile::open().
+  [[nodiscard]] Result<StoredMap> load(MapId map) const;
+
+  /// Adds a map. Error kRefused when its id is in use.
+  Status create(const MapHeader& header, const MapUpdate& whole);
+  /// As MapFile::write().
+  Status write(MapId map, std::span<const MapUpdate> updates);
+  Status rename(MapId map, const std::string& name);
+  /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place.
+  Status remove(MapId map);
+  Status undelete(MapId map);
+
+  /// Takes a map that cannot be used, or a copy of it, out of the way, with the reasons beside it; the error
+  /// or the path under which it is kept.
+  [[nodiscard]] Result<std::filesystem::path> set_aside(MapId map, const std::vector<std::string>& reasons);
+  /// Sets a damaged map aside and puts what could be saved of it in its place, whole or not at all.
+  [[nodiscard]] Result<std::filesystem::path> replace(const MapHeader& header, const MapUpdate& saved,
+                                                      const std::vector<std::string>& reasons);
+
+  /// A consistent copy in one file. `path` must not exist.
+  Status export_map(MapId map, const std::filesystem::path& path);
+  /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
+  /// that is in use, kDamaged when anything in it is damaged.
+  [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive);
+
+  /// Housekeeping of the open files; some ten milliseconds when there is any.
+  void tidy();
+
+ private:
+  struct Lock;
+  struct OpenFile {
+    MapId map;
+    MapFile file;
+  };
+  Store(std::filesystem::path folder, std::unique_ptr<Lock> lock, Logger log);
+  Status open_catalogue();
+  [[nodiscard]] Status read_catalogue();
+  [[nodiscard]] std::filesystem::path path_of(MapId map) const;
+  [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
+  [[nodiscard]] Result<MapFile*> file_of(MapId map);
+  void keep_open(MapId map, MapFile file);
+  void close(MapId map);
+
+  std::filesystem::path folder_;
+  std::unique_ptr<Lock> lock_;
+  Logger log_;
+  ServerId server_;
+  uint64_t start_count_ = 0;
+  std::list<OpenFile> open_files_;  ///< the one used last in front
+};
+
+/// All of an archive, which is brought to the present schema.
+[[nodiscard]] Result<StoredMap> read_archive(const std::filesystem::path& path);
+
+}  // namespace cairn
