@@ -79,6 +79,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   // In this order: the tracker has heard of its seed's map before it sees it.
   const auto snapshot = link_.snapshot();
   deliver_replies();
+  take_camera(snapshot);
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
   keep_proven_map(result);
@@ -127,6 +128,14 @@ void FrameLoop::deliver_replies() {
   if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
+}
+
+void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
+  if (!snapshot) return;
+  const auto news = link_.take_camera(*snapshot);
+  if (!news) return;
+  tracker_.use_camera(news->camera);
+  notify(&FrameObserver::on_camera, *news);
 }
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {

@@ -49,6 +49,7 @@ class FrameLoop {
   void handle(const DroppedFrame& dropped);
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
+  void take_camera(const MapSnapshotPtr& snapshot);
   void deliver_place(const PlaceAnswer& answer);
   void keep_proven_map(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);

@@ -64,6 +64,8 @@ class FrameObserver {
   virtual void on_offer_replies(const std::vector<OfferReply>&) {}
   /// The link to the server is in another state, or its words have changed.
   virtual void on_status(const SessionStatus&) {}
+  /// Other values of the camera, with which this frame and those that follow are tracked.
+  virtual void on_camera(const CameraNews&) {}
   /// Lockstep: the server did not settle; the run goes on without.
   virtual void on_unsettled(size_t /*frame_number*/) {}
   /// The map is left; the next frames begin another, or look for one of the server's.

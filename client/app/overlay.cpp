@@ -102,6 +102,7 @@ cv::Size Overlay::size() const {
 }
 
 const cv::Mat& Overlay::draw(const OverlayFrame& frame) {
+  if (frame.camera) camera_ = frame.camera;
   draw_background(frame.image->view());
   draw_trails(frame.trails);
   if (frame.camera_from_map) {

@@ -90,6 +90,10 @@ class ScriptedTracker final : public TrackingEngine {
     words.emplace_back(wish == NewMap::kInAnyCase ? "start a new map" : "start over");
   }
 
+  void use_camera(const CameraPtr& camera) override {
+    words.push_back(fmt::format("camera of {:.0f} px", camera->focal_length()));
+  }
+
   bool wants_places = true;
 
   std::vector<Timestamp> times;
@@ -119,6 +123,9 @@ class ScriptedLink final : public MapLink {
     if (always_answer) return always_answer;
     return std::exchange(place_answer, std::nullopt);
   }
+  std::optional<CameraNews> take_camera(const MapSnapshot&) override {
+    return std::exchange(camera, std::nullopt);
+  }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
     sent.emplace_back("settle");
@@ -131,6 +138,7 @@ class ScriptedLink final : public MapLink {
   std::vector<OfferReply> offer_replies;
   std::optional<PlaceAnswer> place_answer;   ///< once
   std::optional<PlaceAnswer> always_answer;  ///< before every frame
+  std::optional<CameraNews> camera;          ///< once
   std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
   bool settles = true;

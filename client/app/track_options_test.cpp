@@ -112,7 +112,7 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
 
 TEST(TrackOptions, WhatIsNotThereYetSaysSo) {
   for (const auto& arguments : std::vector<std::vector<std::string>>{
-           {"--security", "dir"}, {"--calibration", "auto"}, {"--wearer", "ann"}}) {
+           {"--security", "dir"}, {"--calibration", "auto", "--role", "reader"}, {"--wearer", "ann"}}) {
     EXPECT_THAT(wrong(arguments), HasSubstr("not available yet")) << arguments.front();
   }
 }

@@ -10,6 +10,7 @@
 #include <opencv2/videoio.hpp>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "client/app/overlay.h"
@@ -35,7 +36,12 @@ class VideoWriter final : public FrameObserver {
   VideoWriter(const VideoWriter&) = delete;
   VideoWriter& operator=(const VideoWriter&) = delete;
 
-  void on_frame(const FrameReport& report) override { push(make_overlay_frame(report)); }
+  void on_frame(const FrameReport& report) override {
+    OverlayFrame frame = make_overlay_frame(report);
+    frame.camera = camera_;
+    push(std::move(frame));
+  }
+  void on_camera(const CameraNews& news) override { camera_ = news.camera; }
   void push(OverlayFrame frame);
 
   /// Waits until the file is complete and checks that it is. An error when it could not be encoded or
@@ -53,6 +59,7 @@ class VideoWriter final : public FrameObserver {
 
   const std::filesystem::path path_;
   const WhenBehind when_behind_;
+  CameraPtr camera_;  ///< of the frames to come; null: as it was opened with
 
   std::mutex mutex_;
   std::condition_variable changed_;

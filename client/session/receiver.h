@@ -42,6 +42,7 @@ class Receiver {
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
     wire::Reader<wire::RelocAnswer> places;
+    wire::Reader<wire::CameraEstimate> cameras;
   };
   /// The four topics of one map and what has come of them.
   struct MapChannel {
@@ -50,6 +51,7 @@ class Receiver {
     wire::Reader<wire::KeyframePoses> keyframes;
     wire::Reader<wire::MapCommit> commits;
     Replica replica;
+    bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
   };
 
   Receiver(SessionState& state, wire::Participant participant, std::string client_name, ServerReaders readers,
@@ -65,6 +67,7 @@ class Receiver {
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);
   void act_on(wire::RelocAnswer&& answer);
+  void act_on(const wire::CameraEstimate& estimate);
 
   SessionState& state_;
   wire::Participant participant_;

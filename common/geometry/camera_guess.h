@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include "common/geometry/camera.h"
 
 namespace cairn {
@@ -11,6 +14,12 @@ struct DoubtfulCamera {
   double focal_sigma = 0;       ///< of the focal length, relative to it
   double k1_sigma = 0;
 };
+
+/// One per value, 0 for those that are believed; and back. What the wire says of it.
+[[nodiscard]] std::vector<double> sigma_of_values(const DoubtfulCamera& camera);
+/// `sigma`: one per value. Nothing when all values are exact, or the model is another.
+[[nodiscard]] std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
+                                                            const std::vector<double>& sigma);
 
 /// What a camera of which only the picture's size is known is likely to be: 60 degrees of view along the
 /// longer side, square pixels, centre in the middle, no distortion. Sigma 35 %: 0.5 to 1.5 times the longer

@@ -35,6 +35,7 @@ CAIRN_WIRE_TOPIC(SeedVerdict, SeedVerdict, kState)
 CAIRN_WIRE_TOPIC(OfferVerdict, OfferVerdict, kState)
 CAIRN_WIRE_TOPIC(RelocQuery, RelocQuery, kQuery)
 CAIRN_WIRE_TOPIC(RelocAnswer, RelocAnswer, kQuery)
+CAIRN_WIRE_TOPIC(CameraEstimate, CameraEstimate, kState)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

@@ -75,6 +75,10 @@ void fix_gauge(MapProblem* problem) {
 }
 
 void drop_outliers(const MapProblem& solved, double squared_cutoff, MapState* map) {
+  // What disagrees may be right and the camera wrong: the robust cost leaves it out, and takes it in again
+  // when the camera has moved.
+  constexpr double kForbearance = 3 * 3;
+  if (map->finds_cameras()) squared_cutoff *= kForbearance;
   const std::vector<double> residuals = squared_residuals(solved.bundle);
   for (size_t i = 0; i < residuals.size(); ++i) {
     if (residuals[i] < squared_cutoff) continue;

@@ -23,15 +23,27 @@ struct MapCamera {
   Intrinsics prior_sigma = Intrinsics::Zero();
   bool frozen = false;  ///< known well enough: no longer adjusted
 
+  Intrinsics judged = Intrinsics::Zero();    ///< the estimate before, of fewer keyframes
+  size_t judged_keyframes = 0;               ///< its number of keyframes
+  int agreements = 0;                        ///< successive estimates, of more and more keyframes, that agree
+  Intrinsics searched = Intrinsics::Zero();  ///< under which points were searched that are given up
+
   CameraPtr published;
   Intrinsics published_sigma = Intrinsics::Zero();
   bool published_frozen = false;
+  bool published_unknown = false;  ///< that it cannot be known
 };
 
 [[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt);
 
-/// Takes in what an adjustment found. Freezes a camera that is known well enough.
-void update(MapCamera* camera, const FreeCamera& adjusted);
+/// Takes in what an adjustment of so many keyframes found. Freezes a camera that is known well enough: sigma
+/// small, by enough keyframes, and successive estimates agree.
+void update(MapCamera* camera, const FreeCamera& adjusted, size_t keyframes);
+/// Whether there were keyframes enough, and still the focal length is not known.
+[[nodiscard]] bool cannot_be_known(const MapCamera& camera);
+/// True when the camera has moved from the values under which points were searched by what a search feels;
+/// from now on these count as searched with.
+bool take_move(MapCamera* camera);
 
 /// Makes a new version if the values have changed by what can be seen, if they are known notably better, or
 /// were frozen. Whether the values of the new version differ visibly.

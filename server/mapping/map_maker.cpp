@@ -7,6 +7,7 @@
 #include <deque>
 
 #include "server/mapping/adjustment.h"
+#include "server/mapping/find_cameras.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"
@@ -50,6 +51,8 @@ struct MapMaker::State {
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
+  /// Every point again in every keyframe that does not show it yet.
+  void search_everything();
 };
 
 bool MapMaker::State::is_full() const {
@@ -128,6 +131,11 @@ StepReport MapMaker::State::tidy() {
     report.changed = true;
   }
   return report;
+}
+
+void MapMaker::State::search_everything() {
+  wanting_observers.assign(map.live_point_ids().begin(), map.live_point_ids().end());
+  global_adjustment_due = true;
 }
 
 Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const SeedInput& input,
@@ -249,6 +257,7 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   // An unusable result would come out the same again: wait for the map to grow.
   const bool settled = report.finished || !solved.report.usable;
   if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
+  if (s.map.forget_given_up()) s.search_everything();
   return report;
 }
 
@@ -305,7 +314,8 @@ MapStatistics MapMaker::statistics() const {
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
   }
   for (const MapCamera& c : map.cameras())
-    stats.cameras.push_back({c.version, c.published, c.published_sigma, c.published_frozen});
+    stats.cameras.push_back(
+        {c.version, c.published, c.published_sigma, c.published_frozen, c.published_unknown});
   if (stats.measurements > 0)
     stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
   for (int i = 0; i < 3 && stats.points > 0; ++i) {
@@ -318,7 +328,12 @@ MapStatistics MapMaker::statistics() const {
 }
 
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {
-  problem->report = minimise(&problem->problem.bundle, global_options(should_stop), problem->adjuster);
+  BundleProblem& bundle = problem->problem.bundle;
+  if (bundle.free_cameras.empty()) {
+    problem->report = minimise(&bundle, global_options(should_stop), problem->adjuster);
+  } else {
+    problem->report = find_cameras(&bundle, global_options(should_stop));
+  }
 }
 
 void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const {

@@ -99,7 +99,8 @@ struct CameraEstimate {
   CameraVersion version;
   CameraPtr camera;
   Intrinsics sigma = Intrinsics::Zero();
-  bool frozen = false;  ///< will not change any more
+  bool frozen = false;           ///< will not change any more
+  bool cannot_be_known = false;  ///< many keyframes have not told the focal length: sigma stays large
 };
 
 struct MapStatistics {

@@ -37,8 +37,8 @@ uint64_t digest_of(const MapKeyframe& k) {
   Digest digest;
   const Eigen::Quaterniond& q = k.camera_from_map.rotation();
   digest << k.reference << static_cast<uint64_t>(k.time.nanoseconds) << q.x() << q.y() << q.z() << q.w()
-         << k.camera_from_map.translation() << k.mean_depth << k.near_depth << k.far_depth
-         << uint64_t{k.live};
+         << k.camera_from_map.translation() << k.camera->focal_length() << k.mean_depth << k.near_depth
+         << k.far_depth << uint64_t{k.live};
   return digest.value();
 }
 

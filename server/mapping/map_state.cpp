@@ -86,10 +86,22 @@ int MapState::camera_index(const CameraPtr& camera, const CameraDoubt& doubt) {
 
 void MapState::update_camera(int index, const FreeCamera& adjusted) {
   MapCamera& camera = cameras_[static_cast<size_t>(index)];
-  update(&camera, adjusted);
+  update(&camera, adjusted, live_keyframes());
   for (MapKeyframe& k : keyframes_) {
     if (k.estimated_camera == index) k.camera = camera.camera;
   }
+}
+
+bool MapState::finds_cameras() const {
+  return std::any_of(cameras_.begin(), cameras_.end(), [](const MapCamera& c) { return !c.frozen; });
+}
+
+bool MapState::forget_given_up() {
+  bool moved = false;
+  for (MapCamera& c : cameras_) moved |= take_move(&c);
+  if (!moved) return false;
+  for (MapKeyframe& k : keyframes_) k.given_up.clear();
+  return true;
 }
 
 void MapState::publish_cameras() {

@@ -96,6 +96,11 @@ class MapState {
   int camera_index(const CameraPtr& camera, const CameraDoubt& doubt);
   /// What an adjustment has found of a camera; its keyframes get it.
   void update_camera(int index, const FreeCamera& adjusted);
+  /// Whether a camera is still being found out.
+  [[nodiscard]] bool finds_cameras() const;
+  /// True when the cameras have moved so far since the last time that points searched in vain may be found
+  /// now: nothing is given up any more.
+  bool forget_given_up();
   /// Cameras as they are now become what is published; patches are described by them anew.
   void publish_cameras();
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "common/map/limits.h"
+
 namespace cairn {
 namespace {
 
@@ -182,7 +184,9 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
   next->epoch = epoch_;
   next->revision = Revision{previous_ ? previous_->revision.value + 1 : 1};
   const uint64_t version = next->revision.value;
-  for (const MapCamera& c : map.cameras()) next->cameras.push_back(c.version);
+  for (const MapCamera& c : map.cameras()) {
+    if (next->cameras.size() < kMaxCamerasFoundOut) next->cameras.push_back(c.version);
+  }
   bool changed = !previous_ || previous_->cameras != next->cameras;
 
   for (size_t b = 0; b < block_count(map.keyframes().size()); ++b) {

@@ -320,7 +320,10 @@ class EngineRun {
     const auto& values = camera_->parameters().values;
     std::printf("frame %zu: camera version %u: f %.2f +- %.2f, k1 %.4f +- %.4f, %zu keyframes%s\n",
                 totals_.frames, estimate.version.version, values[0], estimate.sigma[0] * values[0], values[4],
-                estimate.sigma[1], snapshot_->keyframe_count(), estimate.frozen ? ", frozen" : "");
+                estimate.sigma[1], snapshot_->keyframe_count(),
+                estimate.frozen            ? ", frozen"
+                : estimate.cannot_be_known ? ", cannot be known"
+                                           : "");
   }
 
   Arguments arguments_;

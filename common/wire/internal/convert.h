@@ -69,7 +69,8 @@ template <typename Message>
   X(SeedVerdict, cairn_SeedVerdict)          \
   X(OfferVerdict, cairn_OfferVerdict)        \
   X(RelocQuery, cairn_RelocQuery)            \
-  X(RelocAnswer, cairn_RelocAnswer)
+  X(RelocAnswer, cairn_RelocAnswer)          \
+  X(CameraEstimate, cairn_CameraEstimate)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \
