@@ -87,13 +87,11 @@ void CameraBorder::finish(const std::vector<CameraPtr>& cameras, double squared_
   right_side_ += gradient_;
   for (size_t i = 0; i < cameras_.size(); ++i) {
     const Eigen::Index c = at(static_cast<int>(i));
-    const Intrinsics information =
-        noise_variance(squared_cutoff) * cameras_[i].prior_sigma.cwiseAbs2().cwiseInverse();
-    const Intrinsics pull = information.cwiseProduct(intrinsics_of(*cameras[i]) - cameras_[i].prior_mean);
-    corner_.diagonal().segment<kIntrinsics>(c) += information;
-    diagonal_.segment<kIntrinsics>(c) += information;
-    gradient_.segment<kIntrinsics>(c) += pull;
-    right_side_.segment<kIntrinsics>(c) += pull;
+    const PriorPull pull = prior_pull(cameras_[i], *cameras[i], squared_cutoff);
+    corner_.diagonal().segment<kIntrinsics>(c) += pull.curvature;
+    diagonal_.segment<kIntrinsics>(c) += pull.curvature;
+    gradient_.segment<kIntrinsics>(c) += pull.gradient;
+    right_side_.segment<kIntrinsics>(c) += pull.gradient;
   }
   diagonal_ = diagonal_.cwiseMax(kMinDiagonal);
   corner_.diagonal() += lambda * diagonal_;

@@ -21,7 +21,7 @@ void stretch(size_t camera, double factor, BundleProblem* problem) {
   FreeCamera& free_camera = problem->free_cameras[camera];
   Intrinsics intrinsics = intrinsics_of(*free_camera.camera);
   intrinsics[0] += std::log(factor);
-  free_camera.camera = with_intrinsics(*free_camera.camera, intrinsics);
+  free_camera.camera = with_intrinsics(*free_camera.camera, within_reach(free_camera, intrinsics));
   const SE3 first_from_map = problem->poses.front().camera_from_map;
   const SE3 map_from_first = first_from_map.inverse();
   const Eigen::Vector3d scale(1, 1, factor);
@@ -63,6 +63,8 @@ BundleReport solve_from_several(BundleProblem* problem, const BundleOptions& opt
   }
   return best;
 }
+
+constexpr size_t kClusters = 5;  ///< of keyframes that follow on each other: parts of the motion
 
 using Residuals = std::vector<Eigen::Vector2d>;
 
@@ -106,20 +108,21 @@ Eigen::Matrix2d cluster_covariance(const BundleProblem& problem, const Residuals
   const Intrinsics prior_weight =
       noise_variance(squared_cutoff) * camera.prior_sigma.cwiseAbs2().cwiseInverse();
   Eigen::Matrix2d curvature = prior_weight.asDiagonal();
-  std::vector<Intrinsics> pulls(problem.poses.size(), Intrinsics::Zero());
+  std::vector<Intrinsics> pulls(kClusters, Intrinsics::Zero());
   for (size_t i = 0; i < residuals.size(); ++i) {
     Eigen::Matrix2d J;
     for (int k = 0; k < kIntrinsics; ++k) J.col(k) = derivatives[static_cast<size_t>(k)][i];
     if (!J.allFinite() || !residuals[i].allFinite()) continue;
     const double weight = tukey_weight(residuals[i].squaredNorm(), squared_cutoff);
     curvature += weight * J.transpose() * J;
-    pulls[static_cast<size_t>(problem.observations[i].pose)] += weight * J.transpose() * residuals[i];
+    const size_t cluster = static_cast<size_t>(problem.observations[i].pose) * kClusters / problem.poses.size();
+    pulls[cluster] += weight * J.transpose() * residuals[i];
   }
   Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
   for (const Intrinsics& pull : pulls) spread += pull * pull.transpose();
-  const auto clusters = static_cast<double>(pulls.size());
+  constexpr auto kUnbiased = static_cast<double>(kClusters) / (kClusters - 1);
   const Eigen::Matrix2d inverse = curvature.inverse();
-  return clusters / (clusters - 1) * inverse * spread * inverse;
+  return kUnbiased * inverse * spread * inverse;
 }
 
 }  // namespace

@@ -39,6 +39,11 @@ Eigen::Matrix<double, 2, kIntrinsics> d_pixel_d_intrinsics(const Camera& camera,
   return result;
 }
 
+Intrinsics within_reach(const FreeCamera& prior, const Intrinsics& intrinsics) {
+  const Intrinsics reach = kPriorReach * prior.prior_sigma;
+  return intrinsics.cwiseMax(prior.prior_mean - reach).cwiseMin(prior.prior_mean + reach);
+}
+
 double noise_variance(double squared_cutoff) {
   constexpr double kCutoffPerLength = 4.6851 * 1.4826;
   constexpr double kMedianPerVariance = 1.386;  // of chi^2 with two degrees of freedom
@@ -46,8 +51,22 @@ double noise_variance(double squared_cutoff) {
 }
 
 double prior_cost(const FreeCamera& prior, const Camera& camera, double squared_cutoff) {
-  const Intrinsics away = (intrinsics_of(camera) - prior.prior_mean).cwiseQuotient(prior.prior_sigma);
-  return 0.5 * noise_variance(squared_cutoff) * away.squaredNorm();
+  const Intrinsics values = intrinsics_of(camera);
+  const Intrinsics away = (values - prior.prior_mean).cwiseQuotient(prior.prior_sigma);
+  const Intrinsics beyond = (values - within_reach(prior, values)).cwiseQuotient(prior.prior_sigma);
+  return 0.5 * noise_variance(squared_cutoff) * (away.squaredNorm() + kWall * beyond.squaredNorm());
+}
+
+PriorPull prior_pull(const FreeCamera& prior, const Camera& camera, double squared_cutoff) {
+  const Intrinsics values = intrinsics_of(camera);
+  const Intrinsics beyond = values - within_reach(prior, values);
+  const Intrinsics information =
+      noise_variance(squared_cutoff) * prior.prior_sigma.cwiseAbs2().cwiseInverse();
+  PriorPull pull{information.cwiseProduct(values - prior.prior_mean + kWall * beyond), information};
+  for (int i = 0; i < kIntrinsics; ++i) {
+    if (beyond[i] != 0) pull.curvature[i] *= 1 + kWall;
+  }
+  return pull;
 }
 
 double largest_move(const Camera& from, const Camera& to) {

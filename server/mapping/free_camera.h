@@ -23,7 +23,11 @@ using Intrinsics = Eigen::Matrix<double, kIntrinsics, 1>;
 /// Largest move [px] of a pixel of the picture's border and corners, for rays that both cameras see.
 [[nodiscard]] double largest_move(const Camera& from, const Camera& to);
 
-/// A camera in a bundle problem whose intrinsics are adjusted too.
+/// A camera in a bundle problem whose intrinsics are adjusted too. Its prior is a normal distribution that all
+/// but ends at kPriorReach sigma, where each further sigma weighs as much as kWall: thousands of residuals
+/// that are no independent noise would drag the values anywhere.
+constexpr double kPriorReach = 3;
+constexpr double kWall = 1e4;
 struct FreeCamera {
   CameraPtr camera;  ///< pinhole-radtan; the present values
   Intrinsics prior_mean = Intrinsics::Zero();
@@ -31,6 +35,15 @@ struct FreeCamera {
   /// Of the intrinsics, once adjusted: noise as large as the residuals say, and the prior.
   Eigen::Matrix<double, kIntrinsics, kIntrinsics> covariance = Eigen::Matrix2d::Zero();
 };
+
+/// Moved to where the prior reaches.
+[[nodiscard]] Intrinsics within_reach(const FreeCamera& prior, const Intrinsics& intrinsics);
+/// Gradient and (diagonal) curvature of prior_cost() at some intrinsics.
+struct PriorPull {
+  Intrinsics gradient;
+  Intrinsics curvature;
+};
+[[nodiscard]] PriorPull prior_pull(const FreeCamera& prior, const Camera& camera, double squared_cutoff);
 
 /// Variance of a component of a whitened residual, by the squared cut-off that the median of their lengths
 /// gave (tukey_squared_cutoff()).

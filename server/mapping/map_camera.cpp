@@ -12,6 +12,7 @@ const Intrinsics kWellKnown(0.015, 0.05);  ///< sigma: focal length within 3 % w
 constexpr double kAgreement = 0.01;        ///< of successive focal lengths
 constexpr int kEnoughAgreements = 3;
 constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
+constexpr double kBelievable = 0.9 * kPriorReach;  ///< [sigma] of the prior: beyond, it holds the value
 constexpr size_t kManyKeyframes = 40;    ///< what these have not told, more of the same will not
 constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where the picture ends
 
@@ -35,7 +36,8 @@ void update(MapCamera* camera, const FreeCamera& adjusted, size_t keyframes) {
   camera->agreements = agrees ? camera->agreements + 1 : 0;
   camera->judged = values;
   camera->judged_keyframes = keyframes;
-  camera->frozen = keyframes >= kFewestKeyframes && camera->agreements >= kEnoughAgreements &&
+  const Intrinsics away = (values - camera->prior_mean).cwiseQuotient(camera->prior_sigma).cwiseAbs();
+  camera->frozen = keyframes >= kFewestKeyframes && away.maxCoeff() < kBelievable && camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }
 
