@@ -91,7 +91,7 @@ class ScriptedTracker final : public TrackingEngine {
   }
 
   void use_camera(const CameraPtr& camera) override {
-    words.push_back(fmt::format("camera of {:.0f} px", camera->focal_length()));
+    words.push_back(fmt::format("camera of {:.0f} px at frame {}", camera->focal_length(), times.size()));
   }
 
   bool wants_places = true;

@@ -82,47 +82,96 @@ Residuals residuals_of(const BundleProblem& problem) {
   return residuals;
 }
 
-/// d residual / d intrinsic with all else re-adjusted, by a finite step. False when it could not be solved.
-bool total_derivative(const BundleProblem& solved, const Residuals& residuals, size_t camera, int intrinsic,
-                      const BundleOptions& options, Residuals* derivative) {
-  constexpr double kStep = 0.01;  // of log f, or k1
+/// d residual / d one of the values that describe a camera, with poses and points re-adjusted, by a finite
+/// step to another camera. Empty when that could not be solved.
+Residuals total_derivative(const BundleProblem& solved, const Residuals& residuals, size_t camera,
+                           const CameraPtr& other, double step, const BundleOptions& options) {
   BundleProblem moved = solved;
-  Intrinsics intrinsics = intrinsics_of(*moved.free_cameras[camera].camera);
-  intrinsics[intrinsic] += kStep;
-  const CameraPtr held = with_intrinsics(*moved.free_cameras[camera].camera, intrinsics);
   moved.free_cameras.clear();
   for (BundlePose& pose : moved.poses) {
-    if (pose.free_camera == static_cast<int>(camera)) pose.camera = held;
+    if (pose.free_camera == static_cast<int>(camera)) pose.camera = other;
     pose.free_camera = -1;
   }
-  if (!solve_bundle(&moved, options).usable) return false;
-  *derivative = residuals_of(moved);
-  for (size_t i = 0; i < residuals.size(); ++i) (*derivative)[i] = ((*derivative)[i] - residuals[i]) / kStep;
-  return true;
+  if (!other || !solve_bundle(&moved, options).usable) return {};
+  Residuals derivative = residuals_of(moved);
+  for (size_t i = 0; i < residuals.size(); ++i) derivative[i] = (derivative[i] - residuals[i]) / step;
+  return derivative;
 }
 
-/// Covariance of one camera's intrinsics from the spread of what each keyframe wants of them.
-Eigen::Matrix2d cluster_covariance(const BundleProblem& problem, const Residuals& residuals,
-                                   const std::array<Residuals, kIntrinsics>& derivatives,
-                                   const FreeCamera& camera, double squared_cutoff) {
-  const Intrinsics prior_weight =
-      noise_variance(squared_cutoff) * camera.prior_sigma.cwiseAbs2().cwiseInverse();
-  Eigen::Matrix2d curvature = prior_weight.asDiagonal();
+/// By log f and k1.
+std::array<Residuals, kIntrinsics> intrinsic_derivatives(const BundleProblem& solved,
+                                                         const Residuals& residuals, size_t camera,
+                                                         const BundleOptions& options) {
+  constexpr double kStep = 0.01;
+  std::array<Residuals, kIntrinsics> derivatives;
+  const Camera& now = *solved.free_cameras[camera].camera;
+  for (int k = 0; k < kIntrinsics; ++k) {
+    Intrinsics intrinsics = intrinsics_of(now);
+    intrinsics[k] += kStep;
+    derivatives[static_cast<size_t>(k)] =
+        total_derivative(solved, residuals, camera, with_intrinsics(now, intrinsics), kStep, options);
+  }
+  return derivatives;
+}
+
+/// What is taken for given and is not quite so: index in the camera's values, and sigma.
+struct TakenForGiven {
+  size_t value;
+  double sigma;
+};
+std::array<TakenForGiven, 3> taken_for_given(const Camera& camera) {
+  const double off_centre = 0.01 * std::max(camera.width(), camera.height());
+  constexpr double kUsualK2 = 0.05;
+  return {{{2, off_centre}, {3, off_centre}, {5, kUsualK2}}};
+}
+
+/// By each of them, in units of its sigma.
+std::vector<Residuals> given_derivatives(const BundleProblem& solved, const Residuals& residuals,
+                                         size_t camera, const BundleOptions& options) {
+  std::vector<Residuals> derivatives;
+  const Camera& now = *solved.free_cameras[camera].camera;
+  for (const TakenForGiven& given : taken_for_given(now)) {
+    CameraParameters parameters = now.parameters();
+    parameters.values[given.value] += given.sigma;
+    derivatives.push_back(
+        total_derivative(solved, residuals, camera, make_camera(parameters).value_or(nullptr), 1.0, options));
+  }
+  return derivatives;
+}
+
+/// Covariance of one camera's intrinsics: the spread of what the parts of the motion want of them, or the
+/// formal one where that is larger, and what the values taken for given may have done.
+Eigen::Matrix2d honest_covariance(const BundleProblem& problem, const Residuals& residuals,
+                                  const std::array<Residuals, kIntrinsics>& derivatives,
+                                  const std::vector<Residuals>& by_given, const FreeCamera& camera,
+                                  double squared_cutoff) {
+  Eigen::Matrix2d curvature =
+      prior_pull(camera, *camera.camera, squared_cutoff).curvature.asDiagonal().toDenseMatrix();
   std::vector<Intrinsics> pulls(kClusters, Intrinsics::Zero());
+  std::vector<Intrinsics> pulls_of_given(by_given.size(), Intrinsics::Zero());
   for (size_t i = 0; i < residuals.size(); ++i) {
     Eigen::Matrix2d J;
     for (int k = 0; k < kIntrinsics; ++k) J.col(k) = derivatives[static_cast<size_t>(k)][i];
     if (!J.allFinite() || !residuals[i].allFinite()) continue;
     const double weight = tukey_weight(residuals[i].squaredNorm(), squared_cutoff);
     curvature += weight * J.transpose() * J;
-    const size_t cluster = static_cast<size_t>(problem.observations[i].pose) * kClusters / problem.poses.size();
+    const size_t cluster =
+        static_cast<size_t>(problem.observations[i].pose) * kClusters / problem.poses.size();
     pulls[cluster] += weight * J.transpose() * residuals[i];
+    for (size_t g = 0; g < by_given.size(); ++g) {
+      if (by_given[g][i].allFinite()) pulls_of_given[g] += weight * J.transpose() * by_given[g][i];
+    }
   }
-  Eigen::Matrix2d spread = Eigen::Matrix2d::Zero();
-  for (const Intrinsics& pull : pulls) spread += pull * pull.transpose();
-  constexpr auto kUnbiased = static_cast<double>(kClusters) / (kClusters - 1);
+  const auto sum_of_squares = [](const std::vector<Intrinsics>& all) {
+    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+    for (const Intrinsics& pull : all) sum += pull * pull.transpose();
+    return sum;
+  };
+  constexpr double kUnbiased = static_cast<double>(kClusters) / (kClusters - 1);
   const Eigen::Matrix2d inverse = curvature.inverse();
-  return kUnbiased * inverse * spread * inverse;
+  const Eigen::Matrix2d spread = kUnbiased * inverse * sum_of_squares(pulls) * inverse;
+  const Eigen::Matrix2d given = inverse * sum_of_squares(pulls_of_given) * inverse;
+  return (spread(0, 0) > camera.covariance(0, 0) ? spread : camera.covariance) + given;
 }
 
 }  // namespace
@@ -134,18 +183,16 @@ BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) 
   if (!report.usable) return report;
   const Residuals residuals = residuals_of(*problem);
   for (size_t c = 0; c < problem->free_cameras.size(); ++c) {
-    std::array<Residuals, kIntrinsics> derivatives;
-    bool known = true;
-    for (int k = 0; k < kIntrinsics; ++k)
-      known =
-          known && total_derivative(*problem, residuals, c, k, options, &derivatives[static_cast<size_t>(k)]);
-    FreeCamera& camera = problem->free_cameras[c];
+    const auto derivatives = intrinsic_derivatives(*problem, residuals, c, options);
+    const auto by_given = given_derivatives(*problem, residuals, c, options);
+    const auto is_there = [](const Residuals& d) { return !d.empty(); };
+    const bool known = std::all_of(derivatives.begin(), derivatives.end(), is_there) &&
+                       std::all_of(by_given.begin(), by_given.end(), is_there);
     const bool was_stopped = options.should_stop && options.should_stop();
-    const Eigen::Matrix2d spread =
-        known && !was_stopped
-            ? cluster_covariance(*problem, residuals, derivatives, camera, report.squared_cutoff)
-            : before[c];
-    if (spread(0, 0) > camera.covariance(0, 0)) camera.covariance = spread;
+    FreeCamera& camera = problem->free_cameras[c];
+    camera.covariance = known && !was_stopped ? honest_covariance(*problem, residuals, derivatives, by_given,
+                                                                  camera, report.squared_cutoff)
+                                              : before[c];
   }
   return report;
 }

@@ -9,8 +9,9 @@ namespace cairn {
 /// not known to a few percent the minimisation starts from several, the rest of the problem stretched along
 /// the first camera's axis to go with each; the least cost wins. The covariances take in how far the parts of
 /// the motion pull in different directions (sandwich estimate with runs of keyframes as clusters: Huber 1967;
-/// Liang and Zeger 1986): residuals are not independent, and the formal covariance alone promises far too
-/// much. Equal inputs give equal bytes.
+/// Liang and Zeger 1986), for residuals are not independent, and what the values taken for given, principal
+/// point and k2, may have done (Schmidt 1966: consider covariance): the formal covariance alone promises ten
+/// times too much. Equal inputs give equal bytes.
 BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options);
 
 }  // namespace cairn

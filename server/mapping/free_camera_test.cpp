@@ -8,6 +8,7 @@
 
 #include "common/geometry/robust.h"
 #include "server/mapping/bundle_scene.h"
+#include "server/mapping/find_cameras.h"
 
 namespace cairn {
 namespace {
@@ -95,6 +96,67 @@ TEST(FreeCamera, DerivativeIsTheNumericOne) {
       EXPECT_LT((numeric - analytic.col(i)).norm(), 1e-4 * (1 + numeric.norm())) << i;
     }
   }
+}
+
+TEST(FreeCamera, ThePullOfAPriorIsTheSlopeOfItsCost) {
+  FreeCamera prior{.camera = simple_camera(500, 0)};
+  prior.prior_mean = intrinsics_of(*prior.camera);
+  prior.prior_sigma = {0.2, 0.1};
+  constexpr double kStep = 1e-5;
+  constexpr double kCutoff = 4;
+  for (const double sigmas : {-3.5, -2.0, 0.0, 1.0, 2.9, 4.0}) {  // on both sides of where it ends
+    const Intrinsics at = prior.prior_mean + sigmas * prior.prior_sigma;
+    const PriorPull pull = prior_pull(prior, *with_intrinsics(*prior.camera, at), kCutoff);
+    for (int i = 0; i < kIntrinsics; ++i) {
+      const Intrinsics step = kStep * Intrinsics::Unit(i);
+      const auto cost = [&](const Intrinsics& values) {
+        return prior_cost(prior, *with_intrinsics(*prior.camera, values), kCutoff);
+      };
+      const double slope = (cost(at + step) - cost(at - step)) / (2 * kStep);
+      EXPECT_NEAR(pull.gradient[i], slope, 1e-5 * (1 + std::abs(slope))) << sigmas;
+      const double bend = (cost(at + step) - 2 * cost(at) + cost(at - step)) / (kStep * kStep);
+      EXPECT_NEAR(pull.curvature[i], bend, 1e-2 * (1 + std::abs(bend))) << sigmas;
+    }
+  }
+}
+
+TEST(FindCameras, TheFocalLengthIsFoundFromAFarStart) {
+  for (const double start : {300.0, 450.0, 900.0}) {
+    SCOPED_TRACE(start);
+    Random random(7);
+    BundleProblem problem = desk_scene(simple_camera(525, -0.03), &random);
+    const CameraPtr wrong = simple_camera(start, 0);
+    free_the_camera(&problem, wrong, {0.5, 0.1});
+    problem.free_cameras[0].covariance = problem.free_cameras[0].prior_sigma.cwiseAbs2().asDiagonal();
+    // The scene as it was made with the camera believed in.
+    for (Eigen::Vector3d& p : problem.points) p.z() *= start / 525;
+    for (BundlePose& p : problem.poses) {
+      if (p.fixed) continue;
+      const Eigen::Vector3d turn = so3_log(p.camera_from_map.rotation()) * 525 / start;
+      p.camera_from_map = SE3(so3_exp(turn), p.camera_from_map.translation());
+    }
+    BundleOptions options = to_the_end();
+    ASSERT_TRUE(find_cameras(&problem, options).usable);
+    EXPECT_NEAR(problem.free_cameras[0].camera->focal_length(), 525, 0.02 * 525);
+  }
+}
+
+TEST(FindCameras, SigmaOwnsUpToWhatIsTakenForGiven) {
+  Random random(3);
+  // The principal point is 6 px from where it is believed to be, and there is a k2.
+  const CameraPtr truth =
+      *make_camera({CameraModel::kPinholeRadtan, 640, 480, {525, 525, 326, 236, -0.1, 0.04, 0, 0, 0}});
+  BundleProblem problem = desk_scene(truth, &random);
+  free_the_camera(&problem, simple_camera(525, -0.1), {0.35, 0.1});
+  problem.free_cameras[0].covariance = problem.free_cameras[0].prior_sigma.cwiseAbs2().asDiagonal();
+  BundleProblem formal = problem;
+  ASSERT_TRUE(solve_bundle(&formal, to_the_end()).usable);
+  ASSERT_TRUE(find_cameras(&problem, to_the_end()).usable);
+  const double error = std::abs(std::log(problem.free_cameras[0].camera->focal_length() / 525));
+  const double sigma = std::sqrt(problem.free_cameras[0].covariance(0, 0));
+  EXPECT_LT(error, 3 * sigma);
+  EXPECT_GT(sigma, 2 * std::sqrt(formal.free_cameras[0].covariance(0, 0)));
+  EXPECT_LT(sigma, 0.2) << "so large a sigma says nothing";
 }
 
 TEST(FreeCamera, LargestMoveIsThatOfTheCorner) {

@@ -6,15 +6,15 @@
 namespace cairn {
 namespace {
 
-constexpr double kVisibleMove = 0.2;       ///< [px] DESIGN 4
-constexpr double kNotablyBetter = 0.7;     ///< of the sigma published before
-const Intrinsics kWellKnown(0.015, 0.05);  ///< sigma: focal length within 3 % with 95 %
-constexpr double kAgreement = 0.01;        ///< of successive focal lengths
+constexpr double kVisibleMove = 0.2;      ///< [px] DESIGN 4
+constexpr double kNotablyBetter = 0.7;    ///< of the sigma published before
+const Intrinsics kWellKnown(0.025, 0.1);  ///< sigma: focal length within 5 % with 95 %
+constexpr double kAgreement = 0.01;       ///< of successive focal lengths
 constexpr int kEnoughAgreements = 3;
-constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
+constexpr size_t kFewestKeyframes = 10;            ///< whose spread says something
 constexpr double kBelievable = 0.9 * kPriorReach;  ///< [sigma] of the prior: beyond, it holds the value
-constexpr size_t kManyKeyframes = 40;    ///< what these have not told, more of the same will not
-constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where the picture ends
+constexpr size_t kManyKeyframes = 40;              ///< what these have not told, more of the same will not
+constexpr double kFeltMove = 0.02;                 ///< of the focal length: some px where the picture ends
 
 }  // namespace
 
@@ -37,7 +37,8 @@ void update(MapCamera* camera, const FreeCamera& adjusted, size_t keyframes) {
   camera->judged = values;
   camera->judged_keyframes = keyframes;
   const Intrinsics away = (values - camera->prior_mean).cwiseQuotient(camera->prior_sigma).cwiseAbs();
-  camera->frozen = keyframes >= kFewestKeyframes && away.maxCoeff() < kBelievable && camera->agreements >= kEnoughAgreements &&
+  camera->frozen = keyframes >= kFewestKeyframes && away.maxCoeff() < kBelievable &&
+                   camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }
 

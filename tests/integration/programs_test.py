@@ -6,6 +6,7 @@ programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
 import json
 import pathlib
+import re
 import signal
 import struct
 import subprocess
@@ -91,6 +92,23 @@ class Lockstep(OnTheDesk):
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
             self.assertLessEqual(self.ate_mm(name), 5)
         self.assertEqual((self.folder / "first.txt").read_bytes(), (self.folder / "second.txt").read_bytes())
+
+
+class Cameras(OnTheDesk):
+    def test_a_camera_of_which_nothing_is_known_is_found_out_and_written(self):
+        saved = self.folder / "found.yaml"
+        truth = next(line.split() for line in (self.folder / "desk/camera.txt").read_text().splitlines()
+                     if line and not line.startswith("#"))
+        with ServerProcess() as server:
+            stats, said = self.track(server, "auto", "--calibration", "auto", "--save-calibration", saved, "--pace", "lockstep")
+        self.assertIn("the camera is known", said)
+        self.assertIn(str(saved), said)
+        found = re.search(r"intrinsics: *\[([^\]]*)\]", saved.read_text())
+        focal = float(found.group(1).split(",")[0])
+        self.assertLess(abs(focal / float(truth[2]) - 1), 0.03, said)
+        with ServerProcess() as server:
+            stats, said = self.track(server, "again", "--calibration", saved, "--pace", "lockstep")
+        self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
 
 
 class Followers(OnTheDesk):
