@@ -23,11 +23,12 @@ using Intrinsics = Eigen::Matrix<double, kIntrinsics, 1>;
 /// Largest move [px] of a pixel of the picture's border and corners, for rays that both cameras see.
 [[nodiscard]] double largest_move(const Camera& from, const Camera& to);
 
-/// A camera in a bundle problem whose intrinsics are adjusted too. Its prior is a normal distribution that
-/// all but ends at kPriorReach sigma, where each further sigma weighs as much as kWall: thousands of
-/// residuals that are no independent noise would drag the values anywhere.
+/// A prior is a normal distribution that all but ends at kPriorReach sigma: what lies beyond costs kWall times
+/// as much, or thousands of residuals that are no independent noise would drag the values anywhere.
 constexpr double kPriorReach = 3;
 constexpr double kWall = 1e4;
+
+/// A camera in a bundle problem whose intrinsics are adjusted too.
 struct FreeCamera {
   CameraPtr camera;  ///< pinhole-radtan; the present values
   Intrinsics prior_mean = Intrinsics::Zero();

@@ -10,6 +10,7 @@
 #include <cstdio>
 #include <ctime>
 #include <map>
+#include <string_view>
 #include <vector>
 
 #include "client/capture/frame_source.h"
@@ -342,6 +343,9 @@ class EngineRun {
   std::map<KeyframeId, Timestamp> keyframe_times_;
 };
 
+constexpr std::string_view kAuto = "auto";
+constexpr std::string_view kAutoFrom = "auto:";
+
 struct ChosenCamera {
   CameraPtr camera;
   std::optional<CameraDoubt> doubt;
@@ -349,7 +353,14 @@ struct ChosenCamera {
 
 /// `auto` and the like: what is known of a camera that is found out.
 Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Frame& first) {
-  DoubtfulCamera guess = guess_camera({first.image->width(), first.image->height()});
+  const PictureSize size{first.image->width(), first.image->height()};
+  DoubtfulCamera guess = guess_camera(size);
+  if (arguments.calibration != kAuto) {
+    const auto rough =
+        read_calibration(arguments.calibration.substr(kAutoFrom.size()), size).and_then(doubt_camera);
+    if (!rough) return tl::unexpected(rough.error());
+    guess = *rough;
+  }
   for (const size_t i : {0, 1}) guess.parameters.values[i] *= arguments.start_focal;
   const auto camera = make_camera(guess.parameters);
   if (!camera) return tl::unexpected(camera.error());
@@ -384,11 +395,11 @@ Status run(const Arguments& arguments) {
     if (!*next) break;
     if (i++ < arguments.skip) continue;
     if (!engine) {
-      const auto chosen = arguments.calibration == "auto"
-                              ? choose_doubtful_camera(arguments, **next)
-                              : choose_camera(arguments, **source).map([](const CameraPtr& camera) {
-                                  return ChosenCamera{camera, {}};
-                                });
+      const bool is_doubtful = arguments.calibration == kAuto || arguments.calibration.starts_with(kAutoFrom);
+      const auto chosen = is_doubtful ? choose_doubtful_camera(arguments, **next)
+                                      : choose_camera(arguments, **source).map([](const CameraPtr& camera) {
+                                          return ChosenCamera{camera, {}};
+                                        });
       if (!chosen) return tl::unexpected(chosen.error());
       engine.emplace(arguments, chosen->camera, chosen->doubt);
     }
@@ -414,7 +425,8 @@ int main(int argc, char** argv) {
   cairn::Arguments arguments;
   app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")
       ->required();
-  app.add_option("--calibration", arguments.calibration, "camera file, or auto; default: beside the source");
+  app.add_option("--calibration", arguments.calibration,
+                 "camera file, auto or auto:FILE; default: beside the source");
   app.add_option("--start-focal", arguments.start_focal,
                  "with --calibration auto: factor on the focal length that it starts from");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
