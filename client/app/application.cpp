@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/application.h"
 
+#include <spdlog/fmt/fmt.h>
 #include <sys/resource.h>
 
 #include <chrono>
@@ -55,6 +56,18 @@ Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& so
   const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
   return make_camera(*parameters);
+}
+
+/// What the loop would say of the first frame, told before anybody waits for a server. A source that knows
+/// its size only from its frames is left to the loop.
+Status check_picture_size(const FrameSource& source, const Camera& camera) {
+  const auto size = source.picture_size();
+  if (!size || (size->width == camera.width() && size->height == camera.height())) return {};
+  return fail(
+      ErrorCode::kConfiguration,
+      fmt::format("{}: its pictures are {}x{}, the calibration is for {}x{}; pass the camera's own with "
+                  "--calibration",
+                  source.describe(), size->width, size->height, camera.width(), camera.height()));
 }
 
 /// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as
@@ -215,6 +228,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   if (!source) return tl::unexpected(source.error());
   auto camera = find_camera(options, **source);
   if (!camera) return tl::unexpected(camera.error());
+  if (auto status = check_picture_size(**source, **camera); !status) return tl::unexpected(status.error());
   auto outputs = open_outputs(options, *camera, log);
   if (!outputs) return tl::unexpected(outputs.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);

@@ -60,6 +60,10 @@ Result<bool> FrameLoop::run(const std::function<bool()>& stop_requested) {
     }
   }
   if (stop_requested()) return false;
+  if (source_.is_live()) {
+    return fail(ErrorCode::kIo, source_.describe() + ": gives no pictures any more" +
+                                    (last_undecodable_ ? "; " + *last_undecodable_ : ""));
+  }
   if (frames_tracked_on_ == 0) {
     return fail(ErrorCode::kDamaged, source_.describe() + ": no frame could be read" +
                                          (last_undecodable_ ? "; the last: " + *last_undecodable_ : ""));
@@ -181,6 +185,8 @@ void FrameLoop::settle() {
 std::optional<FrameLoop::StartOver> FrameLoop::reason_to_start_over(const SessionStatus& status,
                                                                     FrameState state) const {
   if (options_.new_map_requested()) return StartOver{"as asked", NewMap::kInAnyCase};
+  if (state == FrameState::kStarting && !status.map_known)
+    return StartOver{"the server does not know the map that was begun"};
   if (state != FrameState::kLost) return std::nullopt;
   if (!status.map_known) return StartOver{"lost, and the server does not know the map"};
   const auto unmapped_for = lost_.unmapped_for();

@@ -226,6 +226,7 @@ TEST(FrameLoop, RepliesReachTheTrackerBeforeTheNextFrame) {
   rig.link.offer_replies = {{1, true, ""}, {2, false, "too near"}};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ElementsAre("refused: no parallax"));
+  EXPECT_EQ(rig.tracker.words_before_first_frame, 1U);
   EXPECT_THAT(rig.notes.words, ElementsAre("seed reply", "accepted", "refused: too near", ""));
 
   Rig accepted({starting});
@@ -258,6 +259,11 @@ TEST(FrameLoop, AMapThatTheServerLostIsKeptWhileTrackedAndLeftWhenLost) {
   Rig known({tracking, lost, lost});
   ASSERT_TRUE(known.run());
   EXPECT_THAT(known.tracker.words, IsEmpty());
+
+  Rig begun({starting});
+  begun.link.session_status.map_known = false;
+  ASSERT_TRUE(begun.run());
+  EXPECT_THAT(begun.tracker.words, ElementsAre("start over")) << "a map that was accepted and never came";
 }
 
 TEST(FrameLoop, ABuilderLostWhereNoMapIsKnownBeginsOneAndAReaderDoesNot) {

@@ -9,13 +9,12 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "client/app/on_time.h"
+
 namespace cairn {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// A frame is on time when its pose is there before the next frame of a 30 Hz camera.
-constexpr double kOnTimeMs = 33.0;
 
 double to_ms(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
@@ -67,7 +66,9 @@ StageTimes StageClock::take() {
 void RunStats::add(const FrameRow& row) {
   ++frames_total_;
   ++counts_[static_cast<size_t>(row.state)];
-  on_time_ += row.state != FrameState::kDropped && row.wall_ms <= kOnTimeMs ? 1 : 0;
+  // A frame that is lost has no pose: it is late. Before there is a map none can have one.
+  const bool has_no_pose = row.state == FrameState::kDropped || row.state == FrameState::kLost;
+  on_time_ += !has_no_pose && row.wall_ms <= kOnTimeMs ? 1 : 0;
   last_time_ = row.time;
   if (list_ == FrameList::kKept) frames_.push_back(row);
 }

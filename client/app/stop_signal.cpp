@@ -9,10 +9,15 @@ StopSignal::StopSignal() {
   sigemptyset(&signals_);
   sigaddset(&signals_, SIGINT);
   sigaddset(&signals_, SIGTERM);
+  sigaddset(&signals_, SIGHUP);  // the terminal has gone
   pthread_sigmask(SIG_BLOCK, &signals_, &mask_before_);
   sigemptyset(&new_map_signal_);
   sigaddset(&new_map_signal_, SIGUSR1);
   pthread_sigmask(SIG_BLOCK, &new_map_signal_, nullptr);
+  // A reader of our words that has gone, or a file at its limit, is an error of that write and not the end of
+  // a run.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 StopSignal::~StopSignal() {

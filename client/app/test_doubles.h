@@ -73,6 +73,7 @@ class ScriptedTracker final : public TrackingEngine {
   const FrameResult& track(const GrayImagePtr&, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe) override {
     probe->begin(Stage::kPose);
+    if (times.empty()) words_before_first_frame = words.size();
     result_ = FrameResult{};
     if (times.size() < script_.size()) script_[times.size()](result_);
     times.push_back(time);
@@ -95,6 +96,7 @@ class ScriptedTracker final : public TrackingEngine {
   std::vector<Timestamp> times;
   std::vector<MapSnapshotPtr> snapshots;
   std::vector<std::string> words;
+  size_t words_before_first_frame = 0;
 
  private:
   std::vector<Step> script_;

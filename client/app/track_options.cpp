@@ -28,7 +28,8 @@ constexpr const char* kFooter =
     "Sources: tum:DIR, euroc:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
-    "Exit codes: 0 ok, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
+    "Exit codes: 0 ok, 1 internal error, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, "
+    "130 interrupted\n\n"
     "Examples:\n"
     "  cairn-track --source v4l2:/dev/video0 --calibration camera.txt --video desk.mp4\n"
     "  cairn-track --source tum:recording --pace lockstep --trajectory poses.txt --stats stats.json";

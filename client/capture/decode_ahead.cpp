@@ -8,6 +8,7 @@ namespace cairn {
 DecodeAhead::DecodeAhead(std::unique_ptr<FrameSource> source, size_t queue_frames)
     : frame_count_(source->frame_count()),
       calibration_(source->builtin_calibration()),
+      picture_size_(source->picture_size()),
       description_(source->describe()),
       is_live_(source->is_live()),
       capacity_(is_live_ ? 1 : std::max<size_t>(1, queue_frames)),
@@ -30,7 +31,7 @@ void DecodeAhead::run() {
       changed_.wait(lock, [this] { return stopping_ || is_live_ || queue_.size() < capacity_; });
       if (stopping_) return;
     }
-    auto item = source_->next();
+    auto item = next_of_source();
     const std::lock_guard lock(mutex_);
     at_end_ = item.has_value() && !item->has_value();
     if (at_end_) {
@@ -40,6 +41,15 @@ void DecodeAhead::run() {
     if (queue_.size() >= capacity_) queue_.pop_front();
     queue_.push_back(std::move(item));
     changed_.notify_all();
+  }
+}
+
+/// What a decoder throws (no memory for a huge picture) is a frame that cannot be read.
+Result<std::optional<Frame>> DecodeAhead::next_of_source() {
+  try {
+    return source_->next();
+  } catch (const std::exception& error) {
+    return fail(ErrorCode::kDamaged, description_ + ": " + error.what());
   }
 }
 

@@ -25,15 +25,18 @@ class DecodeAhead final : public FrameSource {
   Result<std::optional<Frame>> next() override;
   std::optional<size_t> frame_count() const override { return frame_count_; }
   std::optional<CameraParameters> builtin_calibration() const override { return calibration_; }
+  std::optional<PictureSize> picture_size() const override { return picture_size_; }
   std::string describe() const override { return description_; }
   bool is_live() const override { return is_live_; }
 
  private:
   void run();
+  [[nodiscard]] Result<std::optional<Frame>> next_of_source();
 
   // Copies of what the source says of itself: the source belongs to the thread.
   const std::optional<size_t> frame_count_;
   const std::optional<CameraParameters> calibration_;
+  const std::optional<PictureSize> picture_size_;
   const std::string description_;
   const bool is_live_;
   const size_t capacity_;

@@ -252,6 +252,19 @@ TEST_F(FrameSourceFiles, VideoAndTimesThatDoNotAgree) {
   EXPECT_THAT(taken.errors, ElementsAre(AllOf(HasSubstr("v.avi"), HasSubstr("frame 4 of the 5"))));
 }
 
+TEST_F(FrameSourceFiles, VideoCutShort) {
+  constexpr int kFrames = 40;
+  write_video("v.avi", kFrames);
+  const auto file = dir() / "v.avi";
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+  const auto source = open_source(uri("video", "/v.avi"));
+  ASSERT_TRUE(source) << source.error().message;
+  const auto taken = take_all(**source);
+  EXPECT_LT(taken.frames.size(), size_t{kFrames});
+  EXPECT_THAT(taken.errors,
+              ElementsAre(AllOf(HasSubstr("v.avi"), HasSubstr("of 40"), HasSubstr("cut short"))));
+}
+
 TEST_F(FrameSourceFiles, VideoErrors) {
   expect_open_error(uri("video", "/none.mp4"), ErrorCode::kNotFound, "none.mp4: no such video");
   write_text("not.mp4", "this is no video");

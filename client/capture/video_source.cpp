@@ -11,6 +11,10 @@
 namespace cairn {
 namespace {
 
+/// Of the frames that the container announces: some announce what duration and rate make, a few more than
+/// there are.
+constexpr double kWholeShare = 0.95;
+
 /// Frames of a video file, stamped by a list of times or else by the container.
 class VideoSource final : public FrameSource {
  public:
@@ -43,7 +47,9 @@ class VideoSource final : public FrameSource {
     return Frame{index_++, time, std::move(image)};
   }
   std::optional<size_t> frame_count() const override {
-    return has_times() ? times_.size() : static_cast<size_t>(container_count_);
+    if (has_times()) return times_.size();
+    if (container_count_ < 1) return std::nullopt;  // a stream without a length
+    return static_cast<size_t>(container_count_);
   }
   std::optional<PictureSize> picture_size() const override {
     return PictureSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
@@ -70,6 +76,11 @@ class VideoSource final : public FrameSource {
                                            "; is it cut short?");
     }
     if (index_ == 0) return fail(ErrorCode::kDamaged, path_ + ": no frame in it can be decoded");
+    if (static_cast<double>(index_) < kWholeShare * container_count_) {
+      return fail(ErrorCode::kDamaged, path_ + ": ends after frame " + std::to_string(index_) + " of " +
+                                           std::to_string(static_cast<size_t>(container_count_)) +
+                                           "; is it cut short?");
+    }
     return std::nullopt;
   }
 

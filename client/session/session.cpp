@@ -121,6 +121,7 @@ void Session::send_question(std::shared_ptr<const PlaceView> view, Timestamp tim
   SessionState& shared = state_->shared;
   const std::scoped_lock lock(shared.mutex);
   if (shared.monitor.link() != ServerLink::kConnected) return;
+  shared.place_answer.reset();  // of an older question
   shared.question.put({std::move(view), shared.map_in_use, time});
   shared.for_sender.notify_one();
 }

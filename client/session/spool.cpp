@@ -36,10 +36,11 @@ template <typename Topic>
 std::optional<typename Topic::Reply> CommandSpool<Topic>::push(Item item) {
   std::optional<Reply> lost;
   if (entries_.size() >= limit_) {
-    lost = Topic::reply(0, false, "spool full: the oldest not yet sent was dropped");
     const auto unsent =
         std::find_if(entries_.begin(), entries_.end(), [](const Entry& e) { return e.seq == 0; });
-    if (unsent == entries_.end()) return lost;
+    if (unsent == entries_.end())
+      return Topic::reply(0, false, "spool full, all of it under way: the newest was dropped");
+    lost = Topic::reply(0, false, "spool full: the oldest not yet sent was dropped");
     entries_.erase(unsent);
   }
   entries_.push_back({0, std::make_shared<const Item>(std::move(item)), {}});

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "common/image/pyramid.h"
 
@@ -20,10 +21,6 @@ Vector6d scaled_step(const Vector6d& velocity, double seconds) {
 
 SE3 MotionModel::predicted_step(Timestamp time) const {
   return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
-}
-
-SE3 MotionModel::predict(Timestamp time) const {
-  return predicted_step(time) * last_;
 }
 
 void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
@@ -49,8 +46,9 @@ void MotionModel::reset(const SE3& camera_from_map, Timestamp time) {
 }
 
 SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera, double mean_depth) {
-  constexpr int kTinyLevel = kPyramidLevels;  // the tiny image is level 3 halved again
-  constexpr float kOffset = 5.0F;             // [tiny px] from the centre (PTAM r114)
+  if (!std::isfinite(seen.score)) return predicted_step;  // the tiny images have nothing in common
+  constexpr int kTinyLevel = kPyramidLevels;              // the tiny image is level 3 halved again
+  constexpr float kOffset = 5.0F;                         // [tiny px] from the centre (PTAM r114)
   constexpr int kIterations = 3;
   const Eigen::Vector2f center((static_cast<float>(camera.width() >> kTinyLevel) - 1.0F) / 2.0F,
                                (static_cast<float>(camera.height() >> kTinyLevel) - 1.0F) / 2.0F);

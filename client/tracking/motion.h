@@ -14,9 +14,7 @@ namespace cairn {
 /// dropped; PTAM r114).
 class MotionModel {
  public:
-  /// Predicted camera_from_map at `time`: the last pose moved on by the velocity.
-  [[nodiscard]] SE3 predict(Timestamp time) const;
-  /// Camera motion from the last pose to `time`: predict(time) * last().inverse().
+  /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
   /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
   void measured(const SE3& camera_from_map, Timestamp time);
@@ -29,7 +27,6 @@ class MotionModel {
   void rebase(const SE3& camera_from_map) { last_ = camera_from_map; }
 
   [[nodiscard]] const SE3& last() const { return last_; }
-  [[nodiscard]] Timestamp last_time() const { return time_; }
   /// Tangent per second, camera frame: (m/s, rad/s).
   [[nodiscard]] const Vector6d& velocity() const { return velocity_; }
 

@@ -27,12 +27,12 @@ void PlaceMemory::remember(const FrameImages& frame, const MapSnapshot& map, Key
                            const SE3& camera_from_reference, double mean_depth) {
   for (auto it = views_.rbegin(); it != views_.rend(); ++it) {  // the newest are the likeliest to be near
     const View& view = *it;
-    if (view.map != map.map || view.epoch != map.epoch || view.reference != reference) continue;
+    if (view.map != map.map || view.reference != reference) continue;
     const Vector6d step = (camera_from_reference * view.camera_from_reference.inverse()).log();
     if (step.head<3>().norm() < kViewDistance * mean_depth && step.tail<3>().norm() < kViewAngle) return;
   }
   if (views_.size() == kMostViews) views_.pop_front();
-  views_.push_back({place_image(frame), map.map, map.epoch, reference, camera_from_reference});
+  views_.push_back({place_image(frame), map.map, reference, camera_from_reference});
 }
 
 std::optional<SE3> PlaceMemory::recall(const FrameImages& frame, const Camera& camera, const MapSnapshot& map,
@@ -41,7 +41,7 @@ std::optional<SE3> PlaceMemory::recall(const FrameImages& frame, const Camera& c
   ranked_.clear();
   for (size_t i = 0; i < views_.size(); ++i) {
     const View& view = views_[i];
-    if (view.map != map.map || view.epoch != map.epoch || map.find(view.reference) == nullptr) continue;
+    if (view.map != map.map || map.find(view.reference) == nullptr) continue;
     ranked_.emplace_back(tiny_difference(view.tiny, now), i);
   }
   if (ranked_.empty()) return std::nullopt;

@@ -21,8 +21,8 @@ namespace cairn {
 
 /// The tracker's own memory of where it was: tiny images of frames it tracked well with their poses (Klein
 /// and Murray, ECCV 2008, kept at the client), so that a tracker that is lost finds back to where it has been
-/// without asking anyone. Poses are kept relative to a keyframe, so they survive adjustments. Of all maps
-/// that it was in; bounded: the oldest views go first. One thread.
+/// without asking anyone. Poses are kept relative to a keyframe, so they survive adjustments and a server
+/// that comes back with the map. Of all maps that it was in; bounded: the oldest views go first. One thread.
 class PlaceMemory {
  public:
   /// Remembers a frame if its camera is far enough from the views remembered last.
@@ -37,7 +37,6 @@ class PlaceMemory {
   struct View {
     TinyImage tiny;
     MapId map;
-    Epoch epoch;
     KeyframeId reference;
     SE3 camera_from_reference;
   };

@@ -121,7 +121,6 @@ const PatchTemplate* PointSearch::template_of(const VisiblePoint& point) {
 }
 
 void PointSearch::search(const FrameImages& frame, float radius, int refine_iterations, VisiblePoint* point) {
-  point->searched = true;
   point->found = false;
   const PatchTemplate* patch = template_of(*point);
   if (patch == nullptr) return;

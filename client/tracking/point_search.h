@@ -19,8 +19,8 @@ struct VisiblePoint {
   PointId id;
   PointSlot slot;
   uint8_t level = 0;  ///< search level
-  bool searched = false;
   bool found = false;
+  bool hidden = false;  ///< not found, and nearer points are found all around: its absence says nothing
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   Eigen::Vector2f expected = Eigen::Vector2f::Zero();  ///< level-0 px
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();     ///< level-0 px, when found

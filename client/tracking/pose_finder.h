@@ -10,6 +10,7 @@
 #include "client/tracking/point_search.h"
 #include "client/tracking/stage.h"
 #include "common/geometry/camera.h"
+#include "common/geometry/depth_order.h"
 #include "common/geometry/pose.h"
 #include "common/geometry/se3.h"
 #include "common/map/snapshot.h"
@@ -52,8 +53,9 @@ class PoseFinder {
 
   [[nodiscard]] int attempted() const { return attempted_; }
   [[nodiscard]] int found() const { return found_; }  ///< inliers of the pose
-  [[nodiscard]] float quality() const;                ///< found / attempted
-  [[nodiscard]] double rms() const { return rms_; }   ///< [px of level 0, scaled by 2^-level] of the inliers
+  /// The share found of those attempted, without those that others hide.
+  [[nodiscard]] float quality() const;
+  [[nodiscard]] double rms() const { return rms_; }  ///< [px of level 0, scaled by 2^-level] of the inliers
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth() const;
   /// The points searched; found are those that agree with the pose.
@@ -64,6 +66,7 @@ class PoseFinder {
                                                 const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
+  void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
 
   CameraPtr camera_;
@@ -72,9 +75,11 @@ class PoseFinder {
   float lost_quality_;
   PointSearch search_;
   int attempted_ = 0;
+  int hidden_ = 0;
   int found_ = 0;
   double rms_ = 0;
   std::vector<VisiblePoint> visible_;
+  DepthOrder order_;
   std::vector<PointObservation> observations_;
   std::vector<size_t> observed_;  ///< index into visible_ of each observation
 };

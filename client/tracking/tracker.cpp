@@ -26,6 +26,9 @@ constexpr float kRecoveredQuality = 0.4F;  // and their share;
 constexpr float kSuggestedQuality =
     0.25F;                            // less for a place that geometry speaks for: it may be poorly mapped
 constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
+// A camera that has been lost for longer may have been carried elsewhere, to a place that looks the same from
+// where it was [s].
+constexpr double kStillHere = 1.0;
 
 }  // namespace
 
@@ -69,8 +72,9 @@ struct Tracker::State {
     KeyframeId reference;
     SE3 camera_from_reference;
   };
-  Anchor latest;  ///< of the last pose measured
-  Anchor proven;  ///< of the last one published
+  Anchor latest;          ///< of the last pose measured
+  Anchor proven;          ///< of the last one published,
+  Timestamp proven_time;  ///< and when
   double mean_depth = 1;
   int bad_frames = 0;
   size_t lost_frames = 0;
@@ -104,7 +108,9 @@ struct Tracker::State {
     return finder.found() >= kFewestRecovered && finder.quality() >= quality_to_prove;
   }
   void accept(const SE3& camera_from_map, Timestamp time, PoseVerdict verdict);
-  void publish(PoseVerdict verdict);
+  void publish(Timestamp time, PoseVerdict verdict);
+  [[nodiscard]] bool is_sound(PoseVerdict verdict) const;
+  [[nodiscard]] bool may_be_elsewhere(Timestamp time) const;
   void propose_keyframe();
   void report_search();
 };
@@ -171,9 +177,10 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   const auto pose = pose_from_trails(*camera, *snapshot, seed, trails.live(), options.seed);
   enter_map(snapshot);
   if (const KeyframePose* second = map->find(seed.second_keyframe)) {
-    latest = proven = {map->map, second->id, SE3()};
+    const SE3 camera_from_map = pose.value_or(second->camera_from_map);
+    latest = proven = {map->map, second->id, camera_from_map * second->camera_from_map.inverse()};
     if (second->mean_depth > 0) mean_depth = second->mean_depth;
-    model.reset(pose.value_or(second->camera_from_map), time);
+    model.reset(camera_from_map, time);
   }
   seen = TinyMotion{};  // the trails' pose is of this frame already
   if (pose) bad_frames = 0;
@@ -182,7 +189,7 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
 void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
   if (map == snapshot) return;
   const bool is_other_map = map && map->map != snapshot->map;
-  const bool same = map && !is_other_map && map->epoch == snapshot->epoch;
+  const bool same = map && !is_other_map;  // keyframes keep their ids when a server comes back with the map
   if (is_other_map) {
     bad_frames = options.lost_after_bad_frames;
     unproven = 0;
@@ -209,21 +216,33 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerd
     result.note = "proving a pose that was found";
     return;
   }
-  publish(verdict);
+  publish(time, verdict);
 }
 
-void Tracker::State::publish(PoseVerdict verdict) {
+void Tracker::State::publish(Timestamp time, PoseVerdict verdict) {
   lost_frames = 0;
   question.prove();
   proven = latest;
+  proven_time = time;
   result.state = verdict == PoseVerdict::kGood ? TrackingState::kTracking : TrackingState::kPoor;
   result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
   if (verdict == PoseVerdict::kGood)
     places.remember(now(), *map, latest.reference, latest.camera_from_reference, mean_depth);
-  if (options.make_keyframes && (verdict == PoseVerdict::kGood || finder.found() >= kEnoughForKeyframe))
-    propose_keyframe();
+  if (options.make_keyframes && is_sound(verdict)) propose_keyframe();
+}
+
+/// Good enough to be built upon. Many points do where most of the map is out of sight; but of a place that
+/// looks like this one some are found, too.
+bool Tracker::State::is_sound(PoseVerdict verdict) const {
+  return verdict == PoseVerdict::kGood ||
+         (finder.found() >= kEnoughForKeyframe && finder.quality() > options.lost_quality);
+}
+
+bool Tracker::State::may_be_elsewhere(Timestamp time) const {
+  const double since = seconds_between(time, proven_time);
+  return since < 0 || since > kStillHere;
 }
 
 void Tracker::State::propose_keyframe() {
@@ -246,6 +265,8 @@ void Tracker::State::track_map(Timestamp time) {
     pose = finder.locate(now(), turn * model.last(), wide_effort(options), probe);
     verdict = pose ? finder.judge() : PoseVerdict::kBad;
   }
+  // After a frame that failed the start is a guess: what is found from there must look right to be believed.
+  if (verdict == PoseVerdict::kPoor && bad_frames > 0) verdict = PoseVerdict::kBad;
   const bool is_refuted = unproven > 0 && !(pose && holds_proof());
   if (verdict != PoseVerdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);
@@ -262,8 +283,10 @@ void Tracker::State::track_map(Timestamp time) {
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
 }
 
-/// Tries, in this order, what others say, what the tracker remembers, and, if there are no others, what the
-/// map offers.
+/// Tries, in this order, what others say, what the tracker remembers while it cannot have gone far, and, if
+/// there are no others, what the map offers. Desks look alike to who compares with one map only: after a
+/// while it takes the word of the server, which compares with all, and asks for more likeness than points can
+/// show.
 void Tracker::State::recover(Timestamp time) {
   const ScopedStage stage(probe, Stage::kRecover);
   result.state = TrackingState::kLost;
@@ -275,6 +298,7 @@ void Tracker::State::recover(Timestamp time) {
     if (found_from(*place, wide, kSuggestedQuality, time)) return;
     question.refute(time);
   }
+  if (may_be_elsewhere(time) && !question.nobody_answers()) return;
   if (const auto place = places.recall(now(), *camera, *map, lost_frames++ % kMemoriesTried)) {
     if (found_from(*place, wide, kRecoveredQuality, time)) return;
   }

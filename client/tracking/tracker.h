@@ -30,7 +30,7 @@ struct TrackerOptions {
   float coarse_radius = 30;  ///< [px of level 0]
   float fine_radius = 10;    ///< [px of level 0] without a coarse stage before
   float fine_radius_after_coarse = 5;
-  float good_quality = 0.3F;   ///< found / attempted above which keyframes may be made
+  float good_quality = 0.3F;   ///< share found of those in sight; below, a frame is poor
   float lost_quality = 0.13F;  ///< of points on the top two levels; below: a bad frame
   int lost_after_bad_frames = 3;
   int frames_between_keyframes = 20;
@@ -94,10 +94,10 @@ struct FrameResult {
   Epoch epoch;
   Revision revision;
   int attempted = 0;
-  int found = 0;                     ///< inliers of the final pose
-  float quality = 0;                 ///< found / attempted of the points that should be visible
-  double mean_depth = 0;             ///< [map unit] of the found points
-  double reprojection_rms = 0;       ///< [px of level 0, scaled by 2^-level] of the inliers
+  int found = 0;                ///< inliers of the final pose
+  float quality = 0;            ///< share found of the points that should be visible and that no others hide
+  double mean_depth = 0;        ///< [map unit] of the found points
+  double reprojection_rms = 0;  ///< [px of level 0, scaled by 2^-level] of the inliers
   std::vector<TrackedPoint> points;  ///< memory is reused from frame to frame
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
@@ -131,9 +131,8 @@ class Tracker {
   void seed_refused(const std::string& reason);
   /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
   /// of which no seed is proposed. True: the suggestion is wanted, that is, it is tried in the next frame
-  /// that comes with the map it names, and its poses are published when three frames in a row have proven it
-  ///. A place that was tried in vain again and again is not wanted for a while and counts as
-  /// not known.
+  /// that comes with the map it names, and its poses are published when three frames in a row have proven it.
+  /// A place that was tried in vain again and again is not wanted for a while and counts as not known.
   bool place_answered(const std::optional<PoseSuggestion>& suggestion);
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.
   void start_over(NewMap wish);

@@ -255,8 +255,9 @@ TEST_F(OnMap, KeyframesAreProposedFarFromOthersAndNotInARow) {
 TEST_F(OnMap, PoseRidesOnAnAdjustmentOfItsKeyframe) {
   const SE3 truth = looking_down(0.02, 0);
   ASSERT_TRUE(step(truth).pose_measured);
-  // The whole map moves by a rigid motion, as an adjustment may do: so must the pose, at once.
-  const SE3 moved_from_map(so3_exp({0.02, -0.01, 0.03}), {0.05, 0.02, -0.01});
+  // The whole map moves by a rigid motion, as an adjustment may do, farther than any search reaches: so must
+  // the pose, at once.
+  const SE3 moved_from_map(so3_exp({0.02, -0.01, 0.3}), {0.4, 0.2, -0.01});
   auto moved = std::make_shared<MapSnapshot>(*map);
   auto keyframes = std::make_shared<KeyframeBlock>(*map->keyframe_blocks[0]);
   keyframes->keyframes[0].camera_from_map =

@@ -8,6 +8,7 @@
 #include <sstream>
 #include <string>
 
+#include "common/image/limits.h"
 #include "common/io/calibration_formats.h"
 #include "common/io/text.h"
 
@@ -102,6 +103,11 @@ Result<CameraParameters> read_calibration(const std::filesystem::path& path,
   if (!parameters) return parameters;
   if (const auto camera = make_camera(*parameters); !camera)
     return wrong(path.string() + ": " + camera.error().message);
+  if (parameters->width > kMaxImageSide || parameters->height > kMaxImageSide) {
+    return wrong(path.string() + ": " + std::to_string(parameters->width) + "x" +
+                 std::to_string(parameters->height) + " px; at most " + std::to_string(kMaxImageSide) +
+                 " a side are served: scale pictures and calibration down");
+  }
   return parameters;
 }
 

@@ -92,7 +92,8 @@ std::optional<double> parse_number(std::string_view text) {
 }
 
 std::optional<Timestamp> parse_timestamp(std::string_view text) {
-  constexpr int64_t kMaxSeconds = std::numeric_limits<int64_t>::max() / kNanosecondsPerSecond - 1;
+  // Half of what fits, so that the difference of any two fits, too.
+  constexpr int64_t kMaxSeconds = std::numeric_limits<int64_t>::max() / 2 / kNanosecondsPerSecond - 1;
   if (text.find_first_of("eE") != std::string_view::npos) {
     const auto seconds = parse_number(text);
     if (!seconds || std::abs(*seconds) > static_cast<double>(kMaxSeconds)) return std::nullopt;

@@ -19,7 +19,7 @@ struct Trail {
 enum class TrackingState : uint8_t {
   kStarting = 0,  ///< no map yet: following trails
   kTracking = 1,
-  kPoor = 2,  ///< tracked, but too few points found to make keyframes
+  kPoor = 2,  ///< tracked, but few of the points in sight are found
   kLost = 3,
 };
 

@@ -113,10 +113,16 @@ class Reader : public ReaderBase {
   using ReaderBase::ReaderBase;
 };
 
-/// Hands each sample that has come to `use`, until there are no more.
+/// Calls of take() in a row: who sends faster than samples are used must not starve the thread's other work.
+/// What is left wakes the Waiter again at once.
+inline constexpr int kTakesInARow = 16;
+
+/// Hands each sample that has come to `use`, until there are no more or others must have their turn.
 template <typename Message, typename Use>
 void take_all(Reader<Message>& reader, const Use& use) {
-  for (auto samples = reader.take(); !samples.empty(); samples = reader.take()) {
+  for (int i = 0; i < kTakesInARow; ++i) {
+    auto samples = reader.take();
+    if (samples.empty()) return;
     for (Sample<Message>& sample : samples) use(sample);
   }
 }

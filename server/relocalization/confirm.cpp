@@ -53,8 +53,8 @@ int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std:
 }
 
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
-  return said.alikeness >= needed.alikeness && said.inliers >= needed.share * said.met &&
-         said.agreeing >= needed.agreeing;
+  return said.alikeness >= needed.alikeness && said.inliers >= needed.of_met * said.met &&
+         said.inliers >= needed.of_expected * said.expected;
 }
 
 void judge(const ConfirmOptions& options, Confirmation* result) {
@@ -62,7 +62,7 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
-  } else if (!speak(options.by_picture, *result) && !speak(options.by_corners, *result)) {
+  } else if (!speak(options.by_picture, *result) && !speak(options.by_points, *result)) {
     result->reason = fmt::format("{} of {} corners look like the points there, the picture by {:.2f}",
                                  result->inliers, result->met, result->alikeness);
   } else {
@@ -129,7 +129,7 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
     result.met = static_cast<int>(guided.met);
     result.cells = count_cells(view, guided.matches, pose->weights, camera);
   }
-  result.alikeness = alikeness(view, points);
+  result.alikeness = alikeness(view, camera, points);
   judge(options, &result);
   return result;
 }

@@ -16,14 +16,18 @@ struct ConfirmOptions {
   int min_inliers = 30;   ///< of the refined pose
   int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
   /// A pose is believed when two witnesses that know nothing of each other speak for it: alikeness()
-  /// (appearance.h), and the share of inliers among the corners on which a point falls. Either of two ways.
+  /// (appearance.h), and inliers: their share of the corners on which a point falls, and of the points
+  /// expected. Either of two ways.
   struct Witnesses {
     double alikeness = 0;
-    double share = 0;
-    int agreeing = 0;
+    double of_met = 0;
+    double of_expected = 0;
   };
-  Witnesses by_picture = {0.87, 0.35, 12};  ///< looks the same; things there hide points of each other
-  Witnesses by_corners = {0.70, 0.47, 25};  ///< seen from aside or partly hidden, by many corners
+  Witnesses by_picture = {0.69, 0.35, 0};    ///< looks the same
+  Witnesses by_points = {0.50, 0.45, 0.36};  ///< in other light or partly hidden: most of its points are seen
+  /// So many agreeing corners, and as alike as most right answers are: no other keyframe is tried.
+  int clear_agreeing = 25;
+  double clear_alikeness = 0.75;
   uint64_t seed = 1;
 };
 

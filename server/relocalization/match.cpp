@@ -127,9 +127,9 @@ void project_points(const Camera& camera, const SE3& camera_from_map, const MapS
     for (size_t k = 0; k < keyframe->points.size(); ++k) {
       const auto position = position_of(snapshot, keyframe->points[k].id);
       if (!position) continue;
-      const auto pixel =
-          camera.project(Eigen::Vector3d(rotation * *position + camera_from_map.translation()));
-      if (pixel && camera.in_image(*pixel)) out->push_back({keyframe.get(), k, *position, *pixel});
+      const Eigen::Vector3d seen = rotation * *position + camera_from_map.translation();
+      const auto pixel = camera.project(seen);
+      if (pixel && camera.in_image(*pixel)) out->push_back({keyframe.get(), k, *position, *pixel, seen.z()});
     }
   }
 }

@@ -46,6 +46,7 @@ struct ProjectedPoint {
   size_t index = 0;                                    ///< into its `points`
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< level 0
+  double depth = 0;                                    ///< [map unit] in the query's camera
 };
 /// Those in the image, keyframe by keyframe; a point stands once for each scale at which it is described.
 /// `out` keeps its memory.

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
+#include <algorithm>
 #include <utility>
 
 #include "server/service/switchboard.h"
@@ -19,12 +20,17 @@ bool may_yet_come(Client& client) {
   return now - *client.camera_missed_at < kCameraGrace;
 }
 
+/// Of the candidate answered or, where none is believed, of the one that came nearest to it.
 std::string describe(const PlaceAnswer& answer) {
   if (answer.candidates.empty()) return answer.reason;
-  const PlaceCandidate& best = answer.candidates.front();
-  return fmt::format("map {}, keyframe {}, {} corners alike, {} of {} points found, {}",
+  const PlaceCandidate& best =
+      answer.verdict == PlaceVerdict::kNotKnown
+          ? *std::max_element(answer.candidates.begin(), answer.candidates.end(),
+                              [](const auto& a, const auto& b) { return a.inliers < b.inliers; })
+          : answer.candidates.front();
+  return fmt::format("map {}, keyframe {}, {} corners alike, {} of {} points found, {} tried{}{}",
                      to_hex(best.map.bytes).substr(0, 8), best.keyframe.value, best.matches, best.inliers,
-                     best.expected, answer.candidates.size());
+                     best.expected, answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
 }
 
 std::string unknown_camera(uint32_t camera, uint32_t version) {

@@ -161,6 +161,12 @@ int report(const Error& error) {
   return exit_code(error.code);
 }
 
+/// 0, or the exit code when what was printed could not be written.
+int finish_output() {
+  if (std::cout.flush()) return 0;
+  return report({ErrorCode::kIo, "standard output: cannot be written (disk full?)"});
+}
+
 int run(int argc, char** argv) {
   CLI::App app("Simulated worlds with exact truth.", "cairn-sim");
   app.require_subcommand(1);
@@ -197,12 +203,13 @@ int run(int argc, char** argv) {
   if (list->parsed()) {
     for (const ScenarioInfo& info : scenario_list())
       std::cout << info.name << '\t' << info.description << '\n';
-    return 0;
+    return finish_output();
   }
   if (judge_command->parsed()) {
     const auto verdict = judge_files(judge_request.pairs);
     if (!verdict) return report(verdict.error());
     std::cout << (judge_request.json ? verdict_json(*verdict) : verdict_text(*verdict));
+    if (const int code = finish_output(); code != 0) return code;
     return judge_request.check && !verdict->passes() ? kCheckFailed : 0;
   }
   for (const auto& [key, value] : values) {

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <map>
 #include <opencv2/aruco.hpp>
@@ -156,8 +157,9 @@ Result<std::map<int, TagBoard::Corners>> read_tags(const std::filesystem::path& 
   if (!json.is_object()) return wrong("not a JSON object");
   std::map<int, TagBoard::Corners> tags;
   for (const auto& [key, value] : json.items()) {
-    const auto id = parse_number(key);
-    if (!id) continue;  // notes on the paper and the like
+    int id = 0;
+    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), id);
+    if (error != std::errc() || end != key.data() + key.size()) continue;  // notes on the paper and the like
     TagBoard::Corners corners;
     if (!value.is_array() || value.size() != corners.size())
       return wrong("tag " + key + " has not four corners");
@@ -172,7 +174,7 @@ Result<std::map<int, TagBoard::Corners>> read_tags(const std::filesystem::path& 
         return wrong("tag " + key + " is not in the plane z = 0");
       }
     }
-    tags.emplace(static_cast<int>(*id), corners);
+    tags.emplace(id, corners);
   }
   if (tags.empty()) return wrong("no tag in it");
   return tags;

@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "client/app/on_time.h"
+
 namespace cairn {
 namespace {
 

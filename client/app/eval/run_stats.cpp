@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "client/app/on_time.h"
+
 namespace cairn {
 namespace {
 
@@ -32,7 +34,7 @@ FrameTotals total_frames(const Json& frames) {
     if (state == "dropped") continue;
     const auto cpu_ms = frame.at("cpu_ms").get<double>();
     const auto wall_ms = frame.at("wall_ms").get<double>();
-    totals.on_time += wall_ms <= kOnTimeMs ? 1 : 0;
+    totals.on_time += state != "lost" && wall_ms <= kOnTimeMs ? 1 : 0;  // as RunStats counts
     totals.tracking += state == "tracking" ? 1 : 0;
     totals.poor += state == "poor" ? 1 : 0;
     if (state != "tracking" && state != "poor") continue;

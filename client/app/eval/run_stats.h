@@ -16,9 +16,6 @@ struct Percentiles {
   double p99 = 0;
 };
 
-/// A frame is on time when its pose is there this long after it fell due [ms]: one period of 30 Hz.
-inline constexpr double kOnTimeMs = 33.0;
-
 /// What a `cairn-track --stats` file says of a run.
 struct RunSummary {
   int64_t frames_total = 0;
@@ -34,8 +31,9 @@ struct RunSummary {
   int64_t switches = 0;
   int64_t bytes_sent = 0;
   int64_t bytes_received = 0;
-  double on_time_percent = 0;  ///< of all frames of the source: wall_ms <= kOnTimeMs and not dropped
-  Percentiles cpu_ms;          ///< over tracked frames, as in the file itself
+  double on_time_percent =
+      0;               ///< of all frames of the source: wall_ms <= kOnTimeMs, not dropped and not lost
+  Percentiles cpu_ms;  ///< over tracked frames, as in the file itself
   Percentiles wall_ms;
 };
 

@@ -9,6 +9,7 @@
 #include <sys/socket.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <memory>
@@ -65,9 +66,15 @@ Result<std::string> resolve(const std::string& host) {
 
 Result<std::string> read_profile(const std::string& profile) {
   if (const std::string_view text = built_in_profile(profile); !text.empty()) return std::string(text);
-  std::ifstream file(profile);
-  std::string text{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  if (!file || text.find("<CycloneDDS") == std::string::npos) {
+  constexpr std::uintmax_t kMostBytes = 1 << 20;
+  std::error_code error;
+  std::string text;
+  if (std::filesystem::is_regular_file(profile, error) &&
+      std::filesystem::file_size(profile, error) <= kMostBytes) {
+    std::ifstream file(profile);
+    text.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+  }
+  if (text.find("<CycloneDDS") == std::string::npos) {
     return fail(ErrorCode::kConfiguration,
                 "profile '" + profile + "': neither loopback, wifi nor a file of Cyclone DDS settings");
   }

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/internal/endpoint.h"
 
+#include <algorithm>
 #include <array>
 
 namespace cairn::wire::internal {
 namespace {
 
 constexpr int kBatch = 32;     ///< samples on loan at a time
-constexpr int kMaxTake = 256;  ///< per call: a flood on one reader must not starve the thread's other work
+constexpr int kMaxTake = 256;  ///< per call
 
 Error endpoint_error(std::string_view what, std::string_view topic, dds_return_t code) {
   return {ErrorCode::kInternal,
@@ -112,7 +113,11 @@ void ReaderEntity::take(const std::function<void(const void*, const dds_sample_i
 
 void ReaderEntity::report_unfit(dds_instance_handle_t publication, const std::string& reason) {
   ++invalid_;
-  context_->report_unfit(topic_, partition_of(publication).value_or("unknown"), reason);
+  std::string partition = partition_of(publication).value_or("unknown");
+  // The peer's own string, on its way to terminals and logs.
+  std::replace_if(
+      partition.begin(), partition.end(), [](unsigned char c) { return c < 0x20 || c >= 0x7f; }, '?');
+  context_->report_unfit(topic_, partition, reason);
 }
 
 int ReaderEntity::matched() const {
