@@ -155,6 +155,20 @@ __attribute__((target("popcnt"))) NearestDescriptor find_nearest_popcnt(const De
   return nearest;
 }
 
+__attribute__((target("popcnt"))) void distances_popcnt(const Descriptor& query,
+                                                        std::span<const Descriptor> set, uint16_t* out) {
+  const Descriptor q = query;
+  for (const Descriptor& d : set) {
+    *out++ = static_cast<uint16_t>(__builtin_popcountll(q[0] ^ d[0]) + __builtin_popcountll(q[1] ^ d[1]) +
+                                   __builtin_popcountll(q[2] ^ d[2]) + __builtin_popcountll(q[3] ^ d[3]));
+  }
+}
+
+bool has_popcnt() {
+  static const bool has = __builtin_cpu_supports("popcnt");
+  return has;
+}
+
 }  // namespace
 
 int descriptor_distance(const Descriptor& a, const Descriptor& b) {
@@ -193,9 +207,13 @@ bool describe(const GrayView& smoothed, Corner corner, Descriptor* out) {
   return true;
 }
 
+void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out) {
+  if (has_popcnt()) return distances_popcnt(query, set, out);
+  for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(descriptor_distance(query, d));
+}
+
 NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set) {
-  static const bool has_popcnt = __builtin_cpu_supports("popcnt");
-  if (has_popcnt) return find_nearest_popcnt(query, set);
+  if (has_popcnt()) return find_nearest_popcnt(query, set);
   return scan(set, [&](const Descriptor& d) { return descriptor_distance(query, d); });
 }
 

@@ -28,6 +28,10 @@ void smooth_for_descriptors(const GrayView& image, GrayImage* out);
 /// Describes a corner of a smoothed image. False when it lies closer than kDescriptorRadius to the border.
 [[nodiscard]] bool describe(const GrayView& smoothed, Corner corner, Descriptor* out);
 
+/// Distances to each of a set, in its order; `out` has room for them. By population count where the machine
+/// has it.
+void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out);
+
 /// The nearest of a set and how near the second nearest is. index -1 for an empty set.
 struct NearestDescriptor {
   int index = -1;

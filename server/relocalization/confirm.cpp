@@ -20,7 +20,7 @@ constexpr double kAngleWeight = 1;        ///< a radian between optical axes cou
 constexpr double kRadii[] = {6, 2.5};
 
 /// Keyframes that see about what a pose sees, nearest first.
-std::vector<IndexedKeyframePtr> keyframes_around(const IndexedMap& map, const SE3& camera_from_map) {
+std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_from_map) {
   std::vector<std::pair<double, size_t>> ranked;
   const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
   for (size_t i = 0; i < map.keyframes.size(); ++i) {
@@ -33,8 +33,8 @@ std::vector<IndexedKeyframePtr> keyframes_around(const IndexedMap& map, const SE
   }
   std::sort(ranked.begin(), ranked.end());
   ranked.resize(std::min(ranked.size(), kNeighbours));
-  std::vector<IndexedKeyframePtr> around;
-  for (const auto& [_, i] : ranked) around.push_back(map.keyframes[i]);
+  std::vector<size_t> around;
+  for (const auto& [_, i] : ranked) around.push_back(i);
   return around;
 }
 
@@ -89,10 +89,11 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
 
 }  // namespace
 
-Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                     const IndexedMap& map, const IndexedKeyframe& keyframe, const ConfirmOptions& options) {
+Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, const CornerGrid& grid,
+                     const Camera& camera, const IndexedMap& map, size_t keyframe,
+                     const ConfirmOptions& options) {
   Confirmation result;
-  const auto matches = match_anywhere(view, keyframe, *map.snapshot);
+  const auto matches = match_anywhere(view, cells, map, keyframe);
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
@@ -112,8 +113,7 @@ Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera
   result.agreeing = pose->inliers;
   std::vector<ProjectedPoint> points;
   for (const double radius : kRadii) {
-    project_points(camera, pose->camera_from_map, *map.snapshot, keyframes_around(map, pose->camera_from_map),
-                   &points);
+    project_points(camera, pose->camera_from_map, map, keyframes_around(map, pose->camera_from_map), &points);
     const GuidedMatches guided = match_near(view, grid, points, radius);
     PoseOptions refinement;
     refinement.fixed_cutoff_after = 0;

@@ -48,9 +48,9 @@ struct Confirmation {
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
 /// most agree (P3P in RANSAC), then all points of the keyframes around that pose, and the pose from what is
-/// found. Deterministic.
-[[nodiscard]] Confirmation confirm(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
-                                   const IndexedMap& map, const IndexedKeyframe& keyframe,
-                                   const ConfirmOptions& options);
+/// found. `keyframe`: index into those of the map. Deterministic.
+[[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
+                                   const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
+                                   size_t keyframe, const ConfirmOptions& options);
 
 }  // namespace cairn

@@ -19,43 +19,48 @@ constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
 constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
 constexpr ptrdiff_t kFewestSupporters = 2;
 
+constexpr size_t kBatch = 64;  ///< distances calculated at once
+
 struct Best {
   int index = -1;
   int distance = 257;
   int rival = 257;
 };
 
-/// The best over the scales up to an octave from the corner's own. Map points made of one corner at several
-/// levels look alike and are not rivals.
-Best find_best(const PlaceCorner& corner, const IndexedKeyframe& keyframe) {
+/// The best in the corner's cells over the scales up to an octave from its own. Map points made of one corner
+/// at several scales look alike and are not rivals.
+Best find_best(const PlaceCorner& corner, const CellList& cells, const IndexedKeyframe& keyframe) {
   Best best;
-  const int from = std::max(0, 2 * corner.level - 2);
-  const int to = std::min(kPlaceScales - 1, 2 * corner.level + 2);
-  for (int scale = from; scale <= to; ++scale) {
-    const size_t begin = keyframe.scale_begin[static_cast<size_t>(scale)];
-    const size_t end = keyframe.scale_begin[static_cast<size_t>(scale) + 1];
-    const NearestDescriptor nearest =
-        find_nearest(corner.descriptor, std::span(keyframe.descriptors).subspan(begin, end - begin));
-    if (nearest.index < 0) continue;
-    const int index = static_cast<int>(begin) + nearest.index;
-    const auto pixel = [&](int i) { return keyframe.points[static_cast<size_t>(i)].pixel; };
-    const float near = kSamePlace * static_cast<float>(1 << scale / 2);
-    const bool rivals = best.index >= 0 && (pixel(index) - pixel(best.index)).norm() > near;
-    if (nearest.distance < best.distance) {
-      best.rival = std::min(nearest.second_distance, rivals ? best.distance : best.rival);
-      best.distance = nearest.distance;
-      best.index = index;
-    } else if (rivals) {
-      best.rival = std::min(best.rival, nearest.distance);
+  const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
+  const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
+  const auto is_rival = [&](size_t a, size_t b) {
+    const DescribedPoint& p = keyframe.points[a];
+    const DescribedPoint& q = keyframe.points[b];
+    return p.scale == q.scale || (p.pixel - q.pixel).norm() > kSamePlace * static_cast<float>(1 << p.level);
+  };
+  const auto descriptors = std::span(keyframe.descriptors);
+  std::array<uint16_t, kBatch> distances;
+  const auto consider = [&](size_t begin, size_t end) {
+    descriptor_distances(corner.descriptor, descriptors.subspan(begin, end - begin), distances.data());
+    for (size_t i = begin; i < end; ++i) {
+      const int distance = distances[i - begin];
+      if (distance >= best.rival) continue;
+      const bool rivals = best.index >= 0 && is_rival(i, static_cast<size_t>(best.index));
+      if (distance < best.distance) {
+        if (rivals) best.rival = best.distance;
+        best.distance = distance;
+        best.index = static_cast<int>(i);
+      } else if (rivals) {
+        best.rival = distance;
+      }
     }
+  };
+  for (const CellId cell : cells) {
+    const uint32_t* begin_of = &keyframe.begin_of[cell * size_t{kPlaceScales}];
+    const size_t end = begin_of[to + 1];
+    for (size_t i = begin_of[from]; i < end; i += kBatch) consider(i, std::min(end, i + kBatch));
   }
   return best;
-}
-
-std::optional<Eigen::Vector3d> position_of(const MapSnapshot& snapshot, PointId id) {
-  const auto slot = snapshot.find(id);
-  if (!slot) return std::nullopt;
-  return snapshot.point_blocks[static_cast<size_t>(slot->block)]->position(slot->slot);
 }
 
 /// Of matches that share a point (then: a corner) the nearest stays. Result in the order of corners.
@@ -75,16 +80,25 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
 
 }  // namespace
 
-std::vector<PlaceMatch> match_anywhere(const PlaceView& view, const IndexedKeyframe& keyframe,
-                                       const MapSnapshot& snapshot) {
+std::vector<CellList> probed_cells(const PlaceView& view) {
+  std::vector<CellList> cells;
+  cells.reserve(view.corners.size());
+  for (const PlaceCorner& corner : view.corners) cells.push_back(nearest_cells(corner.descriptor));
+  return cells;
+}
+
+std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
+                                       const IndexedMap& map, size_t keyframe) {
+  const IndexedKeyframe& indexed = *map.keyframes[keyframe];
   std::vector<PlaceMatch> matches;
   for (size_t i = 0; i < view.corners.size(); ++i) {
-    const Best best = find_best(view.corners[i], keyframe);
+    const Best best = find_best(view.corners[i], cells[i], indexed);
     if (best.index < 0 || best.distance > kMaxDistance) continue;
     if (static_cast<float>(best.distance) > kRatio * static_cast<float>(best.rival)) continue;
-    const DescribedPoint& point = keyframe.points[static_cast<size_t>(best.index)];
-    const auto position = position_of(snapshot, point.id);
-    if (position) matches.push_back({i, point.id, *position, best.distance, point.pixel});
+    const DescribedPoint& point = indexed.points[static_cast<size_t>(best.index)];
+    const Eigen::Vector3f& position = map.position(keyframe, point);
+    if (position.allFinite())
+      matches.push_back({i, point.id, position.cast<double>(), best.distance, point.pixel});
   }
   keep_one_to_one(&matches);
   return matches;
@@ -119,17 +133,29 @@ void CornerGrid::find(const Eigen::Vector2d& pixel, double radius, std::vector<s
   }
 }
 
-void project_points(const Camera& camera, const SE3& camera_from_map, const MapSnapshot& snapshot,
-                    std::span<const IndexedKeyframePtr> keyframes, std::vector<ProjectedPoint>* out) {
+void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
+                    std::span<const size_t> keyframes, std::vector<ProjectedPoint>* out) {
   out->clear();
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
-  for (const IndexedKeyframePtr& keyframe : keyframes) {
-    for (size_t k = 0; k < keyframe->points.size(); ++k) {
-      const auto position = position_of(snapshot, keyframe->points[k].id);
-      if (!position) continue;
-      const Eigen::Vector3d seen = rotation * *position + camera_from_map.translation();
+  struct Projected {
+    Eigen::Vector2d pixel;
+    double depth;
+  };
+  std::vector<std::optional<Projected>> projected;
+  for (const size_t k : keyframes) {
+    const std::vector<Eigen::Vector3f>& positions = map.positions[k];
+    projected.assign(positions.size(), std::nullopt);
+    for (size_t i = 0; i < positions.size(); ++i) {
+      if (!positions[i].allFinite()) continue;
+      const Eigen::Vector3d seen = rotation * positions[i].cast<double>() + camera_from_map.translation();
       const auto pixel = camera.project(seen);
-      if (pixel && camera.in_image(*pixel)) out->push_back({keyframe.get(), k, *position, *pixel, seen.z()});
+      if (pixel && camera.in_image(*pixel)) projected[i] = Projected{*pixel, seen.z()};
+    }
+    const IndexedKeyframe& keyframe = *map.keyframes[k];
+    for (size_t i = 0; i < keyframe.points.size(); ++i) {
+      const uint32_t measured = keyframe.points[i].measured;
+      const auto& seen = projected[measured];
+      if (seen) out->push_back({&keyframe, i, positions[measured].cast<double>(), seen->pixel, seen->depth});
     }
   }
 }

@@ -19,11 +19,14 @@ struct PlaceMatch {
   Eigen::Vector2f there = Eigen::Vector2f::Zero();  ///< where the keyframe saw it [level-0 px]
 };
 
-/// Every corner with the point of the keyframe that looks most like it, at its own pyramid level and one up
-/// or down. Kept are matches clearly better than the best rival elsewhere in the keyframe; each point once.
-/// Points that left the map are passed over. In the order of corners.
-[[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, const IndexedKeyframe& keyframe,
-                                                     const MapSnapshot& snapshot);
+/// For each corner of a view the cells in which points are looked for that may be the same.
+[[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
+
+/// Every corner with the point of the keyframe that looks most like it, of those in the corner's cells at its
+/// own pyramid level and one up or down. Kept are matches clearly better than the best rival elsewhere in the
+/// keyframe; each point once. Points that left the map are passed over. In the order of corners.
+[[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
+                                                     const IndexedMap& map, size_t keyframe);
 
 /// Corners in square cells, to find those near a pixel.
 class CornerGrid {
@@ -48,10 +51,10 @@ struct ProjectedPoint {
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< level 0
   double depth = 0;                                    ///< [map unit] in the query's camera
 };
-/// Those in the image, keyframe by keyframe; a point stands once for each scale at which it is described.
-/// `out` keeps its memory.
-void project_points(const Camera& camera, const SE3& camera_from_map, const MapSnapshot& snapshot,
-                    std::span<const IndexedKeyframePtr> keyframes, std::vector<ProjectedPoint>* out);
+/// Those in the image, of some keyframes of the map (indices); a point stands once for each scale at which it
+/// is described. `out` keeps its memory.
+void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
+                    std::span<const size_t> keyframes, std::vector<ProjectedPoint>* out);
 
 /// Projected points looked for within `radius` px of the corner's level. Each corner and each point at most
 /// once.

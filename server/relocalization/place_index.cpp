@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
+#include <tuple>
 
 #include "common/image/patch.h"
 
@@ -47,6 +50,82 @@ bool same_measurements(const IndexedKeyframe& indexed, const KeyframeView& view)
                     [](PointId id, const PointMeasurement& m) { return id == m.id; });
 }
 
+struct Described {
+  DescribedPoint point;
+  Descriptor descriptor;
+  CellId cell = 0;
+};
+
+/// All points at their scales, in no particular order.
+std::vector<Described> describe_points(const KeyframeView& view) {
+  std::vector<Described> described;
+  described.reserve(2 * view.measurements.size());
+  GrayImage smoothed;
+  GrayImage reduced;
+  for (int scale = 0; scale < kPlaceScales; ++scale) {
+    const int level = scale / 2;
+    const bool is_half = scale % 2 != 0;
+    if (is_half) reduce(view.pyramid->level(level), &reduced);
+    smooth_for_descriptors(is_half ? reduced : view.pyramid->level(level), &smoothed);
+    for (uint32_t i = 0; i < view.measurements.size(); ++i) {
+      const PointMeasurement& m = view.measurements[i];
+      Described d;
+      if (m.level != level || !describe(smoothed, nearest_pixel(m.pixel, level, is_half), &d.descriptor))
+        continue;
+      d.point = {m.id, i, m.level, static_cast<uint8_t>(scale), m.pixel};
+      d.cell = cell_of(d.descriptor);
+      described.push_back(d);
+    }
+  }
+  return described;
+}
+
+void sort_into_cells(std::vector<Described> described, IndexedKeyframe* keyframe) {
+  std::sort(described.begin(), described.end(), [](const Described& a, const Described& b) {
+    return std::tuple(a.cell, a.point.scale, a.point.id) < std::tuple(b.cell, b.point.scale, b.point.id);
+  });
+  keyframe->points.reserve(described.size());
+  keyframe->descriptors.reserve(described.size());
+  for (const Described& d : described) {
+    keyframe->points.push_back(d.point);
+    keyframe->descriptors.push_back(d.descriptor);
+    keyframe->words.push_back(word_in(d.cell, d.descriptor));
+    ++keyframe->begin_of[size_t{d.cell} * kPlaceScales + d.point.scale + 1];
+  }
+  std::partial_sum(keyframe->begin_of.begin(), keyframe->begin_of.end(), keyframe->begin_of.begin());
+  std::sort(keyframe->words.begin(), keyframe->words.end());
+  keyframe->words.erase(std::unique(keyframe->words.begin(), keyframe->words.end()), keyframe->words.end());
+}
+
+std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::span<const PointId> points) {
+  std::vector<Eigen::Vector3f> positions;
+  positions.reserve(points.size());
+  for (const PointId id : points) {
+    const auto slot = snapshot.find(id);
+    positions.push_back(slot ? snapshot.point_blocks[static_cast<size_t>(slot->block)]
+                                   ->position(slot->slot)
+                                   .cast<float>()
+                                   .eval()
+                             : Eigen::Vector3f::Constant(std::numeric_limits<float>::quiet_NaN()).eval());
+  }
+  return positions;
+}
+
+InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
+  InvertedLists lists;
+  lists.begin.resize(kVocabularyWords + 1);
+  for (const auto& k : keyframes) {
+    for (const WordId word : k->words) ++lists.begin[word + size_t{1}];
+  }
+  std::partial_sum(lists.begin.begin(), lists.begin.end(), lists.begin.begin());
+  lists.keyframes.resize(lists.begin.back());
+  std::vector<uint32_t> next = lists.begin;
+  for (uint32_t i = 0; i < keyframes.size(); ++i) {
+    for (const WordId word : keyframes[i]->words) lists.keyframes[next[word]++] = i;
+  }
+  return lists;
+}
+
 auto position_of(const std::vector<IndexedMapPtr>& maps, const MapId& id) {
   return std::lower_bound(maps.begin(), maps.end(), id,
                           [](const IndexedMapPtr& m, const MapId& key) { return m->snapshot->map < key; });
@@ -63,22 +142,7 @@ IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
   indexed->small.assign(view.pyramid->level(kPyramidLevels - 1));
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
-  GrayImage smoothed;
-  GrayImage reduced;
-  for (int scale = 0; scale < kPlaceScales; ++scale) {
-    const int level = scale / 2;
-    const bool is_half = scale % 2 != 0;
-    if (is_half) reduce(view.pyramid->level(level), &reduced);
-    smooth_for_descriptors(is_half ? reduced : view.pyramid->level(level), &smoothed);
-    for (const PointMeasurement& m : view.measurements) {
-      Descriptor descriptor;
-      if (m.level != level || !describe(smoothed, nearest_pixel(m.pixel, level, is_half), &descriptor))
-        continue;
-      indexed->points.push_back({m.id, m.level, m.pixel});
-      indexed->descriptors.push_back(descriptor);
-    }
-    indexed->scale_begin[static_cast<size_t>(scale) + 1] = indexed->points.size();
-  }
+  sort_into_cells(describe_points(view), indexed.get());
   return indexed;
 }
 
@@ -98,6 +162,10 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   }
   std::sort(map->keyframes.begin(), map->keyframes.end(),
             [](const IndexedKeyframePtr& a, const IndexedKeyframePtr& b) { return a->id < b->id; });
+  map->lists = invert(map->keyframes);
+  map->positions.reserve(map->keyframes.size());
+  for (const IndexedKeyframePtr& k : map->keyframes)
+    map->positions.push_back(find_positions(*snapshot, k->measured));
   map->snapshot = std::move(snapshot);
   return map;
 }

@@ -10,6 +10,7 @@
 #include "common/image/tiny_image.h"
 #include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
+#include "server/relocalization/vocabulary.h"
 
 /// What the relocalizer searches: tiny images and described points of all keyframes of all maps, as immutable
 /// values shared between versions. Whoever changes an index makes a new one; queries go on with theirs.
@@ -25,7 +26,9 @@ constexpr int kPlaceScales = 2 * kPyramidLevels;
 /// A map point as one keyframe saw it.
 struct DescribedPoint {
   PointId id;
+  uint32_t measured = 0;                            ///< index into IndexedKeyframe::measured
   uint8_t level = 0;                                ///< at which it was measured
+  uint8_t scale = 0;                                ///< at which it is described: 2 level, or 2 level + 1
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px of the keyframe
 };
 
@@ -36,17 +39,34 @@ struct IndexedKeyframe {
   float contrast = 0;             ///< root mean square of `tiny` [grey levels]
   GrayImage small;                ///< pyramid level 3, as a PlaceView has it
   std::vector<PointId> measured;  ///< ascending: what the keyframe measured when it was indexed
-  /// By scale, then id: each point measured at level l stands at scales 2 l and 2 l + 1.
+  /// By the descriptor's cell, then scale, then id. Each point stands at two scales.
   std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
-  /// Points of scale s are [scale_begin[s], scale_begin[s + 1]).
-  std::array<size_t, kPlaceScales + 1> scale_begin{};
+  /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
+  std::array<uint32_t, kVocabularyCells * kPlaceScales + 1> begin_of{};
+  std::vector<WordId> words;  ///< of `descriptors`, ascending, each once
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
+
+/// Which keyframes of a map show a word.
+struct InvertedLists {
+  std::vector<uint32_t> begin;      ///< by word: its keyframes are [begin[w], begin[w + 1]) of `keyframes`
+  std::vector<uint32_t> keyframes;  ///< indices into IndexedMap::keyframes, ascending within a word
+  [[nodiscard]] std::span<const uint32_t> of(WordId word) const {
+    return std::span(keyframes).subspan(begin[word], begin[word + size_t{1}] - begin[word]);
+  }
+};
 
 struct IndexedMap {
   MapSnapshotPtr snapshot;                    ///< positions and poses
   std::vector<IndexedKeyframePtr> keyframes;  ///< live in `snapshot`, ascending by id
+  InvertedLists lists;
+  /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
+  std::vector<std::vector<Eigen::Vector3f>> positions;
+
+  [[nodiscard]] const Eigen::Vector3f& position(size_t keyframe, const DescribedPoint& point) const {
+    return positions[keyframe][point.measured];
+  }
 };
 using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 

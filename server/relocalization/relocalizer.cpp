@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "server/relocalization/votes.h"
+
 namespace cairn {
 namespace {
 
@@ -14,7 +16,9 @@ namespace {
 struct Ranked {
   float cost = 0;
   const IndexedMap* map = nullptr;
-  const IndexedKeyframe* keyframe = nullptr;
+  size_t keyframe = 0;  ///< index into those of the map
+
+  [[nodiscard]] const IndexedKeyframe& indexed() const { return *map->keyframes[keyframe]; }
 };
 
 float root_mean_square(const TinyImage& image) {
@@ -30,28 +34,60 @@ float correlation(float squared_difference, float contrast_a, float contrast_b) 
   return (contrast_a * contrast_a + contrast_b * contrast_b - squared_difference) / product;
 }
 
-/// The best `count` keyframes with a tiny image of the query's size, best first. The scan reads 5 kB per
-/// keyframe and takes about a microsecond for each (README.md: it beats an index up to thousands).
+/// Infinite for a keyframe whose tiny image has another size.
+float cost_of(const IndexedKeyframe& keyframe, const TinyImage& tiny, float contrast, RelocMethod method) {
+  const float difference = tiny_difference(keyframe.tiny, tiny);
+  if (method == RelocMethod::kPaper || !std::isfinite(difference)) return difference;
+  return 1 - correlation(difference, keyframe.contrast, contrast);
+}
+
+/// The best `count` keyframes with a tiny image of the query's size, best first.
 std::vector<Ranked> rank(const PlaceIndex& index, const TinyImage& tiny, RelocMethod method, size_t count) {
   const float contrast = root_mean_square(tiny);
   std::vector<Ranked> ranked;
   ranked.reserve(index.keyframe_count());
   for (const IndexedMapPtr& map : index.maps()) {
-    for (const IndexedKeyframePtr& keyframe : map->keyframes) {
-      const float difference = tiny_difference(keyframe->tiny, tiny);
-      if (!std::isfinite(difference)) continue;
-      const float cost = method == RelocMethod::kPaper
-                             ? difference
-                             : 1 - correlation(difference, keyframe->contrast, contrast);
-      ranked.push_back({cost, map.get(), keyframe.get()});
+    for (size_t k = 0; k < map->keyframes.size(); ++k) {
+      const float cost = cost_of(*map->keyframes[k], tiny, contrast, method);
+      if (std::isfinite(cost)) ranked.push_back({cost, map.get(), k});
     }
   }
   const auto best = ranked.begin() + static_cast<ptrdiff_t>(std::min(count, ranked.size()));
   std::partial_sort(ranked.begin(), best, ranked.end(), [](const Ranked& a, const Ranked& b) {
-    return std::tuple(a.cost, a.map->snapshot->map, a.keyframe->id) <
-           std::tuple(b.cost, b.map->snapshot->map, b.keyframe->id);
+    return std::tuple(a.cost, a.map->snapshot->map, a.keyframe) <
+           std::tuple(b.cost, b.map->snapshot->map, b.keyframe);
   });
   ranked.erase(best, ranked.end());
+  return ranked;
+}
+
+/// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
+/// SIGIR 2009, with its constant). Ties: in the order of `by_picture`, then of `by_words`.
+std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vector<Voted>& by_words,
+                         const TinyImage& tiny) {
+  constexpr float kDamping = 60;
+  constexpr float kOpposite = 2;  // cost of a picture that cannot be compared: a correlation of -1
+  const float contrast = root_mean_square(tiny);
+  std::vector<std::pair<float, Ranked>> fused;
+  float rank = kDamping;
+  for (const Ranked& r : by_picture) fused.emplace_back(1 / ++rank, r);
+  rank = kDamping;
+  for (const Voted& v : by_words) {
+    const auto same = std::find_if(fused.begin(), fused.end(), [&](const auto& f) {
+      return f.second.map == v.map && f.second.keyframe == v.keyframe;
+    });
+    if (same != fused.end()) {
+      same->first += 1 / ++rank;
+    } else {
+      const float cost = cost_of(*v.map->keyframes[v.keyframe], tiny, contrast, RelocMethod::kImproved);
+      fused.emplace_back(1 / ++rank, Ranked{std::isfinite(cost) ? cost : kOpposite, v.map, v.keyframe});
+    }
+  }
+  std::stable_sort(fused.begin(), fused.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<Ranked> ranked;
+  ranked.reserve(fused.size());
+  for (const auto& [_, r] : fused) ranked.push_back(r);
   return ranked;
 }
 
@@ -60,7 +96,7 @@ PlaceCandidate begin_candidate(const Ranked& ranked) {
   candidate.map = ranked.map->snapshot->map;
   candidate.epoch = ranked.map->snapshot->epoch;
   candidate.revision = ranked.map->snapshot->revision;
-  candidate.keyframe = ranked.keyframe->id;
+  candidate.keyframe = ranked.indexed().id;
   return candidate;
 }
 
@@ -69,7 +105,7 @@ PlaceCandidate guess(const Ranked& best, const Camera& camera, const TinyImage& 
   PlaceCandidate candidate = begin_candidate(best);
   candidate.score = best.cost;
   candidate.camera_from_keyframe =
-      rotation_from_tiny(align_tiny(best.keyframe->tiny, tiny), camera, tiny.width());
+      rotation_from_tiny(align_tiny(best.indexed().tiny, tiny), camera, tiny.width());
   candidate.reason = "nearest tiny image, not verified";
   return candidate;
 }
@@ -82,7 +118,7 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
   candidate.inliers = said.inliers;
   candidate.confirmed = said.confirmed;
   candidate.reason = said.reason;
-  if (const KeyframePose* pose = ranked.map->snapshot->find(ranked.keyframe->id)) {
+  if (const KeyframePose* pose = ranked.map->snapshot->find(ranked.indexed().id)) {
     candidate.camera_from_keyframe = said.camera_from_map * pose->camera_from_map.inverse();
   }
   return candidate;
@@ -112,6 +148,38 @@ std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
   return candidates;
 }
 
+/// One question on its way through the keyframes.
+class Inquiry {
+ public:
+  Inquiry(const Camera& camera, const PlaceView& view, const RelocOptions& options)
+      : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
+
+  [[nodiscard]] const std::vector<CellList>& cells() const { return cells_; }
+  /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
+  /// have been tried in all.
+  bool try_out(std::span<const Ranked> ranked, size_t most) {
+    for (const Ranked& r : ranked) {
+      if (tried_.size() >= most) return false;
+      if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
+      const Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
+      asked_.push_back(&r.indexed());
+      tried_.push_back({make_candidate(r, said), said.alikeness});
+      if (is_clear(said, options_)) return true;
+    }
+    return false;
+  }
+  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
+
+ private:
+  const Camera& camera_;
+  const PlaceView& view_;
+  const RelocOptions& options_;
+  CornerGrid grid_;
+  std::vector<CellList> cells_;
+  std::vector<const IndexedKeyframe*> asked_;
+  std::vector<Tried> tried_;
+};
+
 }  // namespace
 
 PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
@@ -120,25 +188,21 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   const TinyImage tiny(view.small, kPlaceBlur);
   const std::vector<Ranked> ranked =
       rank(index, tiny, options.method, static_cast<size_t>(options.shortlist));
-  if (ranked.empty()) {
-    result.reason = "there is no keyframe to compare with";
-    return result;
-  }
-  if (options.method == RelocMethod::kPaper) {
+  if (options.method == RelocMethod::kPaper && !ranked.empty()) {
     result.verdict = PlaceVerdict::kUnconfirmed;
     result.candidates.push_back(guess(ranked.front(), camera, tiny));
     result.reason = result.candidates.front().reason;
     return result;
   }
-  const CornerGrid grid(view, camera);
-  std::vector<Tried> tried;
-  for (const Ranked& r : ranked) {
-    const Confirmation said = confirm(view, grid, camera, *r.map, *r.keyframe, options.confirm);
-    tried.push_back({make_candidate(r, said), said.alikeness});
-    if (is_clear(said, options)) break;
+  Inquiry inquiry(camera, view, options);
+  if (!inquiry.try_out(ranked, static_cast<size_t>(options.by_picture_alone))) {
+    const auto voted = vote(index, view, inquiry.cells(), static_cast<size_t>(options.shortlist));
+    inquiry.try_out(fuse(ranked, voted, tiny), static_cast<size_t>(options.shortlist));
   }
-  result.candidates = in_order(std::move(tried));
-  if (result.candidates.front().confirmed) {
+  result.candidates = inquiry.take_candidates();
+  if (result.candidates.empty()) {
+    result.reason = "there is no keyframe to compare with";
+  } else if (result.candidates.front().confirmed) {
     result.verdict = PlaceVerdict::kConfirmed;
   } else {
     result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",

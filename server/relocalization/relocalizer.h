@@ -16,13 +16,15 @@ namespace cairn {
 /// How keyframes are ranked and answers made.
 enum class RelocMethod : uint8_t {
   kPaper = 0,     ///< Castle et al. 2008: the one nearest tiny image, turned by ESM; nothing is confirmed
-  kImproved = 1,  ///< tiny images normalised for gain, the best few confirmed by geometry
+  kImproved = 1,  ///< tiny images normalised for gain and words vote, geometry confirms
 };
 
 struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
-  /// Keyframes handed to geometry at most. Neighbours in a map look alike: they are tried when the best of
-  /// each place have failed.
+  /// Keyframes that geometry is asked about before the words are: the most alike in the tiny images.
+  int by_picture_alone = 2;
+  /// Keyframes that geometry is asked about at most, those included. Neighbours in a map look alike: they are
+  /// tried when the best of each place have failed.
   int shortlist = 12;
   ConfirmOptions confirm;
 };

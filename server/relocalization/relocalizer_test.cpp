@@ -8,6 +8,7 @@
 
 #include "common/image/corners.h"
 #include "server/mapping/test_scene.h"
+#include "server/relocalization/votes.h"
 
 namespace cairn {
 namespace {
@@ -215,6 +216,79 @@ TEST_F(RelocalizerTest, EqualQuestionsHaveEqualAnswers) {
     EXPECT_EQ(a.rotation().coeffs(), b.rotation().coeffs());
     EXPECT_EQ(first.candidates[i].keyframe, second.candidates[i].keyframe);
   }
+}
+
+TEST_F(RelocalizerTest, TheOrderInWhichMapsCameDoesNotMatter) {
+  PlaceIndex other_order;
+  other_order.put(places_->other_map.index());
+  other_order.put(map().index());
+  for (const int step : {1, 5, 9}) {
+    const PlaceView view = describe_image(scene().render(Scene::pose(step), 3)->view());
+    const auto cells = probed_cells(view);
+    const auto votes = vote(index_, view, cells, 6);
+    const auto same = vote(other_order, view, cells, 6);
+    ASSERT_EQ(votes.size(), 6U);
+    for (size_t i = 0; i < votes.size(); ++i) {
+      EXPECT_EQ(votes[i].score, same[i].score);
+      EXPECT_EQ(votes[i].keyframe, same[i].keyframe);
+      EXPECT_EQ(votes[i].map->snapshot->map, same[i].map->snapshot->map);
+    }
+    const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
+    const PlaceAnswer second = relocalize(other_order, *scene().camera(), view);
+    ASSERT_EQ(first.candidates.size(), second.candidates.size());
+    EXPECT_EQ(first.candidates.front().camera_from_keyframe.translation(),
+              second.candidates.front().camera_from_keyframe.translation());
+  }
+}
+
+TEST_F(RelocalizerTest, TheListsOfAMapSayWhatItsKeyframesSay) {
+  for (const IndexedMapPtr& map : index_.maps()) {
+    size_t listed = 0;
+    for (size_t word = 0; word < kVocabularyWords; ++word) {
+      for (const uint32_t k : map->lists.of(static_cast<WordId>(word))) {
+        const auto& words = map->keyframes[k]->words;
+        ASSERT_TRUE(std::binary_search(words.begin(), words.end(), word));
+        ++listed;
+      }
+    }
+    size_t shown = 0;
+    for (const IndexedKeyframePtr& k : map->keyframes) shown += k->words.size();
+    EXPECT_EQ(listed, shown);
+  }
+}
+
+TEST_F(RelocalizerTest, WordsVoteForTheMapThatIsSeen) {
+  for (const int step : {1, 2, 5, 7, 9}) {
+    for (const auto& [scene, map] :
+         {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
+      const PlaceView view = describe_image(scene->render(Scene::pose(step), 4)->view());
+      const auto votes = vote(index_, view, probed_cells(view), 1);
+      ASSERT_EQ(votes.size(), 1U);
+      EXPECT_EQ(votes.front().map->snapshot->map, map->snapshot()->map) << step;
+    }
+  }
+}
+
+/// Cells leave out nine tenths of the comparisons, and with them some of the nearest; how many is the price.
+TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
+  const PlaceView view = describe_image(scene().render(Scene::pose(5), 3)->view());
+  const auto cells = probed_cells(view);
+  const IndexedMap& indexed = *index_.find(map().snapshot()->map);
+  const IndexedKeyframe& keyframe = *indexed.keyframes[1];
+  const auto matches = match_anywhere(view, cells, indexed, 1);
+  size_t near = 0;
+  size_t found = 0;
+  for (size_t i = 0; i < view.corners.size(); ++i) {
+    const auto nearest = find_nearest(view.corners[i].descriptor, keyframe.descriptors);
+    if (nearest.distance > 40) continue;
+    const PointId id = keyframe.points[static_cast<size_t>(nearest.index)].id;
+    ++near;
+    found += std::any_of(matches.begin(), matches.end(), [&](const PlaceMatch& m) { return m.point == id; })
+                 ? 1
+                 : 0;
+  }
+  ASSERT_GT(near, 50U);
+  EXPECT_GT(static_cast<double>(found), 0.7 * static_cast<double>(near));
 }
 
 TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {

@@ -4,154 +4,30 @@
 // relocalizer where each of a list of later frames was taken: one question each, from scratch.
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <cstdio>
-#include <ctime>
 #include <fstream>
 #include <map>
 #include <optional>
 #include <sstream>
 #include <vector>
 
-#include "client/capture/frame_source.h"
 #include "client/tracking/frame_images.h"
-#include "client/tracking/tracker.h"
-#include "common/geometry/alignment.h"
-#include "common/io/calibration.h"
-#include "common/io/trajectory.h"
-#include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
+#include "tests/bench/recorded_map.h"
 
 namespace cairn {
 namespace {
 
-constexpr double kTruthTolerance = 0.012;  // [s] between a frame and its row of truth
-
-double thread_cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
-}
-
-double percentile(std::vector<double> values, double p) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(p * static_cast<double>(values.size() - 1))];
-}
-
 struct Arguments {
   std::string source, calibration, queries, sequence, truth;
   std::vector<std::string> foreign;
+  std::vector<std::string> others;
   std::string method = "improved";
   size_t map_frames = 0;
   double tolerance = 0.05;
   uint64_t seed = 1;
   bool verbose = false;
 };
-
-/// Builds a map as cairn-engine-run does.
-class Mapping {
- public:
-  Mapping(CameraPtr camera, uint64_t seed) : camera_(std::move(camera)) {
-    tracker_options_.seed = seed;
-    maker_options_.seed = seed;
-    tracker_ = std::make_unique<Tracker>(camera_, tracker_options_);
-  }
-
-  void frame(const Frame& frame) {
-    const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_);
-    if (result.pose_measured) live_.push_back({frame.time, result.camera_from_map.inverse()});
-    if (result.place_question) tracker_->place_answered(std::nullopt);
-    if (result.seed) seed(*result.seed);
-    if (!result.keyframe) return;
-    const KeyframeProposal& k = *result.keyframe;
-    const auto decision = maker_->add_keyframe(
-        {camera_, frame.time, frame.image, k.reference, k.camera_from_reference, k.measurements});
-    if (decision.verdict == KeyframeVerdict::kAccepted) work();
-  }
-
-  [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
-  [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
-  [[nodiscard]] const std::vector<StampedPose>& live() const { return live_; }
-
- private:
-  void seed(const SeedProposal& p) {
-    SeedInput input{{},
-                    "map-1",
-                    Epoch{1},
-                    camera_,
-                    p.first_time,
-                    p.second_time,
-                    p.first_image,
-                    p.second_image,
-                    p.trails,
-                    p.second_from_first};
-    input.map.bytes[0] = 1;
-    auto started = MapMaker::start(input, maker_options_);
-    if (!started) return tracker_->seed_refused(started.error().message);
-    maker_ = std::move(started->first);
-    work();
-    tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision,
-                             started->second.second_keyframe, started->second.points});
-  }
-
-  void work() {
-    for (;;) {
-      if (maker_->step([] { return false; }).work != MapWork::kNone) continue;
-      if (!maker_->wants_global_adjustment()) break;
-      const auto problem = maker_->prepare_global_adjustment();
-      solve(problem.get(), [] { return false; });
-      static_cast<void>(maker_->adopt(*problem));
-    }
-    snapshot_ = maker_->snapshot();
-  }
-
-  CameraPtr camera_;
-  TrackerOptions tracker_options_;
-  MapMakerOptions maker_options_;
-  std::unique_ptr<Tracker> tracker_;
-  std::unique_ptr<MapMaker> maker_;
-  MapSnapshotPtr snapshot_;
-  std::vector<StampedPose> live_;
-};
-
-/// Exact poses by time.
-class Truth {
- public:
-  explicit Truth(const Trajectory& trajectory) {
-    for (const auto& segment : trajectory.segments) {
-      for (const StampedPose& p : segment.poses) poses_[p.time] = p.map_from_camera;
-    }
-  }
-  [[nodiscard]] const SE3* at(Timestamp time) const {
-    const SE3* best = nullptr;
-    double nearest = kTruthTolerance;
-    auto it = poses_.lower_bound(time);
-    if (it != poses_.begin()) --it;
-    for (int i = 0; i < 2 && it != poses_.end(); ++i, ++it) {
-      const double off = std::abs(seconds_between(it->first, time));
-      if (off > nearest) continue;
-      nearest = off;
-      best = &it->second;
-    }
-    return best;
-  }
-
- private:
-  std::map<Timestamp, SE3> poses_;
-};
-
-Result<Similarity3> align(const std::vector<StampedPose>& live, const Truth& truth) {
-  std::vector<Eigen::Vector3d> from;
-  std::vector<Eigen::Vector3d> to;
-  for (const StampedPose& p : live) {
-    const SE3* exact = truth.at(p.time);
-    if (exact == nullptr) continue;
-    from.push_back(p.map_from_camera.translation());
-    to.push_back(exact->translation());
-  }
-  return align_points(from, to, true);
-}
 
 /// Frame index -> whether a mapped view is near.
 Result<std::map<uint64_t, bool>> read_queries(const Arguments& arguments) {
@@ -185,8 +61,11 @@ class Judge {
     std::string said = "-";
     if (result.verdict != PlaceVerdict::kNotKnown) {
       ++tally.answered;
-      const SE3 estimate = best->camera_from_keyframe * map.find(best->keyframe)->camera_from_map;
-      if (const auto off = compare(frame.time, estimate)) {
+      if (best->map != map.map) {
+        ++tally.wrong;
+        said = "WRONG MAP";
+      } else if (const auto off = off_at(
+                     frame.time, best->camera_from_keyframe * map.find(best->keyframe)->camera_from_map)) {
         ++(is_right(*off) ? tally.right : tally.wrong);
         said = text(*off);
       } else {
@@ -209,7 +88,7 @@ class Judge {
     if (truth_.at(frame.time) == nullptr) return false;
     Tally& tally = in_view ? in_view_ : elsewhere_;
     if (!pose) return true;
-    const auto off = compare(frame.time, *pose);
+    const auto off = off_at(frame.time, *pose);
     ++(is_right(*off) ? tally.proven_right : tally.proven_wrong);
     if (arguments_.verbose) {
       std::printf("%5lu   tracker: %s\n", static_cast<unsigned long>(frame.index), text(*off).c_str());
@@ -228,20 +107,12 @@ class Judge {
   }
 
  private:
-  struct Offset {
-    double metres = 0;
-    double degrees = 0;
-  };
-  [[nodiscard]] std::optional<Offset> compare(Timestamp time, const SE3& camera_from_map) const {
+  [[nodiscard]] std::optional<Offset> off_at(Timestamp time, const SE3& camera_from_map) const {
     const SE3* exact = truth_.at(time);
     if (exact == nullptr) return std::nullopt;
-    const SE3 found = truth_from_map_.transform_camera(camera_from_map);
-    return Offset{(found.center() - exact->translation()).norm(),
-                  so3_log((found * *exact).rotation()).norm() * 180 / M_PI};
+    return compare(truth_from_map_, camera_from_map, *exact);
   }
-  [[nodiscard]] bool is_right(const Offset& off) const {
-    return off.metres <= arguments_.tolerance && off.degrees <= 5;
-  }
+  [[nodiscard]] bool is_right(const Offset& off) const { return off.is_right(arguments_.tolerance); }
   [[nodiscard]] std::string text(const Offset& off) const {
     return fmt::format("{} {:.1f} mm {:.2f} deg", is_right(off) ? "right" : "WRONG", off.metres * 1e3,
                        off.degrees);
@@ -253,21 +124,11 @@ class Judge {
   Tally in_view_, elsewhere_;
 };
 
-Result<CameraPtr> choose_camera(const Arguments& arguments) {
-  if (!arguments.calibration.empty()) return read_calibration(arguments.calibration).and_then(make_camera);
-  if (const auto file = find_calibration(arguments.source))
-    return read_calibration(*file).and_then(make_camera);
-  return fail(ErrorCode::kConfiguration,
-              arguments.source + ": no camera.txt beside it; pass --calibration FILE");
-}
-
 /// Asks for every few frames of a recording of somewhere else: whatever is answered is wrong.
 Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
                    bool verbose) {
   constexpr uint64_t kEvery = 5;
-  Arguments of_source;
-  of_source.source = foreign;
-  const auto camera = choose_camera(of_source);
+  const auto camera = choose_camera(foreign, "");
   if (!camera) return tl::unexpected(camera.error());
   auto source = open_source(foreign);
   if (!source) return tl::unexpected(source.error());
@@ -307,11 +168,7 @@ constexpr uint64_t kProofFrames = 3;  // as the peers were judged
 
 /// Asks for the listed frames among those that are left in the source.
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
-         const Mapping& mapping, const RelocOptions& options, Judge* judge) {
-  PlaceIndex index;
-  const double before = thread_cpu_ms();
-  index.put(index_map(nullptr, mapping.snapshot(), mapping.maker()->keyframe_views()));
-  const double index_ms = thread_cpu_ms() - before;
+         const Mapping& mapping, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
   std::vector<double> describe_ms;
   std::vector<double> query_ms;
   Proof proof;
@@ -344,19 +201,20 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     judge->judge(frame, query->second, *mapping.snapshot(), result);
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
+    if (best.map != mapping.snapshot()->map) continue;
     proof = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
     proof.tracker->place_answered(
         PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
-  std::printf("keyframes %zu, indexed in %.1f ms; describing p50 %.2f ms; answer p50 %.2f p95 %.2f ms\n",
-              index.keyframe_count(), index_ms, percentile(describe_ms, 0.5), percentile(query_ms, 0.5),
-              percentile(query_ms, 0.95));
+  std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; answer p50 %.2f p95 %.2f ms\n",
+              index.maps().size(), index.keyframe_count(), percentile(describe_ms, 0.5),
+              percentile(query_ms, 0.5), percentile(query_ms, 0.95));
 }
 
 Status run(const Arguments& arguments) {
   auto source = open_source(arguments.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = choose_camera(arguments);
+  auto camera = choose_camera(arguments.source, arguments.calibration);
   if (!camera) return tl::unexpected(camera.error());
   const auto queries = read_queries(arguments);
   if (!queries) return tl::unexpected(queries.error());
@@ -364,22 +222,21 @@ Status run(const Arguments& arguments) {
   if (!exact) return tl::unexpected(exact.error());
   const Truth truth(*exact);
 
-  Mapping mapping(*camera, arguments.seed);
-  for (size_t i = 0; i < arguments.map_frames; ++i) {
-    auto next = (*source)->next();
-    if (next && !*next) break;
-    if (next) mapping.frame(**next);
-  }
-  if (mapping.maker() == nullptr) return fail(ErrorCode::kDegenerate, "no map came of the first frames");
+  MapId map;
+  map.bytes[0] = 1;
+  Mapping mapping(*camera, map, arguments.seed);
+  const auto mapped = map_beginning(source->get(), arguments.map_frames, &mapping);
+  if (!mapped) return tl::unexpected(mapped.error());
+  PlaceIndex index;
+  index.put(*mapped);
+  if (const Status done = map_others(arguments.others, 2, arguments.seed, &index); !done) return done;
   const auto truth_from_map = align(mapping.live(), truth);
   if (!truth_from_map) return tl::unexpected(truth_from_map.error());
   RelocOptions options;
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;
   Judge judge(arguments, truth, *truth_from_map);
-  ask(source->get(), *queries, *camera, mapping, options, &judge);
+  ask(source->get(), *queries, *camera, mapping, index, options, &judge);
   judge.report();
-  PlaceIndex index;
-  index.put(index_map(nullptr, mapping.snapshot(), mapping.maker()->keyframe_views()));
   for (const std::string& foreign : arguments.foreign) {
     if (const Status done = ask_foreign(foreign, index, options, arguments.verbose); !done) return done;
   }
@@ -400,6 +257,7 @@ int main(int argc, char** argv) {
   app.add_option("--map-frames", arguments.map_frames, "frames that the map is made of")->required();
   app.add_option("--tolerance", arguments.tolerance, "[m] of a right answer");
   app.add_option("--foreign", arguments.foreign, "a recording of somewhere else, any number of times");
+  app.add_option("--also", arguments.others, "a recording of another place, mapped too; any number of times");
   app.add_option("--method", arguments.method, "improved or paper")
       ->check(CLI::IsMember({"improved", "paper"}));
   app.add_option("--seed", arguments.seed, "of every random choice");

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/votes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+namespace cairn {
+namespace {
+
+/// Cells that a corner takes a word of: its point shows one of three with 0.3 probability, the nearest alone
+/// with 0.2 (README.md).
+constexpr size_t kVotingCells = 3;
+constexpr double kVoteUnit = 256;  ///< of the integer sums, per unit of the logarithm
+
+struct WordCount {
+  WordId word = 0;
+  uint32_t corners = 0;
+};
+
+std::vector<WordCount> words_of(const PlaceView& view, std::span<const CellList> cells) {
+  std::vector<WordId> all;
+  all.reserve(kVotingCells * view.corners.size());
+  for (size_t i = 0; i < view.corners.size(); ++i) {
+    for (size_t k = 0; k < kVotingCells; ++k) all.push_back(word_in(cells[i][k], view.corners[i].descriptor));
+  }
+  std::sort(all.begin(), all.end());
+  std::vector<WordCount> counts;
+  for (const WordId word : all) {
+    if (counts.empty() || counts.back().word != word) counts.push_back({word, 0});
+    ++counts.back().corners;
+  }
+  return counts;
+}
+
+/// What each word's vote weighs, in whole units; 0: no keyframe shows it.
+std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> words) {
+  const auto keyframes = static_cast<double>(index.keyframe_count());
+  std::vector<uint32_t> weights;
+  weights.reserve(words.size());
+  for (const WordCount& w : words) {
+    size_t shown = 0;
+    for (const IndexedMapPtr& map : index.maps()) shown += map->lists.of(w.word).size();
+    const double rarity = shown == 0 ? 0 : std::log(1 + keyframes / static_cast<double>(shown));
+    weights.push_back(
+        static_cast<uint32_t>(std::lround(kVoteUnit * rarity * std::sqrt(static_cast<double>(w.corners)))));
+  }
+  return weights;
+}
+
+}  // namespace
+
+std::vector<Voted> vote(const PlaceIndex& index, const PlaceView& view, std::span<const CellList> cells,
+                        size_t count) {
+  const std::vector<WordCount> words = words_of(view, cells);
+  const std::vector<uint32_t> weights = weigh(index, words);
+  std::vector<Voted> voted;
+  voted.reserve(index.keyframe_count());
+  std::vector<uint32_t> sums;
+  for (const IndexedMapPtr& map : index.maps()) {
+    sums.assign(map->keyframes.size(), 0);
+    for (size_t i = 0; i < words.size(); ++i) {
+      for (const uint32_t k : map->lists.of(words[i].word)) sums[k] += weights[i];
+    }
+    for (size_t k = 0; k < sums.size(); ++k) {
+      if (sums[k] == 0) continue;
+      const auto norm = std::sqrt(static_cast<float>(map->keyframes[k]->words.size()));
+      voted.push_back({static_cast<float>(sums[k]) / norm, map.get(), k});
+    }
+  }
+  const auto end = voted.begin() + static_cast<ptrdiff_t>(std::min(count, voted.size()));
+  std::partial_sort(voted.begin(), end, voted.end(), [](const Voted& a, const Voted& b) {
+    return std::tuple(-a.score, a.map->snapshot->map, a.keyframe) <
+           std::tuple(-b.score, b.map->snapshot->map, b.keyframe);
+  });
+  voted.erase(end, voted.end());
+  return voted;
+}
+
+}  // namespace cairn

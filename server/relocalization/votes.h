@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "common/image/place.h"
+#include "server/relocalization/place_index.h"
+
+namespace cairn {
+
+/// How much a keyframe's words speak for it.
+struct Voted {
+  float score = 0;
+  const IndexedMap* map = nullptr;
+  size_t keyframe = 0;  ///< index into those of the map
+};
+
+/// The keyframes with the most votes of the query's words, best first (Sivic and Zisserman, ICCV 2003). A
+/// corner votes by the nearest words of several cells for every keyframe that shows one of them, with the
+/// logarithm of how few keyframes show it; a word that the query shows often counts by its root (Jegou et
+/// al., CVPR 2009), and a keyframe's sum is divided by the root of its number of words. `cells` of
+/// probed_cells(). Only the maps of the index count, not their order: sums are of integers and ties go by
+/// ids.
+[[nodiscard]] std::vector<Voted> vote(const PlaceIndex& index, const PlaceView& view,
+                                      std::span<const CellList> cells, size_t count);
+
+}  // namespace cairn
