@@ -15,6 +15,8 @@ constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTA
 constexpr int kRefineIterations = 8;  // PTAM r114
 constexpr int kLargeAttempted = 10;   // PTAM r114
 constexpr int kFewestFound = 15;      // inliers below which no pose is believed
+constexpr float kLeastQuality =
+    0.1F;  // so few of those in sight agree by chance, whatever the top levels say
 constexpr double kMinSquaredCutoff =
     1.0;  // Tukey's, in units of sigma: sub-pixel matches at level 0 are good to 0.3 px
 // Where half of the matches are false (stripes, tiles, blur), their median is no measure of the noise, and a
@@ -170,6 +172,7 @@ void PoseFinder::mark_hidden() {
 PoseVerdict PoseFinder::judge() const {
   if (found_ < kFewestFound) return PoseVerdict::kBad;
   if (quality() > good_quality_) return PoseVerdict::kGood;
+  if (quality() < kLeastQuality) return PoseVerdict::kBad;
   int large = 0;
   int large_found = 0;
   for (const VisiblePoint& p : visible_) {
