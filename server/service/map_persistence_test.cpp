@@ -110,9 +110,8 @@ INSTANTIATE_TEST_SUITE_P(EveryTable, DamagedRowTest,
 
 class FatalRowTest : public MapPersistenceTest, public ::testing::WithParamInterface<DamagedRow> {};
 
-TEST_P(FatalRowTest, SetsTheMapAsideAndNoOther) {
+TEST_P(FatalRowTest, SetsTheMapAside) {
   keep_a_map();
-  std::filesystem::copy_file(file(), folder_ / "copy");
   damage(GetParam().table, GetParam().row);
   const auto store = open();
   EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
@@ -126,6 +125,31 @@ INSTANTIATE_TEST_SUITE_P(EveryTable, FatalRowTest,
                          [](const auto& info) {
                            return std::string(info.param.table) + std::to_string(info.param.row);
                          });
+
+TEST_F(MapPersistenceTest, WhatIsWrongWithOneMapIsNoTroubleOfTheStore) {
+  keep_a_map();
+  const auto store = open();
+  const Status lost = written(store.get(), MapId{{9}}, {});
+  ASSERT_FALSE(lost);
+  EXPECT_EQ(lost.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(store->trouble(), IsEmpty());
+  EXPECT_TRUE(written(store.get(), header_.id, {}));
+}
+
+TEST_F(MapPersistenceTest, AJobThatThrowsCostsNoOther) {
+  keep_a_map();
+  const auto store = open();
+  std::promise<void> release;
+  store->run([&](Store&) { release.get_future().wait(); });  // what follows is one batch
+  store->run([](Store&) { throw std::runtime_error("broken"); });
+  auto after = std::make_shared<std::promise<Status>>();
+  store->write(header_.id, {}, [](const Status&) { throw std::runtime_error("broken"); });
+  store->write(header_.id, {}, [after](Status kept) { after->set_value(std::move(kept)); });
+  release.set_value();
+  auto kept = after->get_future();
+  ASSERT_EQ(kept.wait_for(kDeadline), std::future_status::ready);
+  EXPECT_TRUE(kept.get());
+}
 
 }  // namespace
 }  // namespace cairn

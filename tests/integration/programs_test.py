@@ -49,6 +49,7 @@ class ServerProcess:
                 self.reader.start()
                 return True
         self.process.wait()
+        self.process.stderr.close()
         return False
 
     def kill_and_restart(self, pause):
@@ -69,6 +70,7 @@ class ServerProcess:
         self.process.terminate()
         self.process.wait(timeout=LIMIT)
         self.reader.join(timeout=LIMIT)
+        self.process.stderr.close()
 
 
 class OnTheDesk(unittest.TestCase):
