@@ -4,7 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <fstream>
 #include <random>
 #include <thread>
@@ -122,28 +124,40 @@ Result<json> AdminClient::download(const std::string& map, const std::filesystem
   const std::string token = begun->content.value("token", "");
   const uint64_t size = begun->content.value("bytes", uint64_t{0});
   const std::filesystem::path part = file.string() + ".part";
-  std::ofstream out(part, std::ios::binary | std::ios::trunc);
-  uint64_t offset = 0;
-  while (out && offset < size) {
+  Status done = fetch(token, size, part, progress);
+  std::error_code problem;
+  if (done) std::filesystem::rename(part, file, problem);
+  if (problem) done = fail(ErrorCode::kIo, file.string() + ": cannot be written: " + problem.message());
+  if (done) return begun->content;
+  std::filesystem::remove(part, problem);
+  return tl::unexpected(done.error());
+}
+
+Status AdminClient::fetch(const std::string& token, uint64_t size, const std::filesystem::path& file,
+                          const Progress& progress) {
+  errno = 0;  // a stream keeps it, and says nothing else
+  std::ofstream out(file, std::ios::binary | std::ios::trunc);
+  for (uint64_t offset = 0; out && offset < size;) {
     const auto piece = ask({{"verb", "export-read"}, {"token", token}, {"offset", offset}});
     if (!piece) return tl::unexpected(piece.error());
     if (piece->data.empty()) return fail(ErrorCode::kDamaged, "the archive ends too soon");
+    errno = 0;
     out.write(reinterpret_cast<const char*>(piece->data.data()),
               static_cast<std::streamsize>(piece->data.size()));
     offset += piece->data.size();
     progress(offset, size);
   }
   out.close();
-  std::error_code problem;
-  if (out) std::filesystem::rename(part, file, problem);
-  if (!out || problem) return fail(ErrorCode::kIo, file.string() + ": cannot be written");
-  return begun->content;
+  if (out) return {};
+  return fail(ErrorCode::kIo, file.string() + ": cannot be written: " + std::strerror(errno));
 }
 
 Result<json> AdminClient::upload(const std::filesystem::path& file, const Progress& progress) {
   std::ifstream in(file, std::ios::binary);
   if (!in) return fail(ErrorCode::kNotFound, file.string() + ": cannot be read");
-  const uint64_t size = std::filesystem::file_size(file);
+  std::error_code problem;
+  const uint64_t size = std::filesystem::file_size(file, problem);
+  if (problem) return fail(ErrorCode::kIo, file.string() + ": " + problem.message());
   const std::string token = "import-" + std::to_string(session_.value % 1'000'000'000'000);
   if (const auto begun = ask({{"verb", "import-begin"}, {"token", token}}); !begun)
     return tl::unexpected(begun.error());

@@ -42,6 +42,9 @@ class AdminClient {
   [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
 
  private:
+  /// The pieces of a transfer, one after another, into a file.
+  [[nodiscard]] Status fetch(const std::string& token, uint64_t size, const std::filesystem::path& file,
+                             const Progress& progress);
   AdminClient(std::string name, wire::Participant participant, wire::Writer<wire::AdminRequest> requests,
               wire::Reader<wire::AdminReply> replies, wire::Waiter waiter);
   std::string name_;

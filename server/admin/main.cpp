@@ -5,10 +5,12 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/version.h"
+#include "common/map/ids.h"
 #include "server/admin/admin_client.h"
 #include "server/admin/scene_files.h"
 #include "server/store/store.h"
@@ -26,7 +28,8 @@ constexpr const char* kFooter =
     "  cairnctl maps export --out backup               an archive of every map\n"
     "  cairnctl maps import backup/desk.cairnmap\n"
     "  cairnctl map desk rename bench\n"
-    "  cairnctl map bench delete && cairnctl map bench undelete";
+    "  cairnctl map bench delete && cairnctl map bench undelete\n"
+    "  cairnctl maps purge bench                       removes a deleted map for good";
 
 struct Options {
   AdminClientOptions connection;
@@ -37,6 +40,7 @@ struct Options {
   std::vector<std::string> files;
   std::string format = "archive";
   std::string folder = ".";
+  bool for_good = false;
 };
 
 /// To stderr, on a terminal only.
@@ -51,9 +55,15 @@ AdminClient::Progress progress_of(const std::string& what) {
 }
 
 void print_map(const json& map) {
-  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB\n", map.value("name", "").c_str(),
+  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s\n", map.value("name", "").c_str(),
               map.value("id", "").c_str(), map.value("keyframes", 0), map.value("points", 0),
-              map.value("memory_bytes", 0.0) * 1e-6);
+              map.value("memory_bytes", 0.0) * 1e-6, map.contains("frozen") ? "  frozen" : "");
+  if (map.contains("frozen")) std::printf("%24s %s\n", "", map.value("frozen", "").c_str());
+}
+
+void print_deleted(const json& map) {
+  std::printf("%-24s %s  deleted, %.1f MB on disk\n", map.value("name", "").c_str(),
+              map.value("id", "").c_str(), map.value("bytes", 0.0) * 1e-6);
 }
 
 void print(const Options& options, const json& content, const std::function<void()>& as_text) {
@@ -85,8 +95,7 @@ Status list_maps(AdminClient* client, const Options& options) {
   if (!answer) return tl::unexpected(answer.error());
   print(options, answer->content, [&answer] {
     for (const json& map : answer->content["maps"]) print_map(map);
-    for (const json& map : answer->content["deleted"])
-      std::printf("%-24s %s  deleted\n", map.value("name", "").c_str(), map.value("id", "").c_str());
+    for (const json& map : answer->content["deleted"]) print_deleted(map);
   });
   return {};
 }
@@ -115,6 +124,23 @@ Status convert(const std::filesystem::path& archive, const std::string& format,
   return done;
 }
 
+/// One map into the folder: the path that it is left under.
+Result<std::filesystem::path> export_map(AdminClient* client, const Options& options,
+                                         const std::string& map) {
+  const std::filesystem::path folder = options.folder;
+  if (!is_valid_name(map)) return fail(ErrorCode::kUsage, "'" + map + "' is not the name of a map");
+  const std::filesystem::path archive = folder / (map + ".cairnmap");
+  const auto got = client->download(map, archive, progress_of(map));
+  if (!got) return tl::unexpected(got.error());
+  if (options.format == "archive") return archive;
+  const Status converted = convert(archive, options.format, folder / map);
+  std::error_code ignored;
+  if (options.format != "all") std::filesystem::remove(archive, ignored);
+  if (!converted) return tl::unexpected(converted.error());
+  return folder / map;
+}
+
+/// All that can be had: of a backup, one map that fails must not cost the others.
 Status export_maps(AdminClient* client, const Options& options) {
   std::vector<std::string> maps = options.maps;
   if (maps.empty()) {
@@ -124,23 +150,39 @@ Status export_maps(AdminClient* client, const Options& options) {
   }
   std::error_code problem;
   std::filesystem::create_directories(options.folder, problem);
+  if (problem) return fail(ErrorCode::kIo, options.folder + ": cannot be made: " + problem.message());
   json exported = json::array();
+  std::optional<Error> first;
   for (const std::string& map : maps) {
-    const std::filesystem::path archive = std::filesystem::path(options.folder) / (map + ".cairnmap");
-    const auto got = client->download(map, archive, progress_of(map));
-    if (!got) return tl::unexpected(got.error());
-    if (options.format != "archive") {
-      if (Status done = convert(archive, options.format, std::filesystem::path(options.folder) / map); !done)
-        return done;
+    const auto path = export_map(client, options, map);
+    if (path) {
+      exported.push_back(path->string());
+      continue;
     }
-    const bool keep = options.format == "archive" || options.format == "all";
-    if (!keep) std::filesystem::remove(archive, problem);
-    exported.push_back(
-        (keep && options.format == "archive" ? archive : std::filesystem::path(options.folder) / map)
-            .string());
+    if (maps.size() > 1)
+      std::fprintf(stderr, "cairnctl: %s: not exported: %s\n", map.c_str(), path.error().message.c_str());
+    if (!first) first = path.error();
+    if (first->code == ErrorCode::kNoServer) break;
   }
   print(options, exported, [&exported] {
     for (const json& path : exported) std::printf("%s\n", path.get<std::string>().c_str());
+  });
+  if (!first) return {};
+  if (maps.size() > 1)
+    first->message = std::to_string(exported.size()) + " of " + std::to_string(maps.size()) +
+                     " maps exported; the first that was not: " + first->message;
+  return tl::unexpected(*first);
+}
+
+Status purge_maps(AdminClient* client, const Options& options) {
+  json purged = json::array();
+  for (const std::string& map : options.maps) {
+    auto answer = client->ask({{"verb", "purge"}, {"map", map}});
+    if (!answer) return tl::unexpected(answer.error());
+    purged.push_back(std::move(answer->content));
+  }
+  print(options, purged, [&purged] {
+    for (const json& map : purged) std::printf("%s removed for good\n", map.value("name", "").c_str());
   });
   return {};
 }
@@ -189,6 +231,9 @@ void describe(CLI::App* app, Options* options, Action* action) {
   CLI::App* in = maps->add_subcommand("import", "archives into the server");
   in->add_option("FILE", options->files, "archives")->required();
   in->callback([action] { *action = import_maps; });
+  CLI::App* purge = maps->add_subcommand("purge", "removes deleted maps for good");
+  purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required();
+  purge->callback([action] { *action = purge_maps; });
 
   CLI::App* map = app->add_subcommand("map", "one map");
   map->add_option("MAP", options->map, "its name or id")->required();
@@ -197,7 +242,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
     CLI::App* sub = map->add_subcommand(word, help);
     sub->callback([action, verb] {
       *action = [verb](AdminClient* client, const Options& o) {
-        return change_map(client, o, {{"verb", verb}, {"name", o.new_name}});
+        return change_map(client, o, {{"verb", verb}, {"name", o.new_name}, {"for_good", o.for_good}});
       };
     });
     return sub;
@@ -206,7 +251,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   add("rename", "calls it otherwise", "rename")
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required();
-  add("delete", "takes it out of service; it can be had back", "delete");
+  add("delete", "takes it out of service; with --store it can be had back", "delete")
+      ->add_flag("--for-good", options->for_good, "also from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
 }
 

@@ -29,6 +29,7 @@ class Assembly {
   Result<AssembledMap> run() {
     if (!record_.foundation) return fail(ErrorCode::kDamaged, "what its start has fixed is missing");
     place_keyframes();
+    if (!stand_in_for_lost_keyframes()) return fail(ErrorCode::kDamaged, "all of its keyframes are lost");
     place_images();
     place_points();
     place_measurements();
@@ -60,9 +61,21 @@ class Assembly {
       k.far_depth = r.far_depth;
       k.live = r.live;
     }
-    for (const MapKeyframe& k : keyframes_) {
-      if (k.camera == nullptr) note_lost(k.id, "its entry");
+  }
+
+  /// A keyframe whose entry is lost keeps its place like any that was removed, and like these has a camera
+  /// and a reference: some. False when there is no camera at all.
+  bool stand_in_for_lost_keyframes() {
+    const auto has_camera = [](const MapKeyframe& k) { return k.camera != nullptr; };
+    const auto sound = std::find_if(keyframes_.begin(), keyframes_.end(), has_camera);
+    if (sound == keyframes_.end()) return false;
+    for (MapKeyframe& k : keyframes_) {
+      if (k.camera != nullptr) continue;
+      note_lost(k.id, "its entry");
+      k.camera = sound->camera;
+      if (k.id > KeyframeId{1}) k.reference = KeyframeId{1};
     }
+    return true;
   }
 
   void place_images() {

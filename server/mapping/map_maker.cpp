@@ -43,7 +43,8 @@ struct MapMaker::State {
   bool upkeep_due = false;
   bool global_adjustment_due = false;
 
-  [[nodiscard]] bool is_full() const;
+  /// Why there is no room for another keyframe; empty when there is.
+  [[nodiscard]] std::string why_full() const;
   [[nodiscard]] WorkRecord work() const;
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
@@ -52,11 +53,18 @@ struct MapMaker::State {
   StepReport tidy();
 };
 
-bool MapMaker::State::is_full() const {
+std::string MapMaker::State::why_full() const {
+  const auto say = [](const char* what, size_t made, size_t most) {
+    return "map is full: " + std::to_string(made) + " of at most " + std::to_string(most) + " " + what +
+           " have been made in it, removed ones included; go on in a new map beside it";
+  };
   const size_t keyframes_to_come = wanting_points.size() + 1;
   const size_t points_to_come = keyframes_to_come * static_cast<size_t>(options.max_points_per_keyframe);
-  return map.points().size() + points_to_come > options.max_points ||
-         map.keyframes().size() >= kMaxBlocks * kBlockSlots;
+  if (map.points().size() + points_to_come > options.max_points)
+    return say("points", map.points().size(), options.max_points);
+  if (map.keyframes().size() >= kMaxBlocks * kBlockSlots)
+    return say("keyframes", map.keyframes().size(), kMaxBlocks * kBlockSlots);
+  return {};
 }
 
 StepReport MapMaker::State::make_points(const std::function<bool()>& should_yield) {
@@ -192,9 +200,7 @@ void MapMaker::State::take_up(const WorkRecord& work) {
 
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
-  if (s.is_full()) {
-    return {KeyframeVerdict::kFull, "map is full: " + std::to_string(s.map.points().size()) + " points", {}};
-  }
+  if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
   KeyframeDecision decision = integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
@@ -278,19 +284,14 @@ void MapMaker::keep_everything_anew() {
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
   MapStatistics stats;
-  std::array<std::vector<float>, 3> coordinates;
-  double sum = 0;
   for (const MapKeyframe& k : map.keyframes()) {
     stats.keyframes += k.live ? 1 : 0;
     stats.measurements += k.measurements.size();
     stats.bytes +=
         sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
     if (k.images) stats.bytes += k.images->bytes();
-    for (const Measurement& m : k.measurements) {
-      const auto pixel = k.camera->project(k.camera_from_map * map.point(m.point).position);
-      if (pixel) sum += (*pixel - m.pixel.cast<double>()).squaredNorm();
-    }
   }
+  std::array<std::vector<float>, 3> coordinates;
   for (const MapPoint& p : map.points()) {
     stats.bytes += sizeof(p) + p.observers.capacity() * sizeof(KeyframeId);
     if (!p.live) continue;
@@ -298,15 +299,31 @@ MapStatistics MapMaker::statistics() const {
     for (int i = 0; i < 3; ++i)
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
   }
-  if (stats.measurements > 0)
-    stats.mean_reprojection = std::sqrt(sum / static_cast<double>(stats.measurements));
+  const auto hundredth = static_cast<std::ptrdiff_t>(stats.points / 100);
   for (int i = 0; i < 3 && stats.points > 0; ++i) {
     std::vector<float>& c = coordinates[static_cast<size_t>(i)];
-    std::sort(c.begin(), c.end());
-    stats.bounds_min[i] = c[c.size() / 100];
-    stats.bounds_max[i] = c[c.size() - 1 - c.size() / 100];
+    const auto low = c.begin() + hundredth;
+    const auto high = c.end() - 1 - hundredth;
+    std::nth_element(c.begin(), low, c.end());
+    stats.bounds_min[i] = *low;
+    std::nth_element(low, high, c.end());
+    stats.bounds_max[i] = *high;
   }
   return stats;
+}
+
+double MapMaker::reprojection_rms() const {
+  const MapState& map = state_->map;
+  double sum = 0;
+  size_t measurements = 0;
+  for (const MapKeyframe& k : map.keyframes()) {
+    measurements += k.measurements.size();
+    for (const Measurement& m : k.measurements) {
+      const auto pixel = k.camera->project(k.camera_from_map * map.point(m.point).position);
+      if (pixel) sum += (*pixel - m.pixel.cast<double>()).squaredNorm();
+    }
+  }
+  return measurements > 0 ? std::sqrt(sum / static_cast<double>(measurements)) : 0;
 }
 
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {

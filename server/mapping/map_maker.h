@@ -95,9 +95,7 @@ struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
   size_t measurements = 0;
-  size_t bytes = 0;  ///< memory of the map, images included
-  double mean_reprojection =
-      0;  ///< [px] root mean square over inlier measurements after the last adjustment, in level-0 px
+  size_t bytes = 0;                                      ///< memory of the map, images included
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
 };
@@ -167,7 +165,11 @@ class MapMaker {
   /// The next snapshot has this name.
   void rename(const std::string& name);
 
+  /// Some hundred microseconds for ten thousand points.
   [[nodiscard]] MapStatistics statistics() const;
+  /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now. Some
+  /// milliseconds: for who asks, not for every revision.
+  [[nodiscard]] double reprojection_rms() const;
 
   /// What has to be kept of the map's changes since this was called last; the first time, all of the map.
   [[nodiscard]] MapRecord take_changes();

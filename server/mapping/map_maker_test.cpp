@@ -73,7 +73,7 @@ TEST_F(MapMakerTest, StartsFromTwoViews) {
   EXPECT_NEAR(baseline, 0.1, 1e-6);
   EXPECT_TRUE(seed_.plane_aligned);
   EXPECT_GT(s->find(KeyframeId{1})->camera_from_map.center().z(), 0);
-  EXPECT_LT(maker_->statistics().mean_reprojection, 0.6);
+  EXPECT_LT(maker_->reprojection_rms(), 0.6);
   expect_accurate(0.01, 0.05);
 }
 
@@ -127,7 +127,7 @@ TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {
   EXPECT_TRUE(maker_->wants_global_adjustment());
   EXPECT_TRUE(adjust_globally().changed);
   EXPECT_GT(maker_->statistics().points, points_at_start * 3 / 2);
-  EXPECT_LT(maker_->statistics().mean_reprojection, 0.5);
+  EXPECT_LT(maker_->reprojection_rms(), 0.5);
   expect_accurate(0.004, 0.015);
   const MapStatistics stats = maker_->statistics();
   EXPECT_LT(static_cast<double>(stats.bytes) / static_cast<double>(stats.keyframes), 1.5e6);
@@ -181,7 +181,7 @@ TEST_F(MapMakerTest, AFullMapRefusesKeyframesBeforeItsSlotsEnd) {
   ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
   const KeyframeDecision decision = offer(8);
   EXPECT_EQ(decision.verdict, KeyframeVerdict::kFull);
-  EXPECT_THAT(decision.reason, HasSubstr("map is full: " + std::to_string(slots()) + " points"));
+  EXPECT_THAT(decision.reason, HasSubstr("map is full: " + std::to_string(slots()) + " of at most"));
   EXPECT_LE(slots(), options_.max_points);
 }
 

@@ -136,7 +136,7 @@ TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {
   ASSERT_TRUE(from_changes && from_whole);
   EXPECT_TRUE(bytes_of(*from_changes->maker->snapshot()) == bytes_of(*from_whole->maker->snapshot()));
   EXPECT_EQ(from_whole->maker->statistics().measurements, maker_->statistics().measurements);
-  EXPECT_DOUBLE_EQ(from_whole->maker->statistics().mean_reprojection, maker_->statistics().mean_reprojection);
+  EXPECT_DOUBLE_EQ(from_whole->maker->reprojection_rms(), maker_->reprojection_rms());
 }
 
 TEST_F(MapRecordTest, WhatIsLostIsNamedAndTheRestGoesOn) {
@@ -168,7 +168,7 @@ TEST_F(MapRecordTest, WhatIsLostIsNamedAndTheRestGoesOn) {
     EXPECT_EQ(map.add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
     while (map.step(kNeverYield).work != MapWork::kNone) {
     }
-    EXPECT_LT(map.statistics().mean_reprojection, 0.6);
+    EXPECT_LT(map.reprojection_rms(), 0.6);
   }
 }
 
@@ -203,7 +203,7 @@ TEST_F(MapRecordTest, ReferencesThatLeadNowhereAreLeftOut) {
   EXPECT_FALSE(restored->repairs.empty());
   while (restored->maker->step(kNeverYield).work != MapWork::kNone) {
   }
-  EXPECT_LT(restored->maker->statistics().mean_reprojection, 0.6);
+  EXPECT_LT(restored->maker->reprojection_rms(), 0.6);
 }
 
 }  // namespace

@@ -98,10 +98,6 @@ SourcesRecord sources_of(const MapState& map, size_t block) {
   return record;
 }
 
-size_t block_count(size_t items) {
-  return (items + kBlockSlots - 1) / kBlockSlots;
-}
-
 }  // namespace
 
 MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundation, const WorkRecord& work) {

@@ -118,6 +118,7 @@ void MapState::remove_point(PointId id) {
   MapPoint& p = point(id);
   if (!p.live) return;
   p.live = false;
+  p.position.setZero();  // what it was removed for may be that it was nowhere: nobody is to keep that
   for (const KeyframeId observer : p.observers) {
     std::vector<Measurement>& all = keyframe(observer).measurements;
     const auto it = std::lower_bound(all.begin(), all.end(), id, by_point);

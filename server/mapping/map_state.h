@@ -18,6 +18,11 @@
 /// with the invariants of the joins kept by MapState; no policy. One writer, no locks.
 namespace cairn {
 
+/// Blocks that hold so many items.
+[[nodiscard]] constexpr size_t block_count(size_t items) {
+  return (items + kBlockSlots - 1) / kBlockSlots;
+}
+
 /// What is computed once from a keyframe's image.
 struct KeyframeImages {
   Pyramid pyramid;
@@ -99,7 +104,7 @@ class MapState {
   /// without its source keyframe's measurement, is removed.
   void drop_measurement(KeyframeId keyframe, PointId point);
   void give_up(KeyframeId keyframe, PointId point);
-  void remove_point(PointId id);
+  void remove_point(PointId id);  ///< its position becomes the origin
   /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers
   /// go too.
   void remove_keyframe(KeyframeId id);

@@ -13,10 +13,6 @@ constexpr float kVisibleTurn =
     0.05F;  ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
 constexpr float kVisibleDistance = 0.15F;  ///< relative change of the range of viewing distances
 
-size_t block_count(size_t items) {
-  return (items + kBlockSlots - 1) / kBlockSlots;
-}
-
 /// First and one-past-last item of a block.
 std::pair<size_t, size_t> block_range(size_t block, size_t items) {
   return {block * kBlockSlots, std::min(items, (block + 1) * kBlockSlots)};
@@ -149,7 +145,8 @@ bool is_current(const MapState& map, const Centers& centers, const PositionBlock
   return true;
 }
 
-/// Ids of keyframes whose published pose differs visibly from the one published before, indexed by id - 1.
+/// Whether a keyframe's published pose differs visibly from the one published before, indexed by id - 1; of
+/// removed ones nobody asks.
 std::vector<bool> moved_sources(const std::vector<std::shared_ptr<const KeyframeBlock>>& now,
                                 const std::vector<std::shared_ptr<const KeyframeBlock>>& before,
                                 const MapState& map) {
@@ -157,7 +154,8 @@ std::vector<bool> moved_sources(const std::vector<std::shared_ptr<const Keyframe
   for (size_t b = 0; b < before.size(); ++b) {
     for (size_t s = 0; s < before[b]->keyframes.size(); ++s) {
       const size_t i = b * kBlockSlots + s;
-      moved[i] = now[b] != before[b] && moved_visibly(map.keyframes()[i], before[b]->keyframes[s]);
+      const MapKeyframe& k = map.keyframes()[i];
+      moved[i] = now[b] != before[b] && k.live && moved_visibly(k, before[b]->keyframes[s]);
     }
   }
   return moved;

@@ -65,11 +65,12 @@ struct Client {
   CameraList cameras;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
-  int status_readers = 0;                ///< discovered; 0: not connected
-  std::optional<ClientWriters> writers;  ///< while connected
-  std::map<MapId, int> wanted;           ///< map readers discovered, by map
-  std::map<MapId, MapFeed> feeds;        ///< of the wanted maps that exist
-  MonotonicTime left_at;                 ///< when the last reader went
+  int status_readers = 0;                       ///< discovered; 0: not connected
+  std::optional<ClientWriters> writers;         ///< while connected
+  std::map<MapId, int> wanted;                  ///< map readers discovered, by map
+  std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that exist
+  MonotonicTime left_at;                        ///< when the last reader went
+  std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
   std::optional<MonotonicTime> intruder_told_at;
   SessionId intruder;            ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours

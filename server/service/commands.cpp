@@ -61,10 +61,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   };
   if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
-  if (maps_.all().size() >= options_.max_maps) {
-    return refuse("the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)");
-  }
-  if (std::string why = why_memory_is_full(); !why.empty()) return refuse(std::move(why));
+  if (std::string why = why_full(); !why.empty()) return refuse(std::move(why));
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
@@ -84,7 +81,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.origin = {client.name, message.command};
   const MapId map = job.input.map;
   auto runner = make_runner(map);
-  maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
+  maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}}).seeding = true;
   verdict.map = map;
   runner->start(std::move(job),
                 [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
@@ -97,21 +94,23 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
 void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
                                   const Result<SeedResult>& result, const MapSnapshotPtr& snapshot) {
   MapEntry* entry = maps_.find(verdict.map);
-  verdict.accepted = result.has_value();
-  if (result) {
+  verdict.accepted = result && entry != nullptr && entry->undecided;
+  if (verdict.accepted) {
     verdict.epoch = snapshot->epoch;
     verdict.revision = snapshot->revision;
     verdict.first_keyframe = result->first_keyframe;
     verdict.second_keyframe = result->second_keyframe;
     verdict.points = result->points;
     entry->plane_aligned = result->plane_aligned;
+    entry->seeding = false;
+    on_map_changed(verdict.map, *std::exchange(entry->undecided, {}));
     log_->info("{}: {} made, {} points{}", client_name, entry->name, snapshot->point_count(),
                result->plane_aligned ? ", on its plane" : "");
     tell_all(make_map_info(options_.server, verdict.map, *entry));
   } else {
-    verdict.reason = result.error().message;
+    verdict.reason = result ? "internal error; the server's log says more" : result.error().message;
     log_->info("{}: no map made: {}", client_name, verdict.reason);
-    maps_.remove(verdict.map);
+    forget_map(verdict.map);
     verdict.map = {};
   }
   const auto client = clients_.find(client_name);
@@ -190,20 +189,34 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
 
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
+  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  if (camera == nullptr)
+    return on_query_answered(client.name, message.command, {PlaceVerdict::kNotKnown, {}, "no such camera"});
+  client.query_in_work = true;
+  lanes_.questions.submit([this, name = client.name, camera, message = std::move(message)]() mutable {
+    const wire::CommandId command = message.command;
+    try {
+      look_up(name, camera, std::move(message));
+    } catch (const std::exception& problem) {  // memory, a library
+      post([this, name, command, why = std::string("internal error: ") + problem.what()] {
+        on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
+      });
+    }
+  });
+}
+
+void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message) {
+  const auto done = [this, client, command = message.command](PlaceAnswer answer) {
+    post([this, client, command, answer = std::move(answer)] { on_query_answered(client, command, answer); });
+  };
+  const Result<GrayImagePtr> small = decode_image(message.small_image);
+  if (!small) return done({PlaceVerdict::kNotKnown, {}, small.error().message});
   PlaceQuery query;
-  query.camera = client.cameras.find(message.camera, message.camera_version);
-  Result<GrayImagePtr> small = decode_image(message.small_image);
-  if (query.camera == nullptr || !small) {
-    return on_query_answered(client.name, message.command,
-                             {PlaceVerdict::kNotKnown, {}, small ? "no such camera" : small.error().message});
-  }
+  query.camera = camera;
   query.view.small.assign(**small);
   query.view.corners = std::move(message.corners);
   query.lockstep = message.lockstep;
-  client.query_in_work = true;
-  places_->ask(std::move(query), [this, name = client.name, command = message.command](PlaceAnswer answer) {
-    post([this, name, command, answer = std::move(answer)] { on_query_answered(name, command, answer); });
-  });
+  places_->ask(std::move(query), done);
 }
 
 void Switchboard::on_query_answered(const std::string& client_name, wire::CommandId command,
@@ -217,22 +230,31 @@ void Switchboard::on_query_answered(const std::string& client_name, wire::Comman
 }
 
 std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
-  auto changed = [this, map](MapSnapshotPtr snapshot, const MapStatistics& statistics,
-                             std::vector<KeyframeView> views) {
-    places_->report(snapshot, std::move(views));
-    post([this, map, snapshot = std::move(snapshot), statistics] {
-      on_map_changed(map, snapshot, statistics);
+  MapRunner::Listener listener;
+  listener.changed = [this, map](MapRevision revision) {
+    post([this, map, revision = std::move(revision)]() mutable { on_map_changed(map, std::move(revision)); });
+  };
+  listener.frozen = [this, map](const std::string& why) {
+    post([this, map, why] {
+      if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
     });
   };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
-                                     store_, std::move(changed), log_);
+                                     store_, std::move(listener), log_);
 }
 
-void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics) {
+void Switchboard::on_map_changed(MapId map, MapRevision revision) {
   MapEntry* entry = maps_.find(map);
-  if (entry == nullptr) return;
+  if (entry == nullptr) return;  // deleted meanwhile
+  if (entry->seeding) {
+    entry->undecided = std::move(revision);
+    return;
+  }
+  const MapSnapshotPtr snapshot = revision.snapshot;
   entry->snapshot = snapshot;
-  entry->statistics = statistics;
+  entry->statistics = revision.statistics;
+  // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
+  if (entry->runner != nullptr) places_->report(snapshot, std::move(revision.views));
   move_labels(map, *entry);
   info_due_[map] = true;
   {
@@ -249,11 +271,37 @@ void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, cons
   }
 }
 
+void Switchboard::forget_map(MapId map) {
+  const MapEntry* entry = maps_.find(map);
+  if (entry == nullptr) return;
+  const bool was_told = entry->snapshot != nullptr;
+  maps_.remove(map);
+  if (!was_told) return;
+  places_->remove(map);
+  info_due_.erase(map);
+  {
+    const std::scoped_lock lock(mutex_);
+    published_.erase(map);
+  }
+  wire::MapInfo gone;
+  gone.map = map;
+  for (auto& [name, client] : clients_) {
+    client.feeds.erase(map);
+    if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
+  }
+}
+
 std::string Switchboard::why_memory_is_full() const {
   constexpr size_t kMegabyte = 1'000'000;
   const size_t bytes = maps_.bytes();
   if (bytes < options_.max_memory_bytes) return {};
   return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
+}
+
+std::string Switchboard::why_full() const {
+  if (maps_.all().size() >= options_.max_maps)
+    return "the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)";
+  return why_memory_is_full();
 }
 
 void Switchboard::write_verdicts(Client& client) {

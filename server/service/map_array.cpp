@@ -7,6 +7,9 @@
 namespace cairn {
 namespace {
 
+constexpr size_t kIndexedKeyframeBytes =
+    100'000;  ///< IndexedKeyframe with a thousand points at two scales each
+
 std::mt19937_64 make_generator(uint64_t seed) {
   if (seed != 0) return std::mt19937_64(seed);
   std::random_device device;
@@ -46,17 +49,20 @@ uint64_t digest(const wire::MapSeed& seed) {
 MapArray::MapArray(uint64_t seed) : seeded_(seed != 0), random_(make_generator(seed)) {}
 
 MapId MapArray::next_id() {
-  MapId id = draw_id(random_);
-  while (maps_.contains(id)) id = draw_id(random_);  // a seed draws again what a restart has brought back
+  return draw_unused(&random_);
+}
+
+MapId MapArray::draw_unused(std::mt19937_64* generator) const {
+  MapId id = draw_id(*generator);
+  // A seed draws again what a restart has brought back, or what was deleted.
+  while (maps_.contains(id) || reserved_.contains(id)) id = draw_id(*generator);
   return id;
 }
 
 MapId MapArray::repeatable_id(const wire::MapSeed& seed) {
   if (seeded_) return next_id();
   std::mt19937_64 generator(digest(seed));
-  MapId id = draw_id(generator);
-  while (maps_.contains(id)) id = draw_id(generator);
-  return id;
+  return draw_unused(&generator);
 }
 
 bool MapArray::is_free(const std::string& name) const {
@@ -87,7 +93,16 @@ size_t MapArray::live_count() const {
 
 size_t MapArray::bytes() const {
   size_t sum = 0;
-  for (const auto& [map, entry] : maps_) sum += entry.statistics.bytes;
+  for (const auto& [map, entry] : maps_) sum += bytes_of(entry);
+  return sum;
+}
+
+size_t bytes_of(const MapEntry& entry) {
+  size_t sum = entry.statistics.bytes + entry.statistics.keyframes * kIndexedKeyframeBytes;
+  if (entry.snapshot == nullptr) return sum;
+  for (const auto& block : entry.snapshot->point_blocks)
+    sum += block->patches->points.size() *
+           (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
   return sum;
 }
 

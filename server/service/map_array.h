@@ -3,7 +3,9 @@
 
 #include <map>
 #include <memory>
+#include <optional>
 #include <random>
+#include <set>
 #include <string>
 
 #include "common/map/snapshot.h"
@@ -17,11 +19,18 @@ namespace cairn {
 struct MapEntry {
   std::string name;
   std::shared_ptr<MapRunner> runner;  ///< null: fed from outside, takes no keyframes
-  MapSnapshotPtr snapshot;            ///< null while its seed is being judged
+  MapSnapshotPtr snapshot;            ///< null while its seed is being judged or kept
   MapStatistics statistics;
   bool plane_aligned = false;
   LabelBook labels{};
+  bool seeding = false;                       ///< its seed has not been decided: nobody sees it
+  std::optional<MapRevision> undecided = {};  ///< its newest revision, while seeding
+  std::string frozen = {};                    ///< why it takes nothing any more; empty: it does
 };
+
+/// Memory that a map takes as it is served [bytes]: the map maker's, its published copy, its part of the
+/// place index.
+[[nodiscard]] size_t bytes_of(const MapEntry& entry);
 
 /// The maps by id; gives out ids and names. With a seed, ids are the same on every run; without, they are
 /// random. Used from one thread.
@@ -41,6 +50,8 @@ class MapArray {
     return maps_.insert_or_assign(map, std::move(entry)).first->second;
   }
   void remove(MapId map) { maps_.erase(map); }
+  /// The id of a map that was deleted and may come back is not given to another.
+  void reserve(MapId map) { reserved_.insert(map); }
   [[nodiscard]] MapEntry* find(MapId map);
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
   /// Those that have been made.
@@ -50,10 +61,12 @@ class MapArray {
 
  private:
   [[nodiscard]] bool is_free(const std::string& name) const;
+  [[nodiscard]] MapId draw_unused(std::mt19937_64* generator) const;
 
   const bool seeded_;
   std::mt19937_64 random_;
   std::map<MapId, MapEntry> maps_;
+  std::set<MapId> reserved_;
 };
 
 /// What clients are told of a map that has been made.

@@ -43,6 +43,8 @@ TEST(MapArray, InLockstepIdsFollowWhatTheTrackerSaw) {
   EXPECT_NE(id, second.repeatable_id(other));
   first.add(id, MapEntry{"map-1", {}, {}, {}, {}});
   EXPECT_NE(id, first.repeatable_id(seed)) << "taken";
+  second.reserve(id);
+  EXPECT_NE(id, second.repeatable_id(seed)) << "of a map that may come back";
 
   MapArray with_seed(7);
   MapArray with_seed_too(7);

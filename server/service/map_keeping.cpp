@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
 #include "server/service/map_runner.h"
+#include "server/service/wall_clock.h"
 
 /// A map's way into the store.
 namespace cairn {
 namespace {
 
-Timestamp now() {
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(
-              std::chrono::system_clock::now().time_since_epoch())
-              .count()};
-}
+constexpr int kMostDoublings = 6;  ///< of the delay after a save that failed: two minutes
 
 DecisionRecord record_of(const JobOrigin& origin, CommandKind kind) {
   DecisionRecord record;
@@ -20,13 +18,13 @@ DecisionRecord record_of(const JobOrigin& origin, CommandKind kind) {
   record.session = origin.command.session;
   record.seq = origin.command.seq;
   record.kind = kind;
-  record.time = now();
+  record.time = wall_time();
   return record;
 }
 
 }  // namespace
 
-void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, SeedDone done) {
+void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, const SeedDone& done) {
   epochs_ = {{job.input.epoch, 0, 0}};
   if (store_ == nullptr) return done(result, published_);
   MapUpdate whole = take_update();
@@ -34,18 +32,17 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, SeedDone
   decision.keyframe = result.second_keyframe;
   decision.seed_points = result.points;
   whole.decisions.push_back(std::move(decision));
-  MapHeader header{job.input.map, job.input.map_name, job.input.epoch, false, now()};
-  store_->create(
-      std::move(header), std::move(whole),
-      [self = shared_from_this(), result, snapshot = published_, done = std::move(done)](const Status& kept) {
-        if (kept) return done(result, snapshot);
-        self->stopping_ = true;  // a map that is not kept was never made
-        done(tl::unexpected(kept.error()), nullptr);
-      });
+  MapHeader header{job.input.map, job.input.map_name, job.input.epoch, false, wall_time()};
+  store_->create(std::move(header), std::move(whole),
+                 [self = shared_from_this(), result, snapshot = published_, done](const Status& kept) {
+                   if (kept) return done(result, snapshot);
+                   self->stopping_ = true;  // a map that is not kept was never made
+                   done(tl::unexpected(kept.error()), nullptr);
+                 });
 }
 
-void MapRunner::keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
-  if (store_ == nullptr || maker_ == nullptr || frozen_) return done(std::move(judgement));
+void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done) {
+  if (store_ == nullptr || maker_ == nullptr || frozen_ || deleted_) return done(judgement);
   DecisionRecord decision = record_of(origin, CommandKind::kOffer);
   decision.decision = static_cast<uint8_t>(judgement.decision);
   decision.reason = judgement.reason;
@@ -53,19 +50,28 @@ void MapRunner::keep_offer(const JobOrigin& origin, OfferJudgement judgement, Of
   if (judgement.decision != wire::OfferDecision::kAccepted) {
     refusals_.push_back(std::move(decision));
     save_soon();
-    return done(std::move(judgement));
+    return done(judgement);
   }
   MapUpdate update = take_update();
   update.decisions.push_back(std::move(decision));
   store_->write(published_->map, std::move(update),
-                [self = shared_from_this(), judgement = std::move(judgement),
-                 done = std::move(done)](const Status& kept) mutable {
-                  if (!kept) {
-                    self->update_lost_ = true;
-                    judgement = {wire::OfferDecision::kFull, kept.error().message, {}, judgement.revision};
-                  }
-                  done(std::move(judgement));
+                [self = shared_from_this(), judgement, done](const Status& kept) {
+                  if (kept) return done(judgement);
+                  self->on_not_kept(kept.error());
+                  if (self->deleted_)
+                    return done({wire::OfferDecision::kUnknownMap, kDeleted, {}, judgement.revision});
+                  done({wire::OfferDecision::kFull, kept.error().message, {}, judgement.revision});
                 });
+}
+
+void MapRunner::on_not_kept(const Error& error) {
+  update_lost_ = true;
+  if (stopping_ || sqlite::is_write_failure(error)) return;  // the whole store's trouble: it will be over
+  ++saves_failed_;
+  // No use in trying again: the file is broken, or has been taken away.
+  if (error.code != ErrorCode::kDamaged && error.code != ErrorCode::kNotFound) return;
+  queue_.post(
+      [self = shared_from_this(), why = error.message] { self->freeze("it cannot be kept: " + why); });
 }
 
 MapUpdate MapRunner::take_update() {
@@ -74,27 +80,37 @@ MapUpdate MapRunner::take_update() {
 }
 
 void MapRunner::save_soon() {
-  if (store_ == nullptr || stopping_ || std::exchange(save_scheduled_, true)) return;
-  store_->later([weak = weak_from_this()] {
-    if (const auto self = weak.lock()) self->queue_.post([self] { self->guarded([&] { self->save(); }); });
-  });
+  if (store_ == nullptr || stopping_ || frozen_ || std::exchange(save_scheduled_, true)) return;
+  const auto delay = MapPersistence::kSaveDelay * (1 << std::min(saves_failed_.load(), kMostDoublings));
+  store_->later(
+      [weak = weak_from_this()] {
+        if (const auto self = weak.lock())
+          self->queue_.post([self] { self->guarded([&] { self->save(); }); });
+      },
+      delay);
 }
 
 void MapRunner::save() {
   save_scheduled_ = false;
   if (store_ == nullptr || stopping_ || frozen_ || maker_ == nullptr) return;
+  if (!store_->trouble().empty()) return save_soon();  // all pictures would be packed for nothing
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
   store_->write(published_->map, std::move(update), [self = shared_from_this()](const Status& kept) {
-    if (kept) return;
-    self->update_lost_ = true;
+    if (kept) {
+      self->saves_failed_ = 0;
+      return;
+    }
+    self->on_not_kept(kept.error());
     self->queue_.post([self] { self->save_soon(); });  // until it succeeds
   });
 }
 
 void MapRunner::save_last_changes() {
   if (store_ == nullptr || frozen_ || maker_ == nullptr || published_ == nullptr) return;
-  store_->write(published_->map, take_update(), {});
+  MapUpdate update = take_update();
+  if (update.record.empty() && update.decisions.empty()) return;
+  store_->write(published_->map, std::move(update), {});
 }
 
 void MapRunner::flush(std::function<void()> then) {
@@ -106,6 +122,7 @@ void MapRunner::flush(std::function<void()> then) {
 
 void MapRunner::rename(std::string name, std::function<void(Status)> done) {
   queue_.post([self = shared_from_this(), name = std::move(name), done = std::move(done)] {
+    if (self->deleted_) return done(fail(ErrorCode::kRefused, kDeleted));
     if (self->maker_ == nullptr || self->frozen_) return done(fail(ErrorCode::kRefused, "the map is frozen"));
     self->guarded([&] {
       self->maker_->rename(name);

@@ -4,9 +4,15 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <optional>
 #include <utility>
 
 namespace cairn {
+namespace {
+
+constexpr int kBesideNice = 5;  ///< an operator's work gives way to what trackers wait for
+
+}  // namespace
 
 /// A restored map, or one that has to be set aside.
 struct MapPersistence::Loaded {
@@ -27,10 +33,13 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
       folder_(store_->folder()),
       server_(store_->server()),
       start_count_(store_->start_count()),
+      deleted_ids_(store_->deleted_ids()),
       log_(std::move(log)),
-      thread_([this] { work(); }) {}
+      thread_([this] { work(); }),
+      beside_(1, kBesideNice, log_) {}
 
 MapPersistence::~MapPersistence() {
+  beside_.stop();
   {
     const std::scoped_lock lock(mutex_);
     stopping_ = true;
@@ -109,8 +118,10 @@ std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options,
   return restored;
 }
 
-Result<RestoredMap> MapPersistence::restore_one(MapId map, const MapMakerOptions& options) {
-  return settle(load(map, options));
+void MapPersistence::restore_one(MapId map, const MapMakerOptions& options,
+                                 std::function<void(Result<RestoredMap>)> done) {
+  auto loaded = std::make_shared<Loaded>(load(map, options));
+  run([this, loaded, done = std::move(done)](Store&) { done(settle(std::move(*loaded))); });
 }
 
 void MapPersistence::create(MapHeader header, MapUpdate whole, Done done) {
@@ -134,28 +145,37 @@ void MapPersistence::post(Job job) {
   wake_.notify_one();
 }
 
-void MapPersistence::later(std::function<void()> task) {
+void MapPersistence::run_beside(std::function<void(Store& store)> task) {
+  beside_.submit([this, task = std::move(task)] { task(*store_); });
+}
+
+void MapPersistence::later(std::function<void()> task, std::chrono::milliseconds delay) {
   {
     const std::scoped_lock lock(mutex_);
-    later_.push_back({Clock::now() + kSaveDelay, std::move(task)});
+    const auto due = Clock::now() + delay;
+    const auto after =
+        std::find_if(later_.begin(), later_.end(), [&](const Later& l) { return l.due > due; });
+    later_.insert(after, {due, std::move(task)});
   }
   wake_.notify_one();
 }
 
 std::string MapPersistence::trouble() const {
   const std::scoped_lock lock(mutex_);
-  // After a while the next update is the one that finds out.
-  return Clock::now() - trouble_since_ < 2 * kSaveDelay ? trouble_ : std::string();
+  return trouble_;
 }
 
 void MapPersistence::work() {
   std::unique_lock lock(mutex_);
   while (true) {
     const auto has_work = [this] { return stopping_ || !jobs_.empty(); };
-    if (later_.empty()) {
-      wake_.wait(lock, [&] { return has_work() || !later_.empty(); });
+    std::optional<Clock::time_point> next;
+    if (!later_.empty()) next = later_.front().due;
+    if (!trouble_.empty()) next = next ? std::min(*next, probe_due_) : probe_due_;
+    if (next) {
+      wake_.wait_until(lock, *next, has_work);
     } else {
-      wake_.wait_until(lock, later_.front().due, has_work);
+      wake_.wait(lock, [&] { return has_work() || !later_.empty(); });
     }
     std::vector<Job> jobs = std::exchange(jobs_, {});
     if (jobs.empty() && stopping_) return;
@@ -166,13 +186,10 @@ void MapPersistence::work() {
       later_.erase(later_.begin());
     }
     lock.unlock();
-    try {
-      for (const Later& task : due) task.task();
-      carry_out(std::move(jobs));
-      store_->tidy();
-    } catch (const std::exception& problem) {
-      log_->error("internal error while keeping maps: {}", problem.what());
-    }
+    for (const Later& task : due) (void)guarded([&] { return task.task(), Status(); });
+    carry_out(std::move(jobs));
+    probe_if_due();
+    (void)guarded([&] { return store_->tidy(), Status(); });
     lock.lock();
   }
 }
@@ -182,7 +199,7 @@ void MapPersistence::carry_out(std::vector<Job> jobs) {
   for (size_t i = 0; i < jobs.size(); ++i) {
     if (taken[i]) continue;
     if (jobs[i].task) {
-      jobs[i].task(*store_);
+      (void)guarded([&] { return jobs[i].task(*store_), Status(); });
       continue;
     }
     // All that this batch has of the map, up to a task, which keeps its place.
@@ -197,32 +214,55 @@ void MapPersistence::carry_out(std::vector<Job> jobs) {
 }
 
 void MapPersistence::write_group(std::vector<Job*> group) {
-  Status written;
   if (group.front()->creation) {
-    Job& first = *group.front();
-    written = store_->create(*first.creation, first.update);
-    note(written);
-    if (first.done) first.done(written);
+    const Job& first = *group.front();
+    finish(first, guarded([&] { return store_->create(*first.creation, first.update); }));
     group.erase(group.begin());
     if (group.empty()) return;
   }
-  std::vector<MapUpdate> updates;
-  updates.reserve(group.size());
-  for (Job* job : group) updates.push_back(std::move(job->update));
-  written = store_->write(group.front()->map, updates);
+  const Status written = guarded([&] {
+    std::vector<MapUpdate> updates;
+    updates.reserve(group.size());
+    for (Job* job : group) updates.push_back(std::move(job->update));
+    return store_->write(group.front()->map, updates);
+  });
+  for (const Job* job : group) finish(*job, written);
+}
+
+void MapPersistence::finish(const Job& job, const Status& written) {
   note(written);
-  for (const Job* job : group) {
-    if (job->done) job->done(written);
+  if (job.done) {
+    (void)guarded([&] { return job.done(written), Status(); });
+  } else if (!written) {
+    log_->error("map {}: {}", to_hex(job.map.bytes), written.error().message);
+  }
+}
+
+Status MapPersistence::guarded(const std::function<Status()>& work) {
+  try {
+    return work();
+  } catch (const std::exception& problem) {
+    log_->error("internal error while keeping maps: {}", problem.what());
+    return fail(ErrorCode::kInternal, "internal error; the server's log says more");
   }
 }
 
 void MapPersistence::note(const Status& written) {
+  if (!written && !sqlite::is_write_failure(written.error())) return;
   const std::scoped_lock lock(mutex_);
   const bool was_well = trouble_.empty();
   trouble_ = written ? std::string() : "nothing can be kept: " + written.error().message;
-  trouble_since_ = Clock::now();
+  probe_due_ = Clock::now() + kSaveDelay;
   if (!written && was_well) log_->error("{}", trouble_);
   if (written && !was_well) log_->info("the store can be written again");
+}
+
+void MapPersistence::probe_if_due() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (trouble_.empty() || Clock::now() < probe_due_) return;
+  }
+  note(guarded([this] { return store_->probe(); }));
 }
 
 }  // namespace cairn

@@ -14,6 +14,7 @@
 
 #include "common/base/log.h"
 #include "server/mapping/map_maker.h"
+#include "server/service/worker_pool.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -28,14 +29,16 @@ struct RestoredMap {
   std::vector<LabelRecord> labels;
 };
 
-/// The store at work: one thread writes what the queues of all maps hand in. What has come while a
-/// transaction was being committed goes into the next one of its map together (group commit), so a caller
-/// waits for two commits at most, however many there are. Thread-safe.
+/// The store at work: one thread writes what the queues of all maps hand in. What has come of a map while
+/// others were being written goes into its next transaction together (group commit): a caller waits for two
+/// commits of each map that has something to write, at most, however many updates there are. Whole files are
+/// read and written by another thread beside it. Thread-safe.
 class MapPersistence {
  public:
   /// Called by the writer when the update is durable, or with the reason why it is not.
   using Done = std::function<void(Status)>;
-  /// Changes that no answer waits for are saved after this time at the latest (5 s).
+  /// Changes that no answer waits for are saved after this time at the latest (5 s). While nothing can be
+  /// kept, the store is tried again as often.
   static constexpr std::chrono::seconds kSaveDelay{2};
 
   /// Errors: as Store::open().
@@ -49,24 +52,31 @@ class MapPersistence {
   [[nodiscard]] ServerId server() const { return server_; }
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// Maps that had been deleted before the start: their ids are not given again.
+  [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
   /// To be called once, before anything else.
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads);
 
-  /// One map, e.g. after Store::undelete(). On the writer's thread (run()).
-  [[nodiscard]] Result<RestoredMap> restore_one(MapId map, const MapMakerOptions& options);
+  /// One map, e.g. after Store::undelete(): to be called by the other thread (run_beside()). `done` is called
+  /// by the writer.
+  void restore_one(MapId map, const MapMakerOptions& options, std::function<void(Result<RestoredMap>)> done);
 
   void create(MapHeader header, MapUpdate whole, Done done);
   void write(MapId map, MapUpdate update, Done done);
-  /// Anything else to be done with the store, in its turn.
+  /// Anything else to be done with the store, in its turn. A task that throws is logged and ends alone.
   void run(std::function<void(Store& store)> task);
-  /// Runs `task` on the writer's thread after kSaveDelay; dropped at the end.
-  void later(std::function<void()> task);
+  /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
+  /// maps are being written; dropped at the end.
+  void run_beside(std::function<void(Store& store)> task);
+  /// Runs `task` on the writer's thread after a time; dropped at the end.
+  void later(std::function<void()> task, std::chrono::milliseconds delay = kSaveDelay);
 
-  /// Why nothing can be kept at present, for a person: the last write failed, a moment ago. Empty when all is
-  /// well.
+  /// Why nothing can be kept at present, for a person: the medium takes nothing (full, over quota, failing).
+  /// Until a write succeeds, one of the store's own at the latest. Empty when all is well. What is wrong with
+  /// one map's file is told to who writes it, and is no trouble of the store.
   [[nodiscard]] std::string trouble() const;
 
  private:
@@ -87,7 +97,11 @@ class MapPersistence {
   void work();
   void carry_out(std::vector<Job> jobs);
   void write_group(std::vector<Job*> group);
+  void finish(const Job& job, const Status& written);
+  /// Runs `work`; what it throws (memory, a library) is an error like others.
+  [[nodiscard]] Status guarded(const std::function<Status()>& work);
   void note(const Status& written);
+  void probe_if_due();
   struct Loaded;
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
@@ -96,6 +110,7 @@ class MapPersistence {
   const std::filesystem::path folder_;
   const ServerId server_;
   const uint64_t start_count_;
+  const std::vector<MapId> deleted_ids_;
   Logger log_;
 
   mutable std::mutex mutex_;  ///< of what follows
@@ -103,10 +118,11 @@ class MapPersistence {
   std::vector<Job> jobs_;
   std::vector<Later> later_;  ///< in order of time
   std::string trouble_;
-  Clock::time_point trouble_since_;
+  Clock::time_point probe_due_;  ///< while there is trouble
   bool stopping_ = false;
 
   std::thread thread_;
+  WorkerPool beside_;
 };
 
 }  // namespace cairn

@@ -59,45 +59,74 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
   return std::make_shared<const GrayImage>(std::move(*decoded));
 }
 
-MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Changed changed,
+MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
                      Logger log)
     : background_(lanes.background),
       queue_(lanes.urgent),
       options_(options),
       store_(store),
-      changed_(std::move(changed)),
-      log_(std::move(log)) {}
+      listener_(std::move(listener)),
+      log_(std::move(log)),
+      urgent_(lanes.urgent) {}
 
 void MapRunner::start(SeedJob job, SeedDone done) {
-  queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
+  auto make = [self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     Result<SeedResult> result = fail(ErrorCode::kInternal, kInternalError);
-    self->guarded([&] {
-      Result<SeedResult> made = self->make_map(&job);
-      if (made && job.lockstep) self->finish_all_work();
-      if (made) self->publish();
-      result = std::move(made);
-    });
+    self->guarded([&] { result = self->make_map(&job); });
     if (!result) return done(std::move(result), nullptr);
-    self->keep_seed(job, *result, std::move(done));
-    if (!job.lockstep) self->schedule_upkeep();
+    if (!job.lockstep) return self->answer_seed(job, std::move(result), done);
+    self->finish_all_work(
+        0, [self, job = std::move(job), result, done] { self->answer_seed(job, result, done); });
+  };
+  queue_.post(std::move(make), Urgency::kUrgent);
+}
+
+void MapRunner::answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done) {
+  const bool published = !frozen_ && guarded([this] { publish(); });
+  const bool handed_in = published && guarded([&] { keep_seed(job, *result, done); });
+  if (!handed_in) return done(fail(ErrorCode::kInternal, kInternalError), nullptr);
+  if (!job.lockstep) schedule_upkeep();
+}
+
+MapRevision MapRunner::resume(RestoredMap restored) {
+  maker_ = std::move(restored.maker);
+  epochs_ = std::move(restored.epochs);
+  MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views()};
+  published_ = first.snapshot;
+  return first;
+}
+
+void MapRunner::go_on() {
+  queue_.post([self = shared_from_this()] {
+    self->save_soon();
+    self->schedule_upkeep();
   });
 }
 
-void MapRunner::resume(RestoredMap restored) {
-  maker_ = std::move(restored.maker);
-  epochs_ = std::move(restored.epochs);
-  publish();
-  schedule_upkeep();
+void MapRunner::measure(std::function<void(double)> done) {
+  queue_.post([self = shared_from_this(), done = std::move(done)] {
+    double rms = 0;
+    if (self->maker_ != nullptr) self->guarded([&] { rms = self->maker_->reprojection_rms(); });
+    done(rms);
+  });
 }
 
-void MapRunner::guarded(const std::function<void()>& work) {
+bool MapRunner::guarded(const std::function<void()>& work) {
   try {
     work();
+    return true;
   } catch (const std::exception& problem) {
     // What is half done cannot be undone: the published state stays, and is all that there will be.
-    log_->error("internal error in a map's work, the map is frozen: {}", problem.what());
-    frozen_ = true;
+    freeze(std::string("internal error in its work: ") + problem.what());
+    return false;
   }
+}
+
+void MapRunner::freeze(const std::string& why) {
+  if (std::exchange(frozen_, true)) return;
+  const std::string name = published_ ? published_->name : std::string("not yet made");
+  log_->error("the map {} is frozen until the server starts again: {}", name, why);
+  if (listener_.frozen) listener_.frozen(why);
 }
 
 Result<SeedResult> MapRunner::make_map(SeedJob* job) {
@@ -118,27 +147,40 @@ Result<SeedResult> MapRunner::make_map(SeedJob* job) {
 
 void MapRunner::offer(OfferJob job, OfferDone done) {
   ++waiting_offers_;
-  queue_.post([self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
+  auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
     const JobOrigin origin = std::move(job.origin);
     OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
-    self->guarded([&] {
-      OfferJudgement judged = self->judge(std::move(job));
-      const bool taken = judged.decision == wire::OfferDecision::kAccepted;
-      if (taken && lockstep) self->finish_all_work();
-      if (taken) self->publish();
-      judgement = std::move(judged);
-    });
+    self->guarded([&] { judgement = self->judge(std::move(job)); });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
-    if (self->published_ != nullptr) judgement.revision = self->published_->revision;
-    self->keep_offer(origin, std::move(judgement), std::move(done));
-    if (accepted && !lockstep) self->schedule_upkeep();
-  });
+    if (!accepted || !lockstep) {
+      self->answer_offer(origin, std::move(judgement), std::move(done));
+      if (accepted) self->schedule_upkeep();
+      return;
+    }
+    self->finish_all_work(0, [self, origin, judgement = std::move(judgement), done = std::move(done)] {
+      self->answer_offer(origin, judgement, done);
+    });
+  };
+  queue_.post(std::move(take), Urgency::kUrgent);
+}
+
+void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
+  const OfferJudgement failed{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
+  if (judgement.decision == wire::OfferDecision::kAccepted) {
+    if (frozen_ || !guarded([this] { publish(); })) judgement = failed;
+  }
+  if (published_ != nullptr) judgement.revision = published_->revision;
+  if (guarded([&] { keep_offer(origin, judgement, done); })) return;
+  judgement = failed;
+  if (published_ != nullptr) judgement.revision = published_->revision;
+  done(std::move(judgement));
 }
 
 OfferJudgement MapRunner::judge(OfferJob job) {
   using wire::OfferDecision;
+  if (deleted_) return {OfferDecision::kUnknownMap, kDeleted, {}, {}};
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
   if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
   if (!carry_over(epochs_, job.epoch, published_->epoch, &job.input)) {
@@ -166,7 +208,8 @@ void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
   if (stopping_ || frozen_) return;
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
-  const StepReport report = maker_->step([this] { return stopping_ || waiting_offers_ > 0; });
+  const StepReport report =
+      maker_->step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
   if (report.changed) publish();
   if (report.work != MapWork::kNone) {
     schedule_upkeep();
@@ -177,8 +220,17 @@ void MapRunner::do_upkeep() {
 
 void MapRunner::begin_global_adjustment() {
   adjusting_globally_ = true;
+  adjust_globally([this](bool adopted) {
+    adjusting_globally_ = false;
+    if (!adopted) return;
+    guarded([this] { publish(); });
+    schedule_upkeep();
+  });
+}
+
+void MapRunner::adjust_globally(std::function<void(bool adopted)> then) {
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
-  background_.submit([self = shared_from_this(), problem = std::move(problem)] {
+  background_.submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
     bool solved = false;
     try {
       solve(problem.get(), [&self] { return self->stopping_.load(); });
@@ -186,33 +238,39 @@ void MapRunner::begin_global_adjustment() {
     } catch (const std::exception& error) {
       self->log_->error("internal error in a global adjustment, passed over: {}", error.what());
     }
-    self->queue_.post([self, problem, solved] {
-      self->adjusting_globally_ = false;
-      if (!solved || self->stopping_ || self->frozen_) return;
-      self->guarded([&] {
-        if (self->maker_->adopt(*problem).changed) self->publish();
-        self->schedule_upkeep();
-      });
+    self->queue_.post([self, problem, solved, then] {
+      then(solved && !self->stopping_ && !self->frozen_ &&
+           self->guarded([&] { self->maker_->adopt(*problem); }));
     });
   });
 }
 
-void MapRunner::finish_all_work() {
-  for (int round = 0; round < kMaxLockstepRounds; ++round) {
-    while (!stopping_ && maker_->step([this] { return stopping_.load(); }).work != MapWork::kNone) {
-    }
-    if (stopping_ || !maker_->wants_global_adjustment()) return;
-    const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
-    solve(problem.get(), [this] { return stopping_.load(); });
-    maker_->adopt(*problem);
+void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
+  queue_.post([self = shared_from_this(), adjustments, then = std::move(then)]() mutable {
+    // To its end, whoever waits: where a step is cut decides what comes of it.
+    MapWork done = MapWork::kNone;
+    if (!self->frozen_ && !self->stopping_)
+      self->guarded([&] { done = self->maker_->step([&] { return self->stopping_.load(); }).work; });
+    if (done != MapWork::kNone) return self->finish_all_work(adjustments, std::move(then));
+    self->adjust_in_lockstep(adjustments, std::move(then));
+  });
+}
+
+void MapRunner::adjust_in_lockstep(int adjustments, std::function<void()> then) {
+  if (frozen_ || stopping_ || !maker_->wants_global_adjustment()) return then();
+  if (adjustments == kMaxLockstepRounds) {
+    log_->debug("lockstep: the map maker still wants a global adjustment after {}", adjustments);
+    return then();
   }
-  log_->debug("lockstep: the map maker still wants a global adjustment after {} rounds", kMaxLockstepRounds);
+  const bool begun = guarded(
+      [&] { adjust_globally([this, adjustments, then](bool) { finish_all_work(adjustments + 1, then); }); });
+  if (!begun) then();
 }
 
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
-  changed_(snapshot, maker_->statistics(), maker_->keyframe_views());
+  listener_.changed({snapshot, maker_->statistics(), maker_->keyframe_views()});
   published_ = std::move(snapshot);
   save_soon();
 }

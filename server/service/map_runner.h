@@ -40,6 +40,13 @@ struct OfferJob {
   bool lockstep = false;
 };
 
+/// A state of the map to be shown to others.
+struct MapRevision {
+  MapSnapshotPtr snapshot;
+  MapStatistics statistics;
+  std::vector<KeyframeView> views;
+};
+
 /// The server's word on an offer, without its place in the client's stream.
 struct OfferJudgement {
   wire::OfferDecision decision = wire::OfferDecision::kAccepted;
@@ -52,10 +59,10 @@ struct OfferJudgement {
 [[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
 
 /// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
-/// them); global adjustments run on a copy in the other lane and are adopted on the queue. With a store, what
-/// is accepted is answered when it is durable; the queue does not wait for that. Callbacks are made on the
-/// queue, or by the store's writer. A lockstep job is answered only when the work it causes, global
-/// adjustment included, is finished on the queue's thread. Every job is answered, whatever happens in it,
+/// them, also to those of other maps); global adjustments run on a copy in the other lane and are adopted on
+/// the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
+/// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
+/// work it causes, global adjustment included, is finished. Every job is answered, whatever happens in it,
 /// unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
@@ -63,26 +70,39 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     WorkerPool& urgent;
     WorkerPool& background;
   };
-  /// A new state of the map: `snapshot` has grown a revision.
-  using Changed =
-      std::function<void(MapSnapshotPtr snapshot, MapStatistics statistics, std::vector<KeyframeView> views)>;
+  struct Listener {
+    std::function<void(MapRevision revision)> changed;
+    /// Its work has failed, or its file: it is served as last published and takes nothing any more.
+    std::function<void(std::string why)> frozen;
+  };
   /// `snapshot` is null when the seed was refused.
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
   using OfferDone = std::function<void(OfferJudgement judgement)>;
 
   /// `store` outlives the lanes; null: nothing is kept.
-  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Changed changed, Logger log);
+  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
+            Logger log);
 
   /// Makes the map; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
-  /// Goes on with a map from the store; to be called once, before anything else. Publishes it.
-  void resume(RestoredMap restored);
+  /// Takes up a map from the store; to be called once, before anything else. Its first revision.
+  [[nodiscard]] MapRevision resume(RestoredMap restored);
+  /// Goes on with the work that was due.
+  void go_on();
   void offer(OfferJob job, OfferDone done);
-  /// Ends upkeep as soon as possible; what waits is dropped without an answer. Does not wait.
+  /// Ends upkeep as soon as possible; what waits is dropped without an answer: for the end. Does not wait.
   void stop() {
     stopping_ = true;
     queue_.close();
   }
+  /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
+  /// wait.
+  void retire() {
+    deleted_ = true;
+    stopping_ = true;
+  }
+  /// `done` gets MapMaker::reprojection_rms() of the map as it is.
+  void measure(std::function<void(double)> done);
   /// Publishes the map under another name. `done` is called when the store has it.
   void rename(std::string name, std::function<void(Status kept)> done);
   /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.
@@ -91,19 +111,31 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void save_last_changes();
 
  private:
+  static constexpr const char* kDeleted = "the map was deleted";
   [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
   [[nodiscard]] OfferJudgement judge(OfferJob job);
-  /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map.
-  void guarded(const std::function<void()>& work);
+  /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map. Whether it came
+  /// to its end.
+  bool guarded(const std::function<void()>& work);
+  void freeze(const std::string& why);
   void schedule_upkeep();
   void do_upkeep();
   void begin_global_adjustment();
-  void finish_all_work();
+  /// For lockstep: a step a task until nothing is left to do, global adjustments in the other lane. Then
+  /// `then` is called, whether or not the work has failed.
+  void finish_all_work(int adjustments, std::function<void()> then);
+  void adjust_in_lockstep(int adjustments, std::function<void()> then);
+  /// Solves in the background lane and adopts on the queue, then calls `then` there.
+  void adjust_globally(std::function<void(bool adopted)> then);
+  void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
+  void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();
 
   // Into the store (map_keeping.cpp).
-  void keep_seed(const SeedJob& job, const SeedResult& result, SeedDone done);
-  void keep_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
+  void keep_seed(const SeedJob& job, const SeedResult& result, const SeedDone& done);
+  void keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done);
+  /// On the writer's thread: what was handed in is not kept.
+  void on_not_kept(const Error& error);
   void save_soon();
   void save();
   [[nodiscard]] MapUpdate take_update();
@@ -112,11 +144,14 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   SerialQueue queue_;
   MapMakerOptions options_;
   MapPersistence* store_;
-  Changed changed_;
+  Listener listener_;
   Logger log_;
+  WorkerPool& urgent_;
   std::atomic<bool> stopping_{false};
+  std::atomic<bool> deleted_{false};
   std::atomic<int> waiting_offers_{0};
   std::atomic<bool> update_lost_{false};  ///< the store lacks changes that were taken
+  std::atomic<int> saves_failed_{0};      ///< one after another, for reasons of this map's own
 
   // What follows belongs to the queue.
   std::unique_ptr<MapMaker> maker_;

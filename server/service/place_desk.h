@@ -26,20 +26,22 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
  public:
   using Done = std::function<void(PlaceAnswer answer)>;
 
-  PlaceDesk(WorkerPool& indexers, WorkerPool& answerers, const RelocOptions& options)
-      : indexers_(indexers), answerers_(answerers), options_(options) {}
+  PlaceDesk(WorkerPool& indexers, WorkerPool& answerers, const RelocOptions& options, Logger log)
+      : indexers_(indexers), answerers_(answerers), options_(options), log_(std::move(log)) {}
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views);
+  /// The map is gone: soon no question is answered with it. Does not wait.
   void remove(const MapId& map);
-  /// `done` is called on an answerer.
+  /// `done` is called on an answerer, whatever happens.
   void ask(PlaceQuery query, Done done);
 
  private:
   struct Reported {
-    MapSnapshotPtr snapshot;
+    MapSnapshotPtr snapshot;  ///< null: the map is gone
     std::vector<KeyframeView> views;
   };
+  void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
   void catch_up();
   [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
@@ -47,6 +49,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   WorkerPool& indexers_;
   WorkerPool& answerers_;
   const RelocOptions options_;
+  Logger log_;
 
   std::mutex catching_up_;  ///< held while indexing; before mutex_
 

@@ -43,7 +43,7 @@ class PlaceDeskTest : public ::testing::Test {
  protected:
   PlaceDeskTest() : indexers_(1, 0, make_logger("test")), answerers_(1, 0, make_logger("test")) {
     options_.method = RelocMethod::kPaper;  // answers by pictures alone
-    desk_ = std::make_shared<PlaceDesk>(indexers_, answerers_, options_);
+    desk_ = std::make_shared<PlaceDesk>(indexers_, answerers_, options_, null_logger());
   }
   PlaceAnswer ask(const KeyframeView& keyframe) {
     std::promise<PlaceAnswer> answer;

@@ -1,20 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <chrono>
 #include <utility>
 
 #include "server/service/switchboard.h"
+#include "server/service/wall_clock.h"
 
 /// Labels: what people ask for, on its way to the store and to all who read the map.
 namespace cairn {
-namespace {
-
-Timestamp wall_time() {
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(
-              std::chrono::system_clock::now().time_since_epoch())
-              .count()};
-}
-
-}  // namespace
 
 void Switchboard::on_request(Client& client, const wire::ClientRequest& request) {
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <exception>
+
 #include "server/service/resume.h"
 #include "server/service/switchboard.h"
 
@@ -7,16 +9,34 @@ namespace cairn {
 
 void Switchboard::resume(std::vector<RestoredMap> restored) {
   resume_clients(restored);
-  for (RestoredMap& map : restored) resume_map(std::move(map));
-  run_posted();  // each map's first revision: whoever is heard first finds them listed
+  for (RestoredMap& map : restored) {
+    const std::string name = map.header.name;
+    try {
+      take_up(prepare(std::move(map)));
+    } catch (const std::exception& problem) {  // memory: the others are served
+      log_->error("{} is left alone: {}", name, problem.what());
+    }
+  }
+  // All are served all the same: what is there is wanted more than a limit.
+  if (std::string why = why_full(); !why.empty()) log_->warn("{}", why);
 }
 
-void Switchboard::resume_map(RestoredMap restored) {
-  const MapId id = restored.header.id;
-  const auto runner = make_runner(id);
-  MapEntry& entry = maps_.add(id, MapEntry{restored.header.name, runner, {}, {}, restored.plane_aligned});
-  entry.labels.restore(restored.labels);
-  runner->resume(std::move(restored));
+Switchboard::ResumedMap Switchboard::prepare(RestoredMap restored) {
+  ResumedMap map{restored.header,
+                 restored.plane_aligned,
+                 std::move(restored.labels),
+                 make_runner(restored.header.id),
+                 {}};
+  map.first = map.runner->resume(std::move(restored));
+  return map;
+}
+
+void Switchboard::take_up(ResumedMap map) {
+  const MapId id = map.header.id;
+  MapEntry& entry = maps_.add(id, MapEntry{map.header.name, map.runner, {}, {}, map.plane_aligned});
+  entry.labels.restore(map.labels);
+  on_map_changed(id, std::move(map.first));
+  map.runner->go_on();
 }
 
 void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {

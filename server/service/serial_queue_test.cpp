@@ -106,6 +106,58 @@ TEST(SerialQueue, ATaskThatThrowsStopsNeitherTheQueueNorThePool) {
   EXPECT_TRUE(done.wait());
 }
 
+TEST(WorkerPool, UrgentTasksComeFirstAndAreSeenToWait) {
+  WorkerPool pool(1, 0, null_logger());
+  std::vector<int> order;
+  Done inside;
+  Done filled;
+  Done done;
+  pool.submit([&] {
+    inside.set();
+    (void)filled.wait();
+    order.push_back(pool.urgent_waits() ? 0 : -1);
+  });
+  ASSERT_TRUE(inside.wait());
+  EXPECT_FALSE(pool.urgent_waits());
+  pool.submit([&] {
+    order.push_back(pool.urgent_waits() ? -1 : 3);
+    done.set();
+  });
+  pool.submit([&] { order.push_back(1); }, Urgency::kUrgent);
+  pool.submit([&] { order.push_back(2); }, Urgency::kUrgent);
+  filled.set();
+  ASSERT_TRUE(done.wait());
+  EXPECT_EQ(order, (std::vector<int>{0, 1, 2, 3}));
+}
+
+TEST(SerialQueue, AnUrgentTaskHurriesTheQueueThatItWaitsIn) {
+  WorkerPool pool(1, 0, null_logger());
+  SerialQueue busy(pool);
+  SerialQueue hurried(pool);
+  std::vector<int> order;
+  Done filled;
+  Done done;
+  pool.submit([&] { (void)filled.wait(); });
+  for (int i = 0; i < 2; ++i) busy.post([&] { order.push_back(9); });
+  hurried.post([&] { order.push_back(1); });
+  hurried.post([&] { order.push_back(2); }, Urgency::kUrgent);
+  hurried.post([&] {
+    order.push_back(3);
+    if (order.size() == 5) done.set();
+  });
+  busy.post([&] {
+    order.push_back(9);
+    if (order.size() == 6) done.set();
+  });
+  filled.set();
+  Done end;
+  pool.submit([&] { hurried.post([&] { busy.post([&] { end.set(); }); }); });
+  ASSERT_TRUE(end.wait());
+  ASSERT_EQ(order.size(), 6U);
+  EXPECT_EQ(order[0], 1) << "what is before the urgent task goes before it";
+  EXPECT_EQ(order[1], 2);
+}
+
 TEST(WorkerPool, TheBackgroundLaneDoesNotHoldUpTheOther) {
   WorkerPool urgent(1, 0, null_logger());
   WorkerPool background(1, 10, null_logger());

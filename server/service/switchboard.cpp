@@ -17,9 +17,11 @@ using std::chrono::steady_clock;
 
 constexpr milliseconds kTick{200};  // ServerStatus at 5 Hz asserts our liveliness (lease 1 s)
 constexpr int kTicksPerMapInfo = 5;
-constexpr size_t kMaxClients = 256;  // names remembered; those present are never forgotten
-constexpr size_t kMaxFeeds = 16;     // maps per client
+constexpr int kTicksPerExpiry = 300;  // a minute
+constexpr size_t kMaxClients = 256;   // names remembered; those present are never forgotten
+constexpr size_t kMaxFeeds = 16;      // maps per client
 constexpr std::chrono::seconds kNoticeInterval{1};
+constexpr std::chrono::seconds kFeedRetry{10};
 
 bool is_map_topic(std::string_view topic) {
   const std::array topics = {wire::topic_name<wire::PointPatches>(), wire::topic_name<wire::PointPositions>(),
@@ -59,27 +61,31 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
       !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Switchboard>(new Switchboard(
-      options, lanes, store, std::move(restored), std::move(*participant),
+  std::unique_ptr<Switchboard> board(new Switchboard(
+      options, lanes, store, std::move(*participant),
       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds), std::move(offers),
        std::move(queries), std::move(client_requests), std::move(*requests), std::move(*waiter)},
       std::move(log)));
+  board->resume(std::move(restored));
+  board->thread_ = std::thread([me = board.get()] { me->run(); });
+  return board;
 }
 
 Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
-                         std::vector<RestoredMap> restored, wire::Participant participant, Readers readers,
-                         Logger log)
+                         wire::Participant participant, Readers readers, Logger log)
     : options_(options),
       lanes_(lanes),
       store_(store),
-      restored_(std::move(restored)),
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
-      places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization)),
-      next_tick_(steady_clock::now()),
-      thread_([this] { run(); }) {}
+      places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization, log_)),
+      next_tick_(steady_clock::now()) {
+  if (store_ == nullptr) return;
+  transfers_ = std::make_shared<Transfers>(store_->folder() / "transfer");
+  for (const MapId map : store_->deleted_ids()) maps_.reserve(map);
+}
 
 void Switchboard::stop() {
   {
@@ -88,7 +94,7 @@ void Switchboard::stop() {
     posted_.clear();
   }
   readers_.waiter.wake();
-  thread_.join();
+  if (thread_.joinable()) thread_.join();
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.runner) entry.runner->stop();
   }
@@ -107,7 +113,7 @@ void Switchboard::publish(MapSnapshotPtr snapshot) {
   post([this, snapshot = std::move(snapshot)] {
     if (maps_.find(snapshot->map) == nullptr)
       maps_.add(snapshot->map, MapEntry{snapshot->name, {}, {}, {}, {}});
-    on_map_changed(snapshot->map, snapshot, {});
+    on_map_changed(snapshot->map, {snapshot, {}, {}});
   });
 }
 
@@ -119,7 +125,6 @@ std::vector<MapSnapshotPtr> Switchboard::maps() const {
 }
 
 void Switchboard::run() {
-  resume(std::exchange(restored_, {}));
   while (true) {
     readers_.waiter.wait(time_to_wait());
     {
@@ -155,7 +160,13 @@ void Switchboard::run_posted() {
     const std::scoped_lock lock(mutex_);
     tasks.swap(posted_);
   }
-  for (const Task& task : tasks) task();
+  for (const Task& task : tasks) {
+    try {
+      task();
+    } catch (const std::exception& problem) {
+      log_->error("internal error: {}", problem.what());  // the tasks behind it have nothing to do with it
+    }
+  }
 }
 
 void Switchboard::take_messages() {
@@ -211,8 +222,14 @@ void Switchboard::feed_clients() {
 }
 
 std::string Switchboard::health() const {
-  const std::string trouble = store_ ? store_->trouble() : std::string();
-  return trouble.empty() ? "ok" : trouble;
+  std::string word = store_ ? store_->trouble() : std::string();
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.frozen.empty()) continue;
+    if (!word.empty()) word += "; ";
+    word += entry.name + " is frozen until the server starts again: " + entry.frozen;
+    break;  // one is enough to have a look; `cairnctl maps` names all
+  }
+  return word.empty() ? "ok" : word;
 }
 
 void Switchboard::tick(MonotonicTime now) {
@@ -229,7 +246,9 @@ void Switchboard::tick(MonotonicTime now) {
     report(client.writers->status.write(status), "ServerStatus");
     if (std::exchange(client.repeat_verdicts, false)) write_verdicts(client);
   }
-  if (++ticks_ % kTicksPerMapInfo != 0) return;
+  if (++ticks_ % kTicksPerExpiry == 0 && store_ != nullptr)
+    store_->run_beside([transfers = transfers_](Store&) { transfers->expire(steady_clock::now()); });
+  if (ticks_ % kTicksPerMapInfo != 0) return;
   for (const auto& [map, due] : std::exchange(info_due_, {})) {
     if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(options_.server, map, *entry));
   }
@@ -307,10 +326,14 @@ void Switchboard::open_wanted_feeds(Client& client) {
   for (const auto& [map, readers] : client.wanted) {
     const MapEntry* entry = maps_.find(map);
     if (entry == nullptr || entry->snapshot == nullptr || client.feeds.contains(map)) continue;
+    const MonotonicTime now = steady_clock::now();
+    if (client.feed_failed_at && now - *client.feed_failed_at < kFeedRetry) return;
+    client.feed_failed_at = now;
     if (client.feeds.size() >= kMaxFeeds) return log_->warn("{}: wants too many maps at once", client.name);
     auto feed = MapFeed::create(participant_, client.name, map, log_);
     if (!feed)
       return log_->error("{}: map {} cannot be sent: {}", client.name, entry->name, feed.error().message);
+    client.feed_failed_at.reset();
     feed->update(entry->snapshot);
     for (Label& label : entry->labels.all())
       report(feed->show({map, entry->snapshot->epoch, std::move(label)}), "Label");

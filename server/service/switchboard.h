@@ -21,6 +21,7 @@
 #include "server/service/place_desk.h"
 #include "server/service/presence.h"
 #include "server/service/service.h"
+#include "server/service/transfers.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -35,6 +36,7 @@ class Switchboard {
     WorkerPool& background;
     WorkerPool& questions;
   };
+  /// With all `restored` maps being served on return.
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
                                                                   MapPersistence* store,
                                                                   std::vector<RestoredMap> restored,
@@ -68,7 +70,7 @@ class Switchboard {
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
-              std::vector<RestoredMap> restored, wire::Participant participant, Readers readers, Logger log);
+              wire::Participant participant, Readers readers, Logger log);
 
   // The loop (switchboard.cpp).
   void run();
@@ -97,31 +99,50 @@ class Switchboard {
   // What operators ask (administration.cpp).
   struct Operator {
     wire::Writer<wire::AdminReply> replies;
+    MonotonicTime last_heard;
     std::optional<wire::AdminReply> last;
     std::optional<wire::CommandId> in_work;
   };
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
-  static constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
   void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
+  void carry_out(const wire::AdminRequest& message, const AdminAnswer& answer);
   void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
   [[nodiscard]] Operator* operator_of(const std::string& name);
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
   void list_maps(const AdminAnswer& answer);
+  void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
+
+  // Of these, the ones that change maps (map_administration.cpp).
+  /// `work` is run beside the writer and gives what is then to be done on this thread. If it throws, that is
+  /// the answer; without a store as well.
+  void with_store(const AdminAnswer& answer, std::function<Task(Store& store)> work);
   void rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer);
-  void delete_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  void delete_map(MapId id, const MapEntry* entry, bool for_good, const AdminAnswer& answer);
   void finish_deletion(MapId id, const AdminAnswer& answer);
   void delete_again(const std::string& wanted, const AdminAnswer& answer);
   void undelete_map(const std::string& wanted, const AdminAnswer& answer);
-  /// On the store's thread: a map that has just come (back) into the store.
+  void purge_map(const std::string& wanted, const AdminAnswer& answer);
+  /// Beside the writer: a map that has just come (back) into the store.
   void take_in(MapId id, const AdminAnswer& answer);
   void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
-  void transfer(const std::string& verb, const std::string& token, uint64_t offset,
-                const std::vector<uint8_t>& data, const AdminAnswer& answer);
+  void transfer(const std::string& verb, const std::string& token, uint64_t offset, std::vector<uint8_t> data,
+                const AdminAnswer& answer);
+  void import_map(const std::string& token, const AdminAnswer& answer);
 
   // Maps and clients from before a restart (resumption.cpp).
+  /// Before the thread begins.
   void resume(std::vector<RestoredMap> restored);
-  void resume_map(RestoredMap restored);
+  struct ResumedMap {
+    MapHeader header;
+    bool plane_aligned = false;
+    std::vector<LabelRecord> labels;
+    std::shared_ptr<MapRunner> runner;
+    MapRevision first;
+  };
+  /// The part that takes time: by any thread.
+  [[nodiscard]] ResumedMap prepare(RestoredMap restored);
+  void take_up(ResumedMap map);
   void resume_clients(const std::vector<RestoredMap>& restored);
 
   // What they want (commands.cpp).
@@ -131,6 +152,8 @@ class Switchboard {
   void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
+  /// On a worker of the questions.
+  void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   // Labels (requests.cpp).
   void on_request(Client& client, const wire::ClientRequest& request);
@@ -145,9 +168,13 @@ class Switchboard {
   void move_labels(MapId map, MapEntry& entry);
 
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
-  void on_map_changed(MapId map, const MapSnapshotPtr& snapshot, const MapStatistics& statistics);
+  void on_map_changed(MapId map, MapRevision revision);
+  /// The map has been deleted, or was never made: nobody is told of it any more.
+  void forget_map(MapId map);
   /// Why no map may grow; empty when it may.
   [[nodiscard]] std::string why_memory_is_full() const;
+  /// Why there may be no more maps; empty when there may.
+  [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
   void tell_all(const wire::MapInfo& info);
   void report(const Status& written, const char* what);
@@ -155,7 +182,6 @@ class Switchboard {
   const ServiceOptions options_;
   Lanes lanes_;
   MapPersistence* store_;
-  std::vector<RestoredMap> restored_;  ///< until the thread has taken them up
   wire::Participant participant_;
   Readers readers_;
   Logger log_;
@@ -166,7 +192,8 @@ class Switchboard {
   std::map<ClientId, std::string> names_;
   Presence presence_;
   std::map<std::string, Operator> operators_;
-  std::map<MapId, bool> info_due_;  ///< maps whose MapInfo has changed since it was told
+  std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
+  std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;
   int ticks_ = 0;

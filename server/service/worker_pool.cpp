@@ -18,21 +18,24 @@ WorkerPool::WorkerPool(int threads, int nice_value, Logger log)
 }
 
 void WorkerPool::stop() {
-  std::deque<Task> dropped;  // what they hold goes outside the lock
+  std::deque<Task> dropped_urgent;  // what they hold goes outside the lock
+  std::deque<Task> dropped;
   {
     const std::scoped_lock lock(mutex_);
     if (std::exchange(stopping_, true)) return;
-    dropped.swap(tasks_);
+    dropped_urgent.swap(urgent_);
+    dropped.swap(normal_);
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
 }
 
-void WorkerPool::submit(Task task) {
+void WorkerPool::submit(Task task, Urgency urgency) {
   {
     const std::scoped_lock lock(mutex_);
     if (stopping_) return;
-    tasks_.push_back(std::move(task));
+    (urgency == Urgency::kUrgent ? urgent_ : normal_).push_back(std::move(task));
+    urgent_waiting_ = urgent_.size();
   }
   wake_.notify_one();
 }
@@ -50,10 +53,12 @@ void WorkerPool::run(int nice_value) {
   if (nice_value > 0) setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), nice_value);
   std::unique_lock lock(mutex_);
   while (true) {
-    wake_.wait(lock, [this] { return stopping_ || !tasks_.empty(); });
+    wake_.wait(lock, [this] { return stopping_ || !urgent_.empty() || !normal_.empty(); });
     if (stopping_) return;
-    Task task = std::move(tasks_.front());
-    tasks_.pop_front();
+    std::deque<Task>& tasks = urgent_.empty() ? normal_ : urgent_;
+    Task task = std::move(tasks.front());
+    tasks.pop_front();
+    urgent_waiting_ = urgent_.size();
     lock.unlock();
     const auto begin = steady_clock::now();
     try {

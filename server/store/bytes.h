@@ -31,7 +31,9 @@ class ByteWriter {
   void put(std::span<const uint8_t> raw) { bytes_.insert(bytes_.end(), raw.begin(), raw.end()); }
   void put_text(const std::string& text) {
     put(static_cast<uint32_t>(text.size()));
-    bytes_.insert(bytes_.end(), text.begin(), text.end());
+    const size_t at = bytes_.size();
+    bytes_.resize(at + text.size());
+    if (!text.empty()) std::memcpy(bytes_.data() + at, text.data(), text.size());
   }
   [[nodiscard]] std::vector<uint8_t> take() { return std::move(bytes_); }
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "common/map/limits.h"
-#include "server/store/bytes.h"
+#include "server/store/entry_codec.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
@@ -14,148 +14,9 @@ namespace {
 
 constexpr int kLongLog = 1000;  ///< [pages of 4 kB] from which tidy() writes it back
 constexpr int64_t kDecisionsKept = 10'000;
-constexpr size_t kMaxItems = kMaxBlocks * kBlockSlots;
 
 /// Rows of table map.
 enum MapRow : int64_t { kHeaderRow = 1, kFoundationRow = 2, kWorkRow = 3 };
-
-struct Header {
-  MapHeader header;
-  size_t keyframes = 0;
-  size_t points = 0;
-};
-
-Blob encode_header(const Header& header) {
-  ByteWriter out;
-  out.put(std::span(header.header.id.bytes));
-  out.put_text(header.header.name);
-  out.put(header.header.epoch.value);
-  out.put(static_cast<uint8_t>(header.header.metric));
-  out.put(header.header.created.nanoseconds);
-  out.put(static_cast<uint64_t>(header.keyframes));
-  out.put(static_cast<uint64_t>(header.points));
-  return out.take();
-}
-
-std::optional<Header> decode_header(std::span<const uint8_t> row) {
-  ByteReader in(row);
-  Header header;
-  in.get(std::span(header.header.id.bytes));
-  header.header.name = in.get_text();
-  header.header.epoch.value = in.get<uint64_t>();
-  header.header.metric = in.get<uint8_t>() != 0;
-  header.header.created.nanoseconds = in.get<int64_t>();
-  header.keyframes = in.get<uint64_t>();
-  header.points = in.get<uint64_t>();
-  const bool sound =
-      in.finished() && header.header.id && header.keyframes <= kMaxItems && header.points <= kMaxItems;
-  if (!sound) return std::nullopt;
-  return header;
-}
-
-Blob encode_epoch(const EpochRecord& epoch) {
-  ByteWriter out;
-  out.put(static_cast<uint64_t>(epoch.keyframes));
-  out.put(static_cast<uint64_t>(epoch.points));
-  return out.take();
-}
-
-std::optional<EpochRecord> decode_epoch(int64_t id, std::span<const uint8_t> row) {
-  ByteReader in(row);
-  EpochRecord epoch{Epoch{static_cast<uint64_t>(id)}, 0, 0};
-  epoch.keyframes = in.get<uint64_t>();
-  epoch.points = in.get<uint64_t>();
-  if (!in.finished()) return std::nullopt;
-  return epoch;
-}
-
-Blob encode_decision(const DecisionRecord& decision) {
-  ByteWriter out;
-  out.put_text(decision.client);
-  out.put(decision.session.value);
-  out.put(decision.seq);
-  out.put(static_cast<uint8_t>(decision.kind));
-  out.put(decision.decision);
-  out.put_text(decision.reason);
-  out.put(decision.keyframe.value);
-  out.put(decision.time.nanoseconds);
-  out.put(static_cast<uint32_t>(decision.seed_points.size()));
-  for (const auto& [trail, point] : decision.seed_points) {
-    out.put(trail.value);
-    out.put(point.value);
-  }
-  if (decision.kind == CommandKind::kRequest) out.put(decision.label);
-  return out.take();
-}
-
-std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row) {
-  ByteReader in(row);
-  DecisionRecord decision;
-  decision.client = in.get_text();
-  decision.session.value = in.get<uint64_t>();
-  decision.seq = in.get<uint64_t>();
-  const auto kind = in.get<uint8_t>();
-  decision.decision = in.get<uint8_t>();
-  decision.reason = in.get_text();
-  decision.keyframe.value = in.get<uint64_t>();
-  decision.time.nanoseconds = in.get<int64_t>();
-  decision.seed_points.resize(in.get_count(2 * sizeof(uint64_t)));
-  for (auto& [trail, point] : decision.seed_points) {
-    trail.value = in.get<uint64_t>();
-    point.value = in.get<uint64_t>();
-  }
-  if (kind == static_cast<uint8_t>(CommandKind::kRequest)) decision.label = in.get<uint64_t>();
-  const bool sound = in.finished() && is_valid_name(decision.client) &&
-                     kind <= static_cast<uint8_t>(CommandKind::kRequest) &&
-                     decision.seed_points.size() <= kMaxTrails;
-  if (!sound) return std::nullopt;
-  decision.kind = static_cast<CommandKind>(kind);
-  return decision;
-}
-
-void put_label_pose(const SE3& pose, ByteWriter* out) {
-  out->put(Eigen::Vector4d(pose.rotation().coeffs()));
-  out->put(pose.translation());
-}
-
-std::optional<SE3> get_label_pose(ByteReader* in) {
-  const auto rotation = in->get_vector<Eigen::Vector4d>();
-  const auto translation = in->get_vector<Eigen::Vector3d>();
-  if (!(rotation.norm() > 0.5) || !translation.allFinite()) return std::nullopt;
-  return SE3(Eigen::Quaterniond(rotation), translation);
-}
-
-Blob encode_label(const LabelRecord& label) {
-  ByteWriter out;
-  out.put(static_cast<uint8_t>(label.kind));
-  out.put_text(label.text);
-  put_label_pose(label.map_from_label, &out);
-  out.put_text(label.author);
-  out.put(label.time.nanoseconds);
-  out.put(label.anchor.value);
-  put_label_pose(label.anchor_from_label, &out);
-  return out.take();
-}
-
-std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row) {
-  ByteReader in(row);
-  LabelRecord label;
-  label.id = static_cast<uint64_t>(id);
-  const auto kind = in.get<uint8_t>();
-  label.text = in.get_text();
-  const auto map_from_label = get_label_pose(&in);
-  label.author = in.get_text();
-  label.time.nanoseconds = in.get<int64_t>();
-  label.anchor.value = in.get<uint64_t>();
-  const auto anchor_from_label = get_label_pose(&in);
-  const bool sound = in.finished() && id > 0 && map_from_label && anchor_from_label &&
-                     kind <= static_cast<uint8_t>(LabelKind::kModel) && label.text.size() <= kMaxLabelBytes;
-  if (!sound) return std::nullopt;
-  label.kind = static_cast<LabelKind>(kind);
-  label.map_from_label = *map_from_label;
-  label.anchor_from_label = *anchor_from_label;
-  return label;
-}
 
 bool is_item(int64_t id, size_t count) {
   return id >= 1 && static_cast<uint64_t>(id) <= count;
@@ -184,12 +45,16 @@ Result<MapFile> MapFile::create(const std::filesystem::path& path, const MapHead
   return file;
 }
 
-Result<MapFile> MapFile::open(const std::filesystem::path& path) {
+Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin origin) {
   auto database = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
   if (!database) return tl::unexpected(database.error());
   const auto version = schema_version(&*database, map_schema());
   if (!version) return tl::unexpected(version.error());
   if (*version == 0) return fail(ErrorCode::kNotFound, path.string() + ": empty: its map was never made");
+  if (origin == FileOrigin::kElsewhere) {
+    if (Status sound = check_schema(&*database, map_schema(), *version); !sound)
+      return tl::unexpected(sound.error());
+  }
   if (*version < map_schema_version()) {
     auto transaction = sqlite::Transaction::begin(&*database);
     if (!transaction) return tl::unexpected(transaction.error());
@@ -197,7 +62,7 @@ Result<MapFile> MapFile::open(const std::filesystem::path& path) {
     if (done) done = transaction->commit();
     if (!done) return tl::unexpected(done.error());
   }
-  std::optional<Header> header;
+  std::optional<CountedHeader> header;
   std::vector<std::string> damage;
   read_rows(
       &*database, "map",
@@ -359,6 +224,21 @@ void MapFile::tidy() {
 
 // ---- reading
 
+CameraRows MapFile::load_cameras(std::vector<std::string>* damage) {
+  CameraRows cameras;
+  read_rows(
+      &database_, "cameras",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        const auto parameters = decode_camera(data);
+        const auto camera =
+            parameters ? make_camera(*parameters) : Result<CameraPtr>(fail(ErrorCode::kDamaged, "no camera"));
+        if (camera) cameras[id] = *camera;
+        return camera.has_value();
+      },
+      damage);
+  return cameras;
+}
+
 StoredMap MapFile::load() {
   StoredMap map;
   map.header = header_;
@@ -375,17 +255,7 @@ StoredMap MapFile::load() {
         },
         &map.damage);
   };
-  CameraRows cameras;
-  read_rows(
-      &database_, "cameras",
-      [&](int64_t id, std::span<const uint8_t> data) {
-        const auto parameters = decode_camera(data);
-        const auto camera =
-            parameters ? make_camera(*parameters) : Result<CameraPtr>(fail(ErrorCode::kDamaged, "no camera"));
-        if (camera) cameras[id] = *camera;
-        return camera.has_value();
-      },
-      &map.damage);
+  const CameraRows cameras = load_cameras(&map.damage);
   read_rows(
       &database_, "map",
       [&](int64_t id, std::span<const uint8_t> data) {

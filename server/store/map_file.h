@@ -84,6 +84,9 @@ struct StoredMap {
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
 };
 
+/// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
+enum class FileOrigin : uint8_t { kOwn, kElsewhere };
+
 /// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
 /// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
 class MapFile {
@@ -93,7 +96,8 @@ class MapFile {
                                               const MapUpdate& content);
   /// Opens a file and brings it to the present schema. Errors: kNotFound (no file, or one whose creation was
   /// cut short), kDamaged, kConfiguration (written by a newer version), kIo.
-  [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path);
+  [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path,
+                                            FileOrigin origin = FileOrigin::kOwn);
 
   [[nodiscard]] const MapHeader& header() const { return header_; }
 
@@ -118,6 +122,8 @@ class MapFile {
   [[nodiscard]] Status put_header();
   [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
   [[nodiscard]] Status learn_cameras();
+  /// By their row in the file.
+  [[nodiscard]] std::map<int64_t, CameraPtr> load_cameras(std::vector<std::string>* damage);
   [[nodiscard]] Result<sqlite::Statement*> statement(std::string_view sql);
 
   sqlite::Database database_;

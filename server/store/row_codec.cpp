@@ -19,21 +19,6 @@ bool is_length(double value) {
   return std::abs(value) <= kMaxLength;  // false for NaN
 }
 
-void put_pose(const SE3& pose, ByteWriter* out) {
-  out->put(Eigen::Vector4d(pose.rotation().coeffs()));
-  out->put(pose.translation());
-}
-
-/// Reads a pose; nothing when it is none.
-std::optional<SE3> get_pose(ByteReader* in) {
-  const auto q = in->get_vector<Eigen::Vector4d>();
-  const auto t = in->get_vector<Eigen::Vector3d>();
-  const bool sound =
-      std::abs(q.norm() - 1) < kUnitTolerance && is_length(t.x()) && is_length(t.y()) && is_length(t.z());
-  if (!sound) return std::nullopt;
-  return SE3(Eigen::Quaterniond(q), t);
-}
-
 template <typename Id>
 void put_ids(const std::vector<Id>& ids, ByteWriter* out) {
   out->put(static_cast<uint32_t>(ids.size()));
@@ -48,6 +33,20 @@ std::vector<Id> get_ids(ByteReader* in) {
 }
 
 }  // namespace
+
+void put_pose(const SE3& pose, ByteWriter* out) {
+  out->put(Eigen::Vector4d(pose.rotation().coeffs()));
+  out->put(pose.translation());
+}
+
+std::optional<SE3> get_pose(ByteReader* in) {
+  const auto q = in->get_vector<Eigen::Vector4d>();
+  const auto t = in->get_vector<Eigen::Vector3d>();
+  const bool sound =
+      std::abs(q.norm() - 1) < kUnitTolerance && is_length(t.x()) && is_length(t.y()) && is_length(t.z());
+  if (!sound) return std::nullopt;
+  return SE3(Eigen::Quaterniond(q), t);
+}
 
 // ---- camera
 
@@ -213,8 +212,10 @@ std::optional<PositionsRecord> decode_positions(uint32_t block, std::span<const 
     p.attempts = in.get<int32_t>();
     p.found = in.get<int32_t>();
     p.live = in.get<uint8_t>() != 0;
-    sound = sound && is_length(p.position.x()) && is_length(p.position.y()) && is_length(p.position.z()) &&
-            p.attempts >= 0 && p.found >= 0;
+    const bool somewhere =
+        is_length(p.position.x()) && is_length(p.position.y()) && is_length(p.position.z());
+    if (!somewhere && !p.live) p.position.setZero();  // a removed point may have been nowhere
+    sound = sound && (somewhere || !p.live) && p.attempts >= 0 && p.found >= 0;
   }
   if (!in.finished() || !sound) return std::nullopt;
   return record;

@@ -9,6 +9,7 @@
 
 #include "common/geometry/camera.h"
 #include "server/mapping/map_record.h"
+#include "server/store/bytes.h"
 
 /// The blobs of a map file's rows (README.md has the table). encode_*() of equal values gives equal bytes,
 /// and decode_*() gives back the value bit by bit; it believes nothing: numbers out of range, lists out of
@@ -16,6 +17,10 @@
 namespace cairn {
 
 using Blob = std::vector<uint8_t>;
+
+void put_pose(const SE3& pose, ByteWriter* out);
+/// Reads a pose; nothing when it is none: numbers out of range, no rotation.
+[[nodiscard]] std::optional<SE3> get_pose(ByteReader* in);
 
 [[nodiscard]] Blob encode_camera(const CameraParameters& camera);
 [[nodiscard]] std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row);

@@ -164,6 +164,16 @@ TEST_F(RowCodecTest, NumbersThatNoMapHasAreRefused) {
   EXPECT_FALSE(decode_positions(3, encode_positions(nan)));
 }
 
+TEST_F(RowCodecTest, ARemovedPointThatWasNowhereCostsNoOther) {
+  PositionsRecord record = positions();
+  record.points[5].live = false;
+  record.points[5].position = {std::nan(""), 1e9, 0};
+  const auto read = decode_positions(3, encode_positions(record));
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(read->points[5].position.isZero());
+  EXPECT_EQ(read->points[4].position, record.points[4].position);
+}
+
 TEST_F(RowCodecTest, ImagesAreKeptPixelByPixel) {
   GrayImage image(101, 57);  // rows are padded
   for (int y = 0; y < image.height(); ++y) {

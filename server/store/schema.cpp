@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/schema.h"
 
+#include <algorithm>
 #include <array>
 #include <string>
 
@@ -56,6 +57,33 @@ Result<int> schema_version(sqlite::Database* database, const Schema& schema) {
                     ", known up to " + std::to_string(schema.steps.size()) + "); install that version");
   }
   return static_cast<int>(*version);
+}
+
+Status check_schema(sqlite::Database* database, const Schema& schema, int version) {
+  std::string expected;
+  for (const char* step : schema.steps.first(static_cast<size_t>(version))) expected += step;
+  auto query = database->prepare("SELECT sql FROM sqlite_schema");
+  if (!query) return tl::unexpected(query.error());
+  size_t found = 0;
+  while (true) {
+    const auto row = query->step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) break;
+    const std::string sql = query->text(0) + ";";  // SQLite keeps the words of CREATE
+    if (!expected.starts_with(sql) && expected.find(";" + sql) == std::string::npos)
+      return fail(ErrorCode::kDamaged,
+                  database->path() + ": holds what no map file has: " + sql.substr(0, 60));
+    ++found;
+  }
+  if (found != static_cast<size_t>(std::count(expected.begin(), expected.end(), ';')))
+    return fail(ErrorCode::kDamaged, database->path() + ": a table is missing");
+  auto check = database->prepare("PRAGMA quick_check(1)");
+  if (!check) return tl::unexpected(check.error());
+  const auto row = check->step();
+  if (!row) return tl::unexpected(row.error());
+  if (!*row || check->text(0) != "ok")
+    return fail(ErrorCode::kDamaged, database->path() + ": " + check->text(0));
+  return {};
 }
 
 Status migrate(sqlite::Database* database, const Schema& schema, int version, int target) {

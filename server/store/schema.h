@@ -21,6 +21,10 @@ struct Schema {
 
 /// Version of an open file; 0: nothing has been written to it. Error kDamaged: a database of another program.
 [[nodiscard]] Result<int> schema_version(sqlite::Database* database, const Schema& schema);
+/// Whether an open file is sound and has the tables of its version and nothing else: a view or trigger of
+/// somebody's making would run in our queries. For files from elsewhere. Takes as long as reading the file.
+/// Error kDamaged.
+[[nodiscard]] Status check_schema(sqlite::Database* database, const Schema& schema, int version);
 /// Brings an open file, within a transaction of the caller's, from `version` to `target`.
 Status migrate(sqlite::Database* database, const Schema& schema, int version, int target);
 

@@ -105,8 +105,7 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   if (mode != OpenMode::kCreate && !std::filesystem::exists(path)) {
     return fail(ErrorCode::kNotFound, *name + ": no such file");
   }
-  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
-  flags |= mode == OpenMode::kReadOnly ? SQLITE_OPEN_READONLY : SQLITE_OPEN_READWRITE;
+  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE | SQLITE_OPEN_READWRITE;
   if (mode == OpenMode::kCreate) flags |= SQLITE_OPEN_CREATE;
   sqlite3* raw = nullptr;
   const int code = sqlite3_open_v2(name->c_str(), &raw, flags, nullptr);
@@ -115,19 +114,17 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   sqlite3_busy_timeout(raw, kBusyMilliseconds);
   sqlite3_db_config(raw, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   Database database(std::move(handle), std::move(name));
-  Status prepared = database.execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;");
-  if (prepared && mode != OpenMode::kReadOnly) {
-    // The log is written back by checkpoint(), after the answers have gone out.
-    prepared =
-        database.execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
-    sqlite3_wal_hook(
-        raw,
-        [](void* pages, sqlite3*, const char*, int count) {
-          *static_cast<int*>(pages) = count;
-          return SQLITE_OK;
-        },
-        database.log_pages_.get());
-  }
+  // The log is written back by checkpoint(), after the answers have gone out.
+  Status prepared = database.execute(
+      "PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;"
+      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
+  sqlite3_wal_hook(
+      raw,
+      [](void* pages, sqlite3*, const char*, int count) {
+        *static_cast<int*>(pages) = count;
+        return SQLITE_OK;
+      },
+      database.log_pages_.get());
   if (!prepared) return tl::unexpected(prepared.error());
   return database;
 }

@@ -44,7 +44,7 @@ class Statement {
   const std::string* path_;
 };
 
-enum class OpenMode : uint8_t { kCreate, kReadWrite, kReadOnly };
+enum class OpenMode : uint8_t { kCreate, kReadWrite };
 
 class Database {
  public:

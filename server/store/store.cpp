@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -27,6 +28,8 @@ constexpr const char* kSuffix = ".cairnmap";
 constexpr const char* kFreshSuffix = ".new";
 constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
 constexpr int64_t kServerRow = 1;
+constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
+constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
 /// SQLite's own companions of a database file.
 constexpr const char* kCompanions[] = {"", "-wal", "-shm"};
@@ -74,7 +77,8 @@ std::string utc_stamp() {
 /// `stem` with a number if there is one already.
 fs::path free_path(const fs::path& folder, const std::string& stem, const std::string& suffix) {
   fs::path path = folder / (stem + suffix);
-  for (int i = 2; fs::exists(path); ++i)
+  std::error_code ignored;
+  for (int i = 2; fs::exists(path, ignored); ++i)
     path = folder / std::string(stem).append("-").append(std::to_string(i)).append(suffix);
   return path;
 }
@@ -95,20 +99,35 @@ std::vector<MapId> maps_in(const fs::path& folder) {
   return maps;
 }
 
-/// A server that ended within Store::replace().
-void finish_replacements(const fs::path& folder) {
-  std::vector<fs::path> fresh;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().extension() == kFreshSuffix) fresh.push_back(entry.path());
-  }
-  for (const fs::path& path : fresh) {
+/// What is in a folder. Error: it cannot be read.
+Result<std::vector<fs::path>> entries_of(const fs::path& folder) {
+  std::error_code problem;
+  std::vector<fs::path> entries;
+  for (fs::directory_iterator it(folder, problem), end; !problem && it != end; it.increment(problem))
+    entries.push_back(it->path());
+  if (problem) return io_failure(folder, "cannot be read: " + problem.message());
+  return entries;
+}
+
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored);
+}
+
+/// A server that ended within Store::replace() or import_map().
+Status finish_replacements(const fs::path& folder) {
+  const auto entries = entries_of(folder);
+  if (!entries) return tl::unexpected(entries.error());
+  for (const fs::path& path : *entries) {
+    if (path.extension() != kFreshSuffix) continue;
     const fs::path place = fs::path(path).replace_extension(kSuffix);
-    if (fs::exists(place)) {
+    if (is_there(place)) {
       remove_database(path);  // the damaged one has not been set aside yet: it will be found again
     } else {
       (void)move_database(path, place);
     }
   }
+  return {};
 }
 
 uint64_t wall_clock_ms() {
@@ -147,13 +166,18 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   if (descriptor < 0) return io_failure(lock_path, std::strerror(errno));
   auto lock = std::make_unique<Lock>(descriptor);
   if (::flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
+    if (errno != EWOULDBLOCK)
+      return io_failure(lock_path, std::string("cannot be locked: ") + std::strerror(errno) +
+                                       "; --store needs a file system with locks");
     return fail(ErrorCode::kRefused,
                 folder.string() + ": in use by another server; give each its own --store");
   }
   std::unique_ptr<Store> store(new Store(folder, std::move(lock), std::move(log)));
-  finish_replacements(folder / "maps");
-  for (const auto& left_over : fs::directory_iterator(folder / "transfer"))
-    fs::remove_all(left_over, problem);
+  if (Status finished = finish_replacements(folder / "maps"); !finished)
+    return tl::unexpected(finished.error());
+  const auto left_over = entries_of(folder / "transfer");
+  if (!left_over) return tl::unexpected(left_over.error());
+  for (const fs::path& path : *left_over) fs::remove_all(path, problem);
   if (Status opened = store->open_catalogue(); !opened) return tl::unexpected(opened.error());
   return store;
 }
@@ -224,13 +248,24 @@ std::vector<MapId> Store::maps() const {
   return maps_in(folder_ / "maps");
 }
 
-std::vector<MapHeader> Store::deleted_maps() const {
-  std::vector<MapHeader> headers;
-  for (const MapId map : maps_in(folder_ / "deleted")) {
-    const auto file = MapFile::open(deleted_path_of(map));
-    if (file) headers.push_back(file->header());
+std::vector<MapId> Store::deleted_ids() const {
+  return maps_in(folder_ / "deleted");
+}
+
+std::vector<DeletedMap> Store::deleted_maps() const {
+  std::vector<DeletedMap> maps;
+  for (const MapId map : deleted_ids()) {
+    const fs::path path = deleted_path_of(map);
+    struct stat file {};
+    if (::stat(path.c_str(), &file) != 0) continue;
+    const auto opened = MapFile::open(path);
+    if (!opened) continue;
+    const Timestamp deleted{file.st_mtim.tv_sec * kNanosecondsPerSecond + file.st_mtim.tv_nsec};
+    maps.push_back({opened->header(), deleted, static_cast<uint64_t>(file.st_size)});
   }
-  return headers;
+  std::stable_sort(maps.begin(), maps.end(),
+                   [](const DeletedMap& a, const DeletedMap& b) { return a.deleted > b.deleted; });
+  return maps;
 }
 
 Result<StoredMap> Store::load(MapId map) const {
@@ -271,8 +306,9 @@ void Store::close(MapId map) {
 }
 
 Status Store::create(const MapHeader& header, const MapUpdate& whole) {
-  if (fs::exists(path_of(header.id)) || fs::exists(deleted_path_of(header.id))) {
-    return fail(ErrorCode::kRefused, "map " + to_hex(header.id.bytes) + " is in the store already");
+  if (is_there(path_of(header.id)) || is_there(deleted_path_of(header.id))) {
+    return fail(ErrorCode::kRefused,
+                "map " + to_hex(header.id.bytes) + " is in the store already, or among the deleted ones");
   }
   auto file = MapFile::create(path_of(header.id), header, whole);
   if (!file) {
@@ -295,19 +331,45 @@ Status Store::rename(MapId map, const std::string& name) {
 
 Status Store::remove(MapId map) {
   close(map);
-  if (!fs::exists(path_of(map))) {
-    if (fs::exists(deleted_path_of(map))) return {};
+  if (!is_there(path_of(map))) {
+    if (is_there(deleted_path_of(map))) return {};
     return fail(ErrorCode::kNotFound, "no map " + to_hex(map.bytes));
   }
-  return move_database(path_of(map), deleted_path_of(map));
+  Status moved = move_database(path_of(map), deleted_path_of(map));
+  std::error_code ignored;  // when it was deleted; without, it counts from its last change
+  if (moved) fs::last_write_time(deleted_path_of(map), fs::file_time_type::clock::now(), ignored);
+  return moved;
 }
 
 Status Store::undelete(MapId map) {
-  if (fs::exists(path_of(map))) return {};
-  if (!fs::exists(deleted_path_of(map))) {
+  if (is_there(path_of(map))) return {};
+  if (!is_there(deleted_path_of(map))) {
     return fail(ErrorCode::kNotFound, "no deleted map " + to_hex(map.bytes));
   }
   return move_database(deleted_path_of(map), path_of(map));
+}
+
+Status Store::purge(MapId map) {
+  remove_database(deleted_path_of(map));
+  if (is_there(deleted_path_of(map))) return io_failure(deleted_path_of(map), "cannot be removed");
+  sync_folder(folder_ / "deleted");
+  return {};
+}
+
+Status Store::probe() const {
+  const fs::path path = folder_ / "probe";
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0640);
+  if (descriptor < 0) return io_failure(path, std::strerror(errno));
+  const std::vector<uint8_t> bytes(kProbeBytes, 1);
+  const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
+  const bool whole = written == static_cast<ssize_t>(bytes.size()) && ::fsync(descriptor) == 0;
+  const int problem = errno;
+  ::close(descriptor);
+  std::error_code ignored;
+  fs::remove(path, ignored);
+  if (whole) return {};
+  return io_failure(
+      folder_, std::string("takes nothing more: ") + (written >= 0 ? "no room" : std::strerror(problem)));
 }
 
 Result<fs::path> Store::set_aside(MapId map, const std::vector<std::string>& reasons) {
@@ -334,12 +396,12 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
 
 // ---- archives
 
-Status Store::export_map(MapId map, const fs::path& path) {
-  const auto file = file_of(map);
-  return file ? (*file)->copy_to(path) : tl::unexpected(file.error());
+Status Store::export_map(MapId map, const fs::path& path) const {
+  auto file = MapFile::open(path_of(map));
+  return file ? file->copy_to(path) : tl::unexpected(file.error());
 }
 
-Result<MapId> Store::import_map(const fs::path& archive) {
+Result<MapId> Store::import_map(const fs::path& archive) const {
   const fs::path copy = folder_ / "incoming";
   remove_database(copy);
   std::error_code problem;
@@ -350,16 +412,18 @@ Result<MapId> Store::import_map(const fs::path& archive) {
   if (!read) return tl::unexpected(read.error());
   if (!read->damage.empty()) return fail(ErrorCode::kDamaged, archive.string() + ": " + read->damage.front());
   const MapId map = read->header.id;
-  if (fs::exists(path_of(map)) || fs::exists(deleted_path_of(map))) {
+  const fs::path fresh = folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
+  remove_database(fresh);
+  if (is_there(path_of(map)) || is_there(deleted_path_of(map))) {
     return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
                                          ") is in the store already, or among the deleted ones");
   }
-  MapUpdate whole{read->record, read->decisions, read->labels, {}};
-  auto file = MapFile::create(path_of(map), read->header, whole);
-  if (!file) {
-    remove_database(path_of(map));
-    return tl::unexpected(file.error());
+  const MapUpdate whole{read->record, read->decisions, read->labels, {}};
+  if (const auto made = MapFile::create(fresh, read->header, whole); !made) {
+    remove_database(fresh);
+    return tl::unexpected(made.error());
   }
+  if (Status moved = move_database(fresh, path_of(map)); !moved) return tl::unexpected(moved.error());
   return map;
 }
 
@@ -368,7 +432,7 @@ void Store::tidy() {
 }
 
 Result<StoredMap> read_archive(const fs::path& path) {
-  auto file = MapFile::open(path);
+  auto file = MapFile::open(path, FileOrigin::kElsewhere);
   if (!file) return tl::unexpected(file.error());
   return file->load();
 }

@@ -13,6 +13,13 @@
 
 namespace cairn {
 
+/// A map that was deleted and can be had back.
+struct DeletedMap {
+  MapHeader header;
+  Timestamp deleted;
+  uint64_t bytes = 0;  ///< of its file
+};
+
 /// A folder with all that a server keeps (README.md): a file for each map, and a catalogue of what belongs to
 /// the server itself. A plain class, one thread at a time, but for what is marked.
 class Store {
@@ -31,10 +38,13 @@ class Store {
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
-  /// Those that are in use, ascending, and those that were deleted. What is there without ever having been
-  /// made whole (the server ended in between) is removed.
+  /// Those that are in use, ascending. What is there without ever having been made whole (the server ended in
+  /// between) is removed.
   [[nodiscard]] std::vector<MapId> maps() const;
-  [[nodiscard]] std::vector<MapHeader> deleted_maps() const;
+  /// Ids of those that were deleted, ascending; they are not given again.
+  [[nodiscard]] std::vector<MapId> deleted_ids() const;
+  /// The same with what they were, the latest deleted first. Opens each file.
+  [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
   /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
   /// time, by any thread, before anything is written. Errors: as MapFile::open().
@@ -48,6 +58,11 @@ class Store {
   /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place.
   Status remove(MapId map);
   Status undelete(MapId map);
+  /// Removes a deleted map for good. Idempotent.
+  Status purge(MapId map);
+
+  /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
+  Status probe() const;
 
   /// Takes a map that cannot be used, or a copy of it, out of the way, with the reasons beside it; the error
   /// or the path under which it is kept.
@@ -56,11 +71,12 @@ class Store {
   [[nodiscard]] Result<std::filesystem::path> replace(const MapHeader& header, const MapUpdate& saved,
                                                       const std::vector<std::string>& reasons);
 
-  /// A consistent copy in one file. `path` must not exist.
-  Status export_map(MapId map, const std::filesystem::path& path);
+  /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
+  /// not while it is removed. `path` must not exist.
+  Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use, kDamaged when anything in it is damaged.
-  [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive);
+  /// that is in use, kDamaged when anything in it is damaged. Beside the thread that writes maps.
+  [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.
   void tidy();

@@ -88,13 +88,66 @@ TEST_F(StoreTest, DeletedMapsCanBeHadBack) {
   for (int times = 0; times < 2; ++times) EXPECT_TRUE(store->remove(header_.id)) << "idempotent";
   EXPECT_THAT(store->maps(), IsEmpty());
   ASSERT_EQ(store->deleted_maps().size(), 1U);
-  EXPECT_EQ(store->deleted_maps()[0].name, "desk");
+  EXPECT_EQ(store->deleted_maps()[0].header.name, "desk");
+  EXPECT_THAT(store->deleted_ids(), ElementsAre(header_.id));
   EXPECT_EQ(store->create(header_, {}).error().code, ErrorCode::kRefused) << "its id is not given again";
   for (int times = 0; times < 2; ++times) EXPECT_TRUE(store->undelete(header_.id));
   EXPECT_THAT(store->maps(), ElementsAre(header_.id));
   EXPECT_TRUE(store->load(header_.id));
   EXPECT_EQ(store->remove(MapId{{9}}).error().code, ErrorCode::kNotFound);
   EXPECT_EQ(store->undelete(MapId{{9}}).error().code, ErrorCode::kNotFound);
+  ASSERT_TRUE(store->remove(header_.id));
+  for (int times = 0; times < 2; ++times) EXPECT_TRUE(store->purge(header_.id));
+  EXPECT_THAT(store->deleted_ids(), IsEmpty());
+}
+
+TEST_F(StoreTest, TheMapDeletedLastIsNamedFirst) {
+  const auto store = open();
+  start();
+  const MapUpdate whole = take_update();
+  for (const uint8_t id : {1, 2, 3}) {
+    header_.id = MapId{{id}};
+    ASSERT_TRUE(store->create(header_, whole));
+  }
+  for (const uint8_t id : {2, 3, 1}) ASSERT_TRUE(store->remove(MapId{{id}}));
+  const auto deleted = store->deleted_maps();
+  ASSERT_EQ(deleted.size(), 3U);
+  EXPECT_EQ(deleted[0].header.id, MapId{{1}});
+  EXPECT_EQ(deleted[2].header.id, MapId{{2}});
+  EXPECT_GT(deleted[0].bytes, 0U);
+}
+
+TEST_F(StoreTest, AnArchiveWithAViewInPlaceOfATableIsRefused) {
+  const auto store = open();
+  keep(store.get());
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  ASSERT_TRUE(store->export_map(header_.id, archive));
+  ASSERT_TRUE(store->remove(header_.id));
+  ASSERT_TRUE(store->purge(header_.id));
+  const char* tamperings[] = {
+      "ALTER TABLE keyframes RENAME TO k; CREATE VIEW keyframes AS WITH RECURSIVE r(id) AS (SELECT 1 UNION "
+      "ALL "
+      "SELECT id + 1 FROM r) SELECT id, x'00' AS data, 0 AS checksum FROM r",
+      "CREATE TRIGGER t AFTER INSERT ON epochs BEGIN DELETE FROM keyframes; END",
+      "DROP TABLE labels",
+  };
+  for (const char* tampering : tamperings) {
+    SCOPED_TRACE(tampering);
+    const std::filesystem::path bad = folder_ / "bad.cairnmap";
+    std::filesystem::copy_file(archive, bad, std::filesystem::copy_options::overwrite_existing);
+    {
+      auto database = sqlite::Database::open(bad, sqlite::OpenMode::kReadWrite);
+      ASSERT_TRUE(database);
+      const Status done = database->execute(tampering);
+      ASSERT_TRUE(done) << done.error().message;
+    }
+    const auto imported = store->import_map(bad);
+    ASSERT_FALSE(imported);
+    EXPECT_EQ(imported.error().code, ErrorCode::kDamaged);
+    EXPECT_THAT(imported.error().message,
+                ::testing::AnyOf(HasSubstr("no map file has"), HasSubstr("missing")));
+  }
+  EXPECT_TRUE(store->import_map(archive));
 }
 
 TEST_F(StoreTest, ADamagedMapIsKeptAsideAndWhatIsLeftOfItGoesOn) {

@@ -167,7 +167,7 @@ class EngineRun {
       const MapStatistics m = maker_->statistics();
       std::printf("map: %zu keyframes %zu points %zu measurements, %.2f MB, reprojection %.3f px\n",
                   m.keyframes, m.points, m.measurements, static_cast<double>(m.bytes) / 1e6,
-                  m.mean_reprojection);
+                  maker_->reprojection_rms());
     }
   }
 

@@ -29,12 +29,14 @@ Answer value_of(std::future<Answer> answer) {
 class MapRunnerTest : public ::testing::Test {
  protected:
   MapRunnerTest()
-      : runner_(std::make_shared<MapRunner>(
-            MapRunner::Lanes{urgent_, background_}, MapMakerOptions{}, nullptr,
-            [this](const MapSnapshotPtr&, const MapStatistics&, const std::vector<KeyframeView>&) {
-              if (++published_ == fails_at_) throw std::bad_alloc();
-            },
-            null_logger())) {}
+      : runner_(std::make_shared<MapRunner>(MapRunner::Lanes{urgent_, background_}, MapMakerOptions{},
+                                            nullptr,
+                                            MapRunner::Listener{[this](const MapRevision&) {
+                                                                  if (++published_ == fails_at_)
+                                                                    throw std::bad_alloc();
+                                                                },
+                                                                [this](const std::string&) { ++frozen_; }},
+                                            null_logger())) {}
   ~MapRunnerTest() override {
     runner_->stop();
     urgent_.stop();
@@ -60,7 +62,9 @@ class MapRunnerTest : public ::testing::Test {
     return value_of(std::move(answer));
   }
 
-  OfferJudgement offer(const MapSnapshot& map, int step) {
+  OfferJudgement offer(const MapSnapshot& map, int step) { return value_of(send_offer(map, step, true)); }
+
+  std::future<OfferJudgement> send_offer(const MapSnapshot& map, int step, bool lockstep) {
     const testing::Frame frame = testing::make_offer(scene_, map, step);
     OfferJob job;
     job.input.camera = scene_.camera();
@@ -69,17 +73,18 @@ class MapRunnerTest : public ::testing::Test {
     job.input.measurements = frame.proposal.measurements;
     job.epoch = map.epoch;
     job.image = encode_image(*frame.image, wire::ImageEncoding::kRaw);
-    job.lockstep = true;
+    job.lockstep = lockstep;
     auto answered = std::make_shared<std::promise<OfferJudgement>>();
     auto answer = answered->get_future();
     runner_->offer(std::move(job),
                    [answered](OfferJudgement judgement) { answered->set_value(std::move(judgement)); });
-    return value_of(std::move(answer));
+    return answer;
   }
 
   testing::Scene scene_{11};
   std::atomic<int> published_{0};
   std::atomic<int> fails_at_{0};
+  std::atomic<int> frozen_{0};
   WorkerPool urgent_{1, 0, null_logger()};
   WorkerPool background_{1, 0, null_logger()};
   std::shared_ptr<MapRunner> runner_;
@@ -105,6 +110,29 @@ TEST_F(MapRunnerTest, AnOfferWhoseWorkFailsIsAnsweredAndTheMapStaysAsPublished) 
     EXPECT_EQ(judgement.revision, snapshot->revision);
   }
   EXPECT_EQ(published_.load(), fails_at_.load()) << "frozen: nothing came after";
+  EXPECT_EQ(frozen_.load(), 1) << "and said so";
+}
+
+TEST_F(MapRunnerTest, WhatWaitsWhenTheMapIsDeletedIsAnsweredWithThat) {
+  const auto [result, snapshot] = start();
+  ASSERT_TRUE(result) << result.error().message;
+  std::promise<void> release;
+  urgent_.submit([&] { release.get_future().wait(); });  // its only worker
+  std::vector<std::future<OfferJudgement>> offers;
+  for (const int step : {4, 6}) offers.push_back(send_offer(*snapshot, step, step == 6));
+  auto renamed = std::make_shared<std::promise<Status>>();
+  runner_->rename("bench", [renamed](Status kept) { renamed->set_value(std::move(kept)); });
+  auto flushed = std::make_shared<std::promise<bool>>();
+  runner_->flush([flushed] { flushed->set_value(true); });
+  runner_->retire();
+  release.set_value();
+  for (auto& offer : offers) {
+    const OfferJudgement judgement = value_of(std::move(offer));
+    EXPECT_EQ(judgement.decision, wire::OfferDecision::kUnknownMap);
+    EXPECT_THAT(judgement.reason, HasSubstr("deleted"));
+  }
+  EXPECT_FALSE(value_of(renamed->get_future()));
+  EXPECT_TRUE(value_of(flushed->get_future()));
 }
 
 }  // namespace

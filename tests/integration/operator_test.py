@@ -71,6 +71,50 @@ class Operator(OnTheDesk):
         self.assertGreater(back["epoch"], shown["epoch"])
         self.assertEqual(self.ctl("map", shown["id"], "rename", "map-1")["name"], "map-1")
 
+    def test_a_name_that_several_maps_had_is_not_guessed_at(self):
+        with ServerProcess("--store", self.folder / "several") as server:
+            ids = []
+            for name in ("first", "second"):
+                done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain,
+                                              "--name", name, "--headless", "--pace", "realtime"),
+                                      stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                ids.append(self.ctl("map", "map-1", "show", server=server)["id"])
+                if name == "first":
+                    self.ctl("map", "map-1", "delete", server=server)
+            said = self.ctl("map", "map-1", "undelete", expect=REFUSED, server=server)  # one is in use, one deleted
+            for name in ids:
+                self.assertIn(name, said)
+            self.assertEqual(self.ctl("map", ids[0], "undelete", server=server)["name"], "map-1-2")
+            for name in ids:
+                self.ctl("map", name, "delete", server=server)
+            deleted = self.ctl("maps", server=server)["deleted"]
+            self.assertEqual([m["id"] for m in deleted], [ids[1], ids[0]], "the latest first")
+            self.assertTrue(all(m["bytes"] > 0 for m in deleted))
+            self.ctl("maps", "purge", ids[1], server=server)
+            self.assertEqual([m["id"] for m in self.ctl("maps", server=server)["deleted"]], [ids[0]])
+            self.assertEqual(list((self.folder / "several/transfer").iterdir()), [])
+
+    def test_what_cannot_be_had_back_is_not_deleted_by_a_slip(self):
+        with ServerProcess() as server:
+            done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain,
+                                          "--name", "builder", "--headless", "--pace", "lockstep"),
+                                  stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("--for-good", self.ctl("map", "map-1", "delete", expect=REFUSED, server=server))
+            self.assertEqual(self.names(server), ["map-1"])
+            self.ctl("map", "map-1", "delete", "--for-good", server=server)
+            self.assertEqual(self.names(server), [])
+
+    def test_limits_hold_for_maps_from_elsewhere_too(self):
+        out = self.folder / "limits"
+        self.ctl("maps", "export", "map-1", "--out", out)
+        self.assertEqual(list((self.folder / "store/transfer").iterdir()), [], "nothing is left of an export")
+        with ServerProcess("--store", self.folder / "small", "--max-memory", 1) as small:
+            self.assertIn("--max-memory", self.ctl("maps", "import", out / "map-1.cairnmap", expect=REFUSED, server=small))
+        (out / "map-1.cairnmap.part").mkdir()  # cannot be written
+        self.assertIn("map-1.cairnmap", self.ctl("maps", "export", "map-1", "--out", out, expect=1))
+
     def test_an_archive_goes_to_another_server_and_grows_there(self):
         out = self.folder / "archives"
         self.ctl("maps", "export", "map-1", "--out", out)

@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <exception>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "server/service/admin_reply.h"
+#include "server/service/switchboard.h"
+
+/// What operators do to maps. The store's part is done beside its writer, so that no verdict waits for it.
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+using std::chrono::steady_clock;
+
+constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
+constexpr const char* kMadeElsewhere = "this map is made elsewhere";
+
+/// Those that an operator may mean by a name or an id, the latest deleted first.
+std::vector<DeletedMap> deleted_maps_called(const Store& store, const std::string& name_or_id) {
+  std::vector<DeletedMap> maps = store.deleted_maps();
+  std::erase_if(maps, [&](const DeletedMap& m) {
+    return m.header.name != name_or_id && to_hex(m.header.id.bytes) != name_or_id;
+  });
+  return maps;
+}
+
+/// Which of them? Ids, and when they were deleted.
+Error ambiguous(const std::string& wanted, const std::vector<DeletedMap>& maps, const std::string& live) {
+  std::string message = "which '" + wanted + "'? Say it by its id:";
+  for (const DeletedMap& map : maps) {
+    const std::time_t seconds = map.deleted.nanoseconds / 1'000'000'000;
+    std::tm parts{};
+    gmtime_r(&seconds, &parts);
+    char text[32];
+    std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%S", &parts);
+    message += "\n  " + to_hex(map.header.id.bytes) + " deleted " + text + " UTC";
+  }
+  return {ErrorCode::kRefused, message + live};
+}
+
+}  // namespace
+
+void Switchboard::with_store(const AdminAnswer& answer, std::function<Task(Store& store)> work) {
+  if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  store_->run_beside([this, answer, work = std::move(work)](Store& store) {
+    Task next;
+    try {
+      next = work(store);
+    } catch (const std::exception& problem) {
+      log_->error("internal error in an operator's request: {}", problem.what());
+      next = [answer] {
+        answer(refusal(ErrorCode::kInternal, "internal error; the server's log says more"));
+      };
+    }
+    if (next) post(std::move(next));
+  });
+}
+
+void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer) {
+  if (!is_valid_name(name))
+    return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
+  if (entry->name == name) return answer(success(describe(id, *entry)));
+  if (find_map(name).second != nullptr)
+    return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
+  if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
+  const std::string before = std::exchange(entry->name, name);
+  entry->runner->rename(name, [this, id, before, answer](const Status& kept) {
+    post([this, id, before, answer, kept] {
+      MapEntry* renamed = maps_.find(id);
+      if (renamed == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
+      if (!kept) {
+        renamed->name = before;
+        renamed->runner->rename(before, [](const Status&) {});
+        return answer(refusal(kept.error()));
+      }
+      tell_all(make_map_info(options_.server, id, *renamed));
+      answer(success(describe(id, *renamed)));
+    });
+  });
+}
+
+void Switchboard::delete_map(MapId id, const MapEntry* entry, bool for_good, const AdminAnswer& answer) {
+  if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
+  if (store_ == nullptr && !for_good) {
+    return answer(refusal(ErrorCode::kRefused,
+                          "this server keeps nothing (no --store): the map could not be had back; "
+                          "--for-good deletes it all the same"));
+  }
+  entry->runner->flush([this, id, answer] { post([this, id, answer] { finish_deletion(id, answer); }); });
+}
+
+void Switchboard::finish_deletion(MapId id, const AdminAnswer& answer) {
+  const MapEntry* entry = maps_.find(id);
+  if (entry == nullptr) return answer(success({{"id", to_hex(id.bytes)}}));  // by another operator meanwhile
+  const json deleted = describe(id, *entry);
+  entry->runner->retire();
+  forget_map(id);
+  maps_.reserve(id);
+  if (store_ == nullptr) return answer(success(deleted));
+  // Behind the exports of it that are under way, then in the writer's turn.
+  with_store(answer, [this, id, answer, deleted](const Store&) -> Task {
+    store_->run([this, id, answer, deleted](Store& store) {
+      const Status removed = store.remove(id);
+      post([answer, deleted, removed] { answer(removed ? success(deleted) : refusal(removed.error())); });
+    });
+    return {};
+  });
+}
+
+void Switchboard::delete_again(const std::string& wanted, const AdminAnswer& answer) {
+  const wire::AdminReply unknown = refusal(ErrorCode::kNotFound, "no map '" + wanted + "'");
+  if (store_ == nullptr) return answer(unknown);
+  with_store(answer, [wanted, answer, unknown](const Store& store) -> Task {
+    const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
+    return [answer, reply = maps.empty() ? unknown : success(describe(maps.front()))] { answer(reply); };
+  });
+}
+
+void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& answer) {
+  const auto [id, entry] = find_map(wanted);
+  const bool is_live = entry != nullptr;
+  const json live = is_live ? describe(id, *entry) : json();
+  const std::string full = why_full();
+  with_store(answer, [this, wanted, answer, is_live, live, full](Store& store) -> Task {
+    const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
+    const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
+    if (maps.empty() && is_live) return say(success(live));
+    if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
+    if (maps.size() > 1 || is_live) {
+      const std::string in_use = is_live ? "\n  " + live.value("id", "") + " is in use" : "";
+      return say(refusal(ambiguous(wanted, maps, in_use)));
+    }
+    if (!full.empty()) return say(refusal(ErrorCode::kRefused, full));
+    if (const Status back = store.undelete(maps[0].header.id); !back) return say(refusal(back.error()));
+    take_in(maps[0].header.id, answer);
+    return {};
+  });
+}
+
+void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer) {
+  with_store(answer, [wanted, answer](Store& store) -> Task {
+    const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
+    const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
+    if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
+    if (maps.size() > 1) return say(refusal(ambiguous(wanted, maps, "")));
+    const Status purged = store.purge(maps[0].header.id);
+    return say(purged ? success(describe(maps[0])) : refusal(purged.error()));
+  });
+}
+
+void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
+  store_->restore_one(id, options_.mapping, [this, id, answer](Result<RestoredMap> restored) {
+    if (!restored) {
+      return post([answer, error = restored.error()] { answer(refusal(error)); });
+    }
+    post([this, id, answer, map = prepare(std::move(*restored))]() mutable {
+      const std::string name = maps_.free_name(map.header.name);
+      const bool renamed = name != map.header.name;
+      take_up(std::move(map));
+      MapEntry* entry = maps_.find(id);
+      if (renamed) return rename_map(id, entry, name, answer);
+      answer(success(describe(id, *entry)));
+    });
+  });
+}
+
+void Switchboard::export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer) {
+  if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
+  if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  const auto copy = [this, id, name = entry->name, answer](const Store& store) -> Task {
+    const auto token = transfers_->begin_export(steady_clock::now());
+    if (!token) return [answer, error = token.error()] { answer(refusal(error)); };
+    const std::filesystem::path path = *transfers_->find(*token, steady_clock::now());
+    const Status exported = store.export_map(id, path);
+    if (!exported) transfers_->end(*token);
+    const json archive{{"token", *token},
+                       {"bytes", exported ? std::filesystem::file_size(path) : 0},
+                       {"name", name},
+                       {"id", to_hex(id.bytes)}};
+    return [answer, reply = exported ? success(archive) : refusal(exported.error())] { answer(reply); };
+  };
+  // What was handed to the writer is in the file once a task of its own has come to its turn.
+  entry->runner->flush([this, answer, copy] {
+    store_->run([this, answer, copy](const Store&) { with_store(answer, copy); });
+  });
+}
+
+void Switchboard::transfer(const std::string& verb, const std::string& token, uint64_t offset,
+                           std::vector<uint8_t> data, const AdminAnswer& answer) {
+  with_store(answer, [this, verb, token, offset, data = std::move(data), answer](const Store&) -> Task {
+    const MonotonicTime now = steady_clock::now();
+    wire::AdminReply reply = success(json::object());
+    if (verb == "export-read") {
+      auto piece = transfers_->read(token, offset, wire::kMaxAdminData, now);
+      if (piece) {
+        reply.data = std::move(*piece);
+      } else {
+        reply = refusal(piece.error());
+      }
+    } else {
+      const Status done = verb == "import-begin" ? transfers_->begin_import(token, now)
+                                                 : transfers_->write(token, offset, data, now);
+      if (!done) reply = refusal(done.error());
+    }
+    return [answer, reply = std::move(reply)] { answer(reply); };
+  });
+}
+
+void Switchboard::import_map(const std::string& token, const AdminAnswer& answer) {
+  if (std::string why = why_full(); !why.empty()) return answer(refusal(ErrorCode::kRefused, std::move(why)));
+  const size_t used = maps_.bytes();
+  const uint64_t room = options_.max_memory_bytes - std::min(used, options_.max_memory_bytes);
+  with_store(answer, [this, token, room, answer](Store& store) -> Task {
+    const auto say = [answer](const Error& error) -> Task {
+      return [answer, error] { answer(refusal(error)); };
+    };
+    const auto path = transfers_->find(token, steady_clock::now());
+    if (!path) return say(path.error());
+    // A map takes more memory than its file: pictures are packed in there.
+    if (std::filesystem::file_size(*path) > room)
+      return say({ErrorCode::kRefused, "the archive does not fit into the server's memory (--max-memory)"});
+    const auto imported = store.import_map(*path);
+    transfers_->end(token);
+    if (!imported) return say(imported.error());
+    take_in(*imported, answer);
+    return {};
+  });
+}
+
+}  // namespace cairn

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+// The store at work: what is damaged costs what it held and nothing else, and trouble is the trouble of whom
+// it belongs to.
+#include "server/service/map_persistence.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <future>
+
+#include "server/store/kept_map_fixture.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using testing::kNeverYield;
+using ::testing::SizeIs;
+
+constexpr std::chrono::seconds kDeadline{60};
+constexpr int kThreads = 2;
+
+class MapPersistenceTest : public testing::KeptMapFixture {
+ protected:
+  [[nodiscard]] std::unique_ptr<MapPersistence> open() const {
+    auto store = MapPersistence::start(folder_, null_logger());
+    EXPECT_TRUE(store) << store.error().message;
+    return store ? std::move(*store) : nullptr;
+  }
+  /// Six keyframes, a label and a decision.
+  void keep_a_map() {
+    start();
+    for (int step = 5; step <= 14; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    MapUpdate update = take_update();
+    update.decisions.push_back(decision(1));
+    LabelRecord label;
+    label.id = 1;
+    label.text = "here";
+    label.author = "anna";
+    update.labels.push_back(label);
+    const auto store = Store::open(folder_, null_logger());
+    ASSERT_TRUE(store);
+    const Status made = (*store)->create(header_, update);
+    ASSERT_TRUE(made) << made.error().message;
+  }
+  [[nodiscard]] std::filesystem::path file() const {
+    return folder_ / "maps" / (to_hex(header_.id.bytes) + ".cairnmap");
+  }
+  void damage(const std::string& table, int64_t row) const {
+    auto database = sqlite::Database::open(file(), sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(database);
+    ASSERT_TRUE(database->execute("UPDATE " + table +
+                                  " SET checksum = checksum + 1 WHERE id = " + std::to_string(row)));
+  }
+  [[nodiscard]] size_t set_aside() const {
+    size_t maps = 0;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_ / "damaged"))
+      maps += entry.path().extension() == ".cairnmap" ? 1 : 0;
+    return maps;
+  }
+  /// Waits for what the writer says of an update.
+  [[nodiscard]] static Status written(MapPersistence* store, MapId map, MapUpdate update) {
+    auto promise = std::make_shared<std::promise<Status>>();
+    auto future = promise->get_future();
+    store->write(map, std::move(update), [promise](Status kept) { promise->set_value(std::move(kept)); });
+    if (future.wait_for(kDeadline) != std::future_status::ready) throw std::runtime_error("no answer");
+    return future.get();
+  }
+};
+
+struct DamagedRow {
+  const char* table;
+  int64_t row;
+};
+
+class DamagedRowTest : public MapPersistenceTest, public ::testing::WithParamInterface<DamagedRow> {};
+
+TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
+  keep_a_map();
+  const MapSnapshotPtr before = maker_->snapshot();
+  damage(GetParam().table, GetParam().row);
+  {
+    const auto store = open();
+    std::vector<RestoredMap> maps = store->restore(options_, kThreads);
+    ASSERT_THAT(maps, SizeIs(1));
+    EXPECT_EQ(set_aside(), 1U);
+    MapMaker& map = *maps[0].maker;
+    const KeyframeInput next = testing::make_offer(scene_, *map.snapshot(), 17);
+    ASSERT_EQ(map.add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    while (map.step(kNeverYield).work != MapWork::kNone) {
+    }
+    EXPECT_EQ(map.snapshot()->keyframe_blocks[0]->keyframes.size(),
+              before->keyframe_blocks[0]->keyframes.size() + 1);
+    const Status kept = written(store.get(), header_.id, {map.take_changes(), {}, {}, {}});
+    EXPECT_TRUE(kept) << kept.error().message;
+  }
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), SizeIs(1));
+  EXPECT_EQ(set_aside(), 1U) << "what was saved of it is sound";
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryTable, DamagedRowTest,
+                         ::testing::Values(DamagedRow{"map", 3}, DamagedRow{"epochs", 3},
+                                           DamagedRow{"keyframes", 4}, DamagedRow{"images", 4},
+                                           DamagedRow{"measurements", 4}, DamagedRow{"sources", 2},
+                                           DamagedRow{"positions", 2}, DamagedRow{"decisions", 1},
+                                           DamagedRow{"labels", 1}),
+                         [](const auto& info) { return std::string(info.param.table); });
+
+class FatalRowTest : public MapPersistenceTest, public ::testing::WithParamInterface<DamagedRow> {};
+
+TEST_P(FatalRowTest, SetsTheMapAside) {
+  keep_a_map();
+  damage(GetParam().table, GetParam().row);
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_EQ(set_aside(), 1U);
+  EXPECT_FALSE(std::filesystem::exists(file()));
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryTable, FatalRowTest,
+                         ::testing::Values(DamagedRow{"map", 1}, DamagedRow{"map", 2},
+                                           DamagedRow{"cameras", 1}, DamagedRow{"keyframes", 1}),
+                         [](const auto& info) {
+                           return std::string(info.param.table) + std::to_string(info.param.row);
+                         });
+
+TEST_F(MapPersistenceTest, WhatIsWrongWithOneMapIsNoTroubleOfTheStore) {
+  keep_a_map();
+  const auto store = open();
+  const Status lost = written(store.get(), MapId{{9}}, {});
+  ASSERT_FALSE(lost);
+  EXPECT_EQ(lost.error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(store->trouble(), IsEmpty());
+  EXPECT_TRUE(written(store.get(), header_.id, {}));
+}
+
+TEST_F(MapPersistenceTest, AJobThatThrowsCostsNoOther) {
+  keep_a_map();
+  const auto store = open();
+  std::promise<void> release;
+  store->run([&](Store&) { release.get_future().wait(); });  // what follows is one batch
+  store->run([](Store&) { throw std::runtime_error("broken"); });
+  auto after = std::make_shared<std::promise<Status>>();
+  store->write(header_.id, {}, [](const Status&) { throw std::runtime_error("broken"); });
+  store->write(header_.id, {}, [after](Status kept) { after->set_value(std::move(kept)); });
+  release.set_value();
+  auto kept = after->get_future();
+  ASSERT_EQ(kept.wait_for(kDeadline), std::future_status::ready);
+  EXPECT_TRUE(kept.get());
+}
+
+}  // namespace
+}  // namespace cairn

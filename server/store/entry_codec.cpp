@@ -1,0 +1,134 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/entry_codec.h"
+
+#include "common/map/limits.h"
+#include "server/store/bytes.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMaxItems = kMaxBlocks * kBlockSlots;
+
+}  // namespace
+
+Blob encode_header(const CountedHeader& header) {
+  ByteWriter out;
+  out.put(std::span(header.header.id.bytes));
+  out.put_text(header.header.name);
+  out.put(header.header.epoch.value);
+  out.put(static_cast<uint8_t>(header.header.metric));
+  out.put(header.header.created.nanoseconds);
+  out.put(static_cast<uint64_t>(header.keyframes));
+  out.put(static_cast<uint64_t>(header.points));
+  return out.take();
+}
+
+std::optional<CountedHeader> decode_header(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  CountedHeader header;
+  in.get(std::span(header.header.id.bytes));
+  header.header.name = in.get_text();
+  header.header.epoch.value = in.get<uint64_t>();
+  header.header.metric = in.get<uint8_t>() != 0;
+  header.header.created.nanoseconds = in.get<int64_t>();
+  header.keyframes = in.get<uint64_t>();
+  header.points = in.get<uint64_t>();
+  const bool sound =
+      in.finished() && header.header.id && header.keyframes <= kMaxItems && header.points <= kMaxItems;
+  if (!sound) return std::nullopt;
+  return header;
+}
+
+Blob encode_epoch(const EpochRecord& epoch) {
+  ByteWriter out;
+  out.put(static_cast<uint64_t>(epoch.keyframes));
+  out.put(static_cast<uint64_t>(epoch.points));
+  return out.take();
+}
+
+std::optional<EpochRecord> decode_epoch(int64_t id, std::span<const uint8_t> row) {
+  ByteReader in(row);
+  EpochRecord epoch{Epoch{static_cast<uint64_t>(id)}, 0, 0};
+  epoch.keyframes = in.get<uint64_t>();
+  epoch.points = in.get<uint64_t>();
+  if (!in.finished()) return std::nullopt;
+  return epoch;
+}
+
+Blob encode_decision(const DecisionRecord& decision) {
+  ByteWriter out;
+  out.put_text(decision.client);
+  out.put(decision.session.value);
+  out.put(decision.seq);
+  out.put(static_cast<uint8_t>(decision.kind));
+  out.put(decision.decision);
+  out.put_text(decision.reason);
+  out.put(decision.keyframe.value);
+  out.put(decision.time.nanoseconds);
+  out.put(static_cast<uint32_t>(decision.seed_points.size()));
+  for (const auto& [trail, point] : decision.seed_points) {
+    out.put(trail.value);
+    out.put(point.value);
+  }
+  if (decision.kind == CommandKind::kRequest) out.put(decision.label);
+  return out.take();
+}
+
+std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  DecisionRecord decision;
+  decision.client = in.get_text();
+  decision.session.value = in.get<uint64_t>();
+  decision.seq = in.get<uint64_t>();
+  const auto kind = in.get<uint8_t>();
+  decision.decision = in.get<uint8_t>();
+  decision.reason = in.get_text();
+  decision.keyframe.value = in.get<uint64_t>();
+  decision.time.nanoseconds = in.get<int64_t>();
+  decision.seed_points.resize(in.get_count(2 * sizeof(uint64_t)));
+  for (auto& [trail, point] : decision.seed_points) {
+    trail.value = in.get<uint64_t>();
+    point.value = in.get<uint64_t>();
+  }
+  if (kind == static_cast<uint8_t>(CommandKind::kRequest)) decision.label = in.get<uint64_t>();
+  const bool sound = in.finished() && is_valid_name(decision.client) &&
+                     kind <= static_cast<uint8_t>(CommandKind::kRequest) &&
+                     decision.seed_points.size() <= kMaxTrails;
+  if (!sound) return std::nullopt;
+  decision.kind = static_cast<CommandKind>(kind);
+  return decision;
+}
+
+Blob encode_label(const LabelRecord& label) {
+  ByteWriter out;
+  out.put(static_cast<uint8_t>(label.kind));
+  out.put_text(label.text);
+  put_pose(label.map_from_label, &out);
+  out.put_text(label.author);
+  out.put(label.time.nanoseconds);
+  out.put(label.anchor.value);
+  put_pose(label.anchor_from_label, &out);
+  return out.take();
+}
+
+std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row) {
+  ByteReader in(row);
+  LabelRecord label;
+  label.id = static_cast<uint64_t>(id);
+  const auto kind = in.get<uint8_t>();
+  label.text = in.get_text();
+  const auto map_from_label = get_pose(&in);
+  label.author = in.get_text();
+  label.time.nanoseconds = in.get<int64_t>();
+  label.anchor.value = in.get<uint64_t>();
+  const auto anchor_from_label = get_pose(&in);
+  const bool sound = in.finished() && id > 0 && map_from_label && anchor_from_label &&
+                     kind <= static_cast<uint8_t>(LabelKind::kModel) && label.text.size() <= kMaxLabelBytes;
+  if (!sound) return std::nullopt;
+  label.kind = static_cast<LabelKind>(kind);
+  label.map_from_label = *map_from_label;
+  label.anchor_from_label = *anchor_from_label;
+  return label;
+}
+
+}  // namespace cairn

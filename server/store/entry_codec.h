@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "server/store/map_file.h"
+#include "server/store/row_codec.h"
+
+/// The blobs of rows that are about a map rather than of it: who it is, its epochs, what was decided, its
+/// labels. As row_codec.h. Pure.
+namespace cairn {
+
+/// How many keyframes and points were ever made stands beside who the map is.
+struct CountedHeader {
+  MapHeader header;
+  size_t keyframes = 0;
+  size_t points = 0;
+};
+[[nodiscard]] Blob encode_header(const CountedHeader& header);
+[[nodiscard]] std::optional<CountedHeader> decode_header(std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_epoch(const EpochRecord& epoch);
+[[nodiscard]] std::optional<EpochRecord> decode_epoch(int64_t id, std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_decision(const DecisionRecord& decision);
+[[nodiscard]] std::optional<DecisionRecord> decode_decision(std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_label(const LabelRecord& label);
+[[nodiscard]] std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row);
+
+}  // namespace cairn
