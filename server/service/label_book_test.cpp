@@ -122,7 +122,7 @@ TEST_F(LabelBookTest, WhatIsKeptComesBackInTheMapAsItIsNow) {
   const MapSnapshot adjusted = map_of({pose(), pose()});
   const auto moves = restored.follow(adjusted);
   ASSERT_EQ(restored.all().size(), 2U);
-  const Label& label = restored.all()[0];
+  const Label label = restored.all()[0];
   EXPECT_EQ(label.text, "vice");
   EXPECT_EQ(label.author, "anna");
   EXPECT_EQ(label.time, kNow);
