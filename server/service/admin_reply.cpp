@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "server/service/one_line.h"
+
 namespace cairn {
 
 using nlohmann::json;
@@ -33,7 +35,7 @@ wire::AdminReply refusal(const Error& error) {
   // Whatever else it is to us, to the operator it is the server's no.
   const bool own_words = error.code == ErrorCode::kUsage || error.code == ErrorCode::kDamaged;
   reply.result = static_cast<uint8_t>(exit_code(own_words ? error.code : ErrorCode::kRefused));
-  reply.text = error.message;
+  reply.text = one_line(error.message);
   return reply;
 }
 

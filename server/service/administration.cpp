@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
 #include <exception>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -7,6 +6,7 @@
 #include "common/base/version.h"
 #include "common/wire/partition.h"
 #include "server/service/admin_reply.h"
+#include "server/service/one_line.h"
 #include "server/service/switchboard.h"
 
 /// What operators ask for (idl/README.md, AdminRequest).
@@ -17,6 +17,7 @@ using nlohmann::json;
 using std::chrono::steady_clock;
 
 constexpr size_t kMaxOperators = 16;
+constexpr size_t kLoggedBytes = 200;  ///< of a request
 
 /// A member of a request that must be a text.
 std::string text_of(const json& request, const char* key) {
@@ -34,16 +35,6 @@ bool is_set(const json& request, const char* key) {
   return it != request.end() && it->is_boolean() && it->get<bool>();
 }
 
-/// What somebody else has written, as one line of the log.
-std::string one_line(std::string text) {
-  constexpr size_t kShown = 200;
-  text.resize(std::min(text.size(), kShown));
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\x7f'; },
-      '?');
-  return text;
-}
-
 }  // namespace
 
 void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRequest& message) {
@@ -54,7 +45,7 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
     return;
   }
   if (asking->in_work == message.command) return;
-  log_->info("operator {}: {}", operator_name, one_line(message.request));
+  log_->info("operator {}: {}", operator_name, one_line(message.request.substr(0, kLoggedBytes)));
   asking->in_work = message.command;
   asking->last_heard = steady_clock::now();
   const auto answer = [this, operator_name, command = message.command](wire::AdminReply reply) {

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <exception>
 #include <nlohmann/json.hpp>
@@ -35,7 +37,7 @@ Error ambiguous(const std::string& wanted, const std::vector<DeletedMap>& maps, 
     gmtime_r(&seconds, &parts);
     char text[32];
     std::strftime(text, sizeof(text), "%Y-%m-%d %H:%M:%S", &parts);
-    message += "\n  " + to_hex(map.header.id.bytes) + " deleted " + text + " UTC";
+    message += fmt::format(" {} (deleted {} UTC)", to_hex(map.header.id.bytes), text);
   }
   return {ErrorCode::kRefused, message + live};
 }
@@ -129,7 +131,7 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
     if (maps.empty() && is_live) return say(success(live));
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1 || is_live) {
-      const std::string in_use = is_live ? "\n  " + live.value("id", "") + " is in use" : "";
+      const std::string in_use = is_live ? fmt::format(" {} (in use)", live.value("id", "")) : std::string();
       return say(refusal(ambiguous(wanted, maps, in_use)));
     }
     if (!full.empty()) return say(refusal(ErrorCode::kRefused, full));

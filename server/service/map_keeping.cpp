@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/service/map_runner.h"
+#include "server/service/one_line.h"
 #include "server/service/wall_clock.h"
 
 /// A map's way into the store.
@@ -60,7 +61,7 @@ void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgem
                   self->on_not_kept(kept.error());
                   if (self->deleted_)
                     return done({wire::OfferDecision::kUnknownMap, kDeleted, {}, judgement.revision});
-                  done({wire::OfferDecision::kFull, kept.error().message, {}, judgement.revision});
+                  done({wire::OfferDecision::kFull, one_line(kept.error().message), {}, judgement.revision});
                 });
 }
 

@@ -220,7 +220,7 @@ void MapRunner::do_upkeep() {
 
 void MapRunner::begin_global_adjustment() {
   adjusting_globally_ = true;
-  adjust_globally([this](bool adopted) {
+  adjust_globally(&background_, [this](bool adopted) {
     adjusting_globally_ = false;
     if (!adopted) return;
     guarded([this] { publish(); });
@@ -228,9 +228,9 @@ void MapRunner::begin_global_adjustment() {
   });
 }
 
-void MapRunner::adjust_globally(std::function<void(bool adopted)> then) {
+void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopted)> then) {
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
-  background_.submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
+  lane->submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
     bool solved = false;
     try {
       solve(problem.get(), [&self] { return self->stopping_.load(); });
@@ -262,8 +262,10 @@ void MapRunner::adjust_in_lockstep(int adjustments, std::function<void()> then) 
     log_->debug("lockstep: the map maker still wants a global adjustment after {}", adjustments);
     return then();
   }
-  const bool begun = guarded(
-      [&] { adjust_globally([this, adjustments, then](bool) { finish_all_work(adjustments + 1, then); }); });
+  // Somebody waits for it: at a nice value it would stand still on a busy machine.
+  const bool begun = guarded([&] {
+    adjust_globally(&urgent_, [this, adjustments, then](bool) { finish_all_work(adjustments + 1, then); });
+  });
   if (!begun) then();
 }
 

@@ -121,12 +121,12 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void schedule_upkeep();
   void do_upkeep();
   void begin_global_adjustment();
-  /// For lockstep: a step a task until nothing is left to do, global adjustments in the other lane. Then
+  /// For lockstep: a step a task until nothing is left to do, global adjustments as tasks of their own. Then
   /// `then` is called, whether or not the work has failed.
   void finish_all_work(int adjustments, std::function<void()> then);
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
-  /// Solves in the background lane and adopts on the queue, then calls `then` there.
-  void adjust_globally(std::function<void(bool adopted)> then);
+  /// Solves in a lane and adopts on the queue, then calls `then` there.
+  void adjust_globally(WorkerPool* lane, std::function<void(bool adopted)> then);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();

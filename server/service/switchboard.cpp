@@ -8,6 +8,7 @@
 
 #include "common/base/version.h"
 #include "common/wire/partition.h"
+#include "server/service/one_line.h"
 
 namespace cairn {
 namespace {
@@ -229,7 +230,7 @@ std::string Switchboard::health() const {
     word += entry.name + " is frozen until the server starts again: " + entry.frozen;
     break;  // one is enough to have a look; `cairnctl maps` names all
   }
-  return word.empty() ? "ok" : word;
+  return word.empty() ? "ok" : one_line(word);
 }
 
 void Switchboard::tick(MonotonicTime now) {

@@ -15,7 +15,7 @@ import unittest
 import programs_test
 from programs_test import LIMIT, OnTheDesk, ServerProcess, command
 
-OK, USAGE, NO_SERVER, REFUSED, DAMAGED = 0, 2, 4, 5, 6
+OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED, DAMAGED = 0, 2, 3, 4, 5, 6
 
 
 class Operator(OnTheDesk):
@@ -113,7 +113,7 @@ class Operator(OnTheDesk):
         with ServerProcess("--store", self.folder / "small", "--max-memory", 1) as small:
             self.assertIn("--max-memory", self.ctl("maps", "import", out / "map-1.cairnmap", expect=REFUSED, server=small))
         (out / "map-1.cairnmap.part").mkdir()  # cannot be written
-        self.assertIn("map-1.cairnmap", self.ctl("maps", "export", "map-1", "--out", out, expect=1))
+        self.assertIn("map-1.cairnmap", self.ctl("maps", "export", "map-1", "--out", out, expect=CONFIGURATION))
 
     def test_an_archive_goes_to_another_server_and_grows_there(self):
         out = self.folder / "archives"

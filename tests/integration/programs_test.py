@@ -261,7 +261,7 @@ class Faults(OnTheDesk):
         said = ""
         for line in tracker.stderr:
             said += line
-            if "now in map" in line:
+            if "started at frame" in line:
                 break
         server.kill_and_restart(3)
         said += tracker.communicate(timeout=LIMIT)[1]
