@@ -244,7 +244,7 @@ TEST(FrameLoop, AStatusIsToldWhenItChangesAndNotBefore) {
 }
 
 TEST(FrameLoop, AMapThatTheServerLostIsKeptWhileTrackedAndLeftWhenLost) {
-  Rig rig({tracking, tracking, lost, starting});
+  Rig rig({tracking, tracking, lost});
   rig.link.session_status.map_known = false;
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ElementsAre("start over"));
