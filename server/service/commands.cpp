@@ -36,7 +36,7 @@ std::string unknown_camera(uint32_t camera, uint32_t version) {
 
 void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
-  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (client.seed_in_work || (camera == nullptr && may_yet_come(client))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
     case SeedGate::Admission::kNew:
@@ -66,7 +66,8 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.map = message.lockstep ? maps_.repeatable_id(message) : maps_.next_id();
   job.input.map_name = maps_.free_name(message.map_name);
   job.input.epoch = {options_.start_count};
-  job.input.camera = camera;
+  job.input.camera = camera->camera;
+  job.input.doubt = camera->doubt_of({client.id, message.camera, message.camera_version});
   job.input.first_time = message.first_time;
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
@@ -116,7 +117,7 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
 
 void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   if (!presence_.holds(client.name, message.command.session)) return;
-  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (camera == nullptr && may_yet_come(client)) return;
   wire::OfferOutcome outcome;
   outcome.seq = message.command.seq;
@@ -153,7 +154,8 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
 
   OfferJob job;
   job.origin = {client.name, message.command};
-  job.input.camera = camera;
+  job.input.camera = camera->camera;
+  job.input.doubt = camera->doubt_of({client.id, message.camera, message.camera_version});
   job.input.time = message.time;
   job.input.reference = message.reference;
   job.input.camera_from_reference = message.camera_from_reference;
@@ -185,7 +187,8 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   PlaceQuery query;
-  query.camera = client.cameras.find(message.camera, message.camera_version);
+  const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
+  if (camera != nullptr) query.camera = camera->camera;
   Result<GrayImagePtr> small = decode_image(message.small_image);
   if (query.camera == nullptr || !small) {
     return on_query_answered(client.name, message.command,
@@ -233,6 +236,7 @@ void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, cons
     const std::scoped_lock lock(mutex_);
     published_[map] = snapshot;
   }
+  for (const CameraEstimate& estimate : statistics.cameras) tell_camera(estimate);
   for (auto& [name, client] : clients_) {
     const auto feed = client.feeds.find(map);
     if (feed != client.feeds.end()) {
@@ -241,6 +245,22 @@ void Switchboard::on_map_changed(MapId map, const MapSnapshotPtr& snapshot, cons
       open_wanted_feeds(client);
     }
   }
+}
+
+/// Before the revision that names it. Several maps may find out the same camera: later versions count.
+void Switchboard::tell_camera(const CameraEstimate& estimate) {
+  const auto name = names_.find(estimate.version.client);
+  const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
+  if (client == clients_.end() || !client->second.writers) return;
+  uint32_t& told = client->second.cameras_told[estimate.version.camera];
+  if (estimate.version.version <= told) return;
+  told = estimate.version.version;
+  const CameraParameters& parameters = estimate.camera->parameters();
+  report(client->second.writers->cameras.write(
+             {estimate.version.client, estimate.version.camera, told, parameters,
+              sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}), estimate.frozen,
+              estimate.cannot_be_known}),
+         "CameraEstimate");
 }
 
 std::string Switchboard::why_memory_is_full() const {

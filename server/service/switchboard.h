@@ -150,6 +150,7 @@ class Switchboard {
   [[nodiscard]] std::string why_memory_is_full() const;
   void write_verdicts(Client& client);
   void tell_all(const wire::MapInfo& info);
+  void tell_camera(const CameraEstimate& estimate);
   void report(const Status& written, const char* what);
 
   const ServiceOptions options_;
