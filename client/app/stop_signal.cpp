@@ -9,7 +9,10 @@ StopSignal::StopSignal() {
   sigemptyset(&signals_);
   sigaddset(&signals_, SIGINT);
   sigaddset(&signals_, SIGTERM);
-  sigaddset(&signals_, SIGHUP);  // the terminal has gone
+  // The terminal has gone; but nohup asks that this be no matter, and what is blocked is not ignored.
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals_, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals_, &mask_before_);
   sigemptyset(&new_map_signal_);
   sigaddset(&new_map_signal_, SIGUSR1);

@@ -5,9 +5,10 @@
 
 namespace cairn {
 
-/// SIGINT, SIGTERM and SIGHUP (stop) and SIGUSR1 (a new map) as questions instead of interruptions; SIGPIPE
-/// and SIGXFSZ are ignored from then on. The signals are blocked for the thread that makes the object and all
-/// threads begun later, so make it first; the second signal to stop ends the process at once.
+/// SIGINT, SIGTERM and, without nohup, SIGHUP (stop) and SIGUSR1 (a new map) as questions instead of
+/// interruptions; SIGPIPE and SIGXFSZ are ignored from then on. The signals are blocked for the thread that
+/// makes the object and all threads begun later, so make it first; the second signal to stop ends the process
+/// at once.
 class StopSignal {
  public:
   StopSignal();
