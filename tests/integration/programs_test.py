@@ -5,6 +5,7 @@
 programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
 import json
+import os
 import pathlib
 import signal
 import struct
@@ -17,7 +18,8 @@ import unittest
 import zlib
 
 BINARIES = None
-LIMIT = 300  # seconds, which only a broken program takes
+SLOWNESS = int(os.environ.get("CAIRN_TEST_SLOWNESS", "1"))  # of the build: recordings are played so much slower in real time
+LIMIT = 300 * SLOWNESS  # seconds, which only a broken program takes
 FIRST_DOMAIN = 215
 DOMAINS = 10  # ports above those that the kernel gives out
 
@@ -56,6 +58,8 @@ class ServerProcess:
         """As a crash, and somebody who starts it again after a while. Its socket may linger for a moment."""
         self.process.kill()
         self.process.wait()
+        self.reader.join()
+        self.process.stderr.close()
         time.sleep(pause)
         deadline = time.monotonic() + LIMIT
         while not self.start():
@@ -73,6 +77,15 @@ class ServerProcess:
         self.process.stderr.close()
 
 
+def slow_down(recording):
+    """The stamps of a rendered sequence, for programs that were built to be checked and not to be fast."""
+    for name in ("rgb.txt", "groundtruth.txt"):
+        rows = [row.split(maxsplit=1) for row in (recording / name).read_text().splitlines()]
+        (recording / name).write_text("".join(
+            f"{stamp} {rest}\n" if stamp.startswith("#") else f"{float(stamp) * SLOWNESS:.6f} {rest}\n"
+            for stamp, rest in rows))
+
+
 class OnTheDesk(unittest.TestCase):
     FRAMES = 240
 
@@ -80,9 +93,14 @@ class OnTheDesk(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.folder = pathlib.Path(cls.scratch.name)
-        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / "desk", "--frames", cls.FRAMES,
-                               "--seed", 1),
+        cls.render("desk", 1)
+
+    @classmethod
+    def render(cls, folder, seed):
+        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / folder, "--frames", cls.FRAMES,
+                               "--seed", seed),
                        check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        slow_down(cls.folder / folder)
 
     @classmethod
     def tearDownClass(cls):
@@ -149,14 +167,8 @@ class Places(OnTheDesk):
         cls.write_recording("other-builder", [("other", range(cls.FRAMES))])
 
     @classmethod
-    def render(cls, folder, seed):
-        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / folder, "--frames", cls.FRAMES,
-                               "--seed", seed),
-                       check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-    @classmethod
     def write_recording(cls, name, parts):
-        """`parts`: (desk, frame numbers); between two of them the camera is covered. Stamps run on at 30 Hz."""
+        """`parts`: (desk, frame numbers); between two of them the camera is covered. Stamps run on at 30 Hz / SLOWNESS."""
         folder = cls.folder / name
         folder.mkdir()
         (folder / "camera.txt").write_text((cls.folder / "desk/camera.txt").read_text())
@@ -167,7 +179,7 @@ class Places(OnTheDesk):
                 pictures += ["black.png"] * cls.COVERED
             listed = [row.split()[1] for row in (cls.folder / desk / "rgb.txt").read_text().splitlines() if row[0] != "#"]
             pictures += [f"../{desk}/{listed[i]}" for i in frames]
-        (folder / "rgb.txt").write_text("".join(f"{i / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
+        (folder / "rgb.txt").write_text("".join(f"{i * SLOWNESS / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
 
     def play(self, server, name, recording, *more):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/{recording}", "--domain", server.domain,
@@ -177,24 +189,28 @@ class Places(OnTheDesk):
         self.assertEqual(done.returncode, 0, done.stderr)
         return json.loads((self.folder / f"{name}.json").read_text())["frames"], done.stderr
 
-    def assert_back_soon(self, frames, first, said, patience=10):
-        """Tracked again within 10 frames of seeing something, three of which are the proof."""
+    IN_LOCKSTEP = 10  # frames to be back in, three of which are the proof
+    IN_REAL_TIME = 45  # any that leave some of the 60 to look at: frames are time there, and the machine may be slow
+
+    def assert_back_soon(self, frames, first, said, patience=IN_LOCKSTEP):
+        """Tracked again when something is seen again, not before it is proven, and from then on."""
         tracked = [frame["state"] in ("tracking", "poor") for frame in frames]
         self.assertFalse(any(tracked[first - self.COVERED + 1:first]), "a covered camera has no pose")
         self.assertFalse(any(tracked[first:first + 2]), "not before it is proven")
         back = next(i for i in range(first, len(tracked)) if tracked[i])
         self.assertLessEqual(back - first, patience, said)
-        self.assertGreater(sum(tracked[back:back + 10]), 8, said)
+        seen = [frame for frame in frames[back:first + 60] if frame["state"] != "dropped"][:10]
+        self.assertGreater(sum(frame["state"] in ("tracking", "poor") for frame in seen), 0.8 * len(seen), said)
 
     def test_a_tracker_shown_another_part_of_its_map_after_a_loss_finds_itself(self):
         self.write_recording("elsewhere", [("desk", range(60)), ("desk", range(180, 240)), ("desk", range(40, 100))])
-        for pace in ("lockstep", "realtime"):
+        for pace, patience in (("lockstep", self.IN_LOCKSTEP), ("realtime", self.IN_REAL_TIME)):
             with ServerProcess() as server:
                 self.track(server, f"maker-{pace}", "--pace", "lockstep")
                 name = f"jumper-{pace}"
                 frames, said = self.play(server, name, "elsewhere", "--role", "reader", "--pace", pace)
-                self.assert_back_soon(frames, 70, said)
-                self.assert_back_soon(frames, 140, said)
+                self.assert_back_soon(frames, 70, said, patience)
+                self.assert_back_soon(frames, 140, said, patience)
                 self.assertEqual(len([row for row in (self.folder / f"{name}.txt").read_text().splitlines()
                                       if row.startswith("# map")]), 1)
 
@@ -203,8 +219,7 @@ class Places(OnTheDesk):
             self.track(server, "maker", "--pace", "lockstep")
             self.play(server, "other-maker", "other-builder", "--pace", "lockstep")
             self.write_recording("walk", [("desk", range(60)), ("other", range(60, 120)), ("desk", range(100, 160))])
-            # In real time what a question costs on a busy machine, and that a map comes the first time, is waited for.
-            for pace, patience in (("lockstep", 10), ("realtime", 45)):
+            for pace, patience in (("lockstep", self.IN_LOCKSTEP), ("realtime", self.IN_REAL_TIME)):
                 name = f"walker-{pace}"
                 frames, said = self.play(server, name, "walk", "--role", "reader", "--pace", pace)
                 self.assert_back_soon(frames, 70, said, patience)
@@ -254,14 +269,14 @@ class Faults(OnTheDesk):
         self.assertLess(longest, 60, "two seconds without a frame")
 
     def play_through_a_crash(self, name, server):
-        """The server is killed (-9) when the map is there and started again 3 s later; figures of the frames after the
-        map, and what was said."""
+        """The server is killed (-9) when the map has grown a little and started again 3 s later; figures of the frames after
+        the map, and what was said."""
         tracker = subprocess.Popen(self.arguments(server, name, "--pace", "realtime", "--lost-patience", 30),
                                    stderr=subprocess.PIPE, text=True)
         said = ""
         for line in tracker.stderr:
             said += line
-            if "started at frame" in line:
+            if said.count("accepted") >= 4:
                 break
         server.kill_and_restart(3)
         said += tracker.communicate(timeout=LIMIT)[1]
@@ -271,9 +286,12 @@ class Faults(OnTheDesk):
         return frames[first:], said
 
     def assert_tracked_through(self, frames, said):
-        """Tracked in all but 5 % of the frames that were not dropped: whatever the server does, and a busy machine."""
+        """Tracked in all but 5 % of the frames that were not dropped, until another map is begun, when
+        the replica no longer shows what the camera sees."""
         states = [frame["state"] for frame in frames]
-        self.assertGreater(len(states), 240, "the map was there before the crash")
+        if "starting" in states:
+            states = states[:states.index("starting")]
+        self.assertGreater(len(states), 120, "the map was there before the crash")
         taken = [state for state in states if state != "dropped"]
         self.assertGreaterEqual(sum(state in ("tracking", "poor") for state in taken), 0.95 * len(taken), said)
         self.assert_never_stands_still(frames)
@@ -291,6 +309,7 @@ class Faults(OnTheDesk):
             frames, said = self.play_through_a_crash("bereft", server)
             self.assert_tracked_through(frames, said)
             self.assertIn("restarted without this map", said)
+            self.assertIn(frames[-1]["state"], ("tracking", "poor"), said)
 
 
 if __name__ == "__main__":
