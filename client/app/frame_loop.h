@@ -49,6 +49,7 @@ class FrameLoop {
   void handle(const DroppedFrame& dropped);
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
+  void take_camera(const MapSnapshotPtr& snapshot);
   void deliver_place(const PlaceAnswer& answer);
   void keep_proven_map(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
@@ -76,6 +77,7 @@ class FrameLoop {
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
+  CameraPtr camera_;  ///< FrameReport::camera
   LostWatch lost_;
   /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
   /// did not hold costs a start no patience.

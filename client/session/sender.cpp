@@ -17,18 +17,14 @@ constexpr milliseconds kMostStateInterval{
 }  // namespace
 
 Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::Participant& participant,
-                                              const std::string& partition, const CameraParameters& camera,
-                                              wire::ImageEncoding encoding, Logger log) {
+                                              const std::string& partition, wire::ImageEncoding encoding,
+                                              Logger log) {
   auto writers = wire::create_all<wire::Writer<wire::CameraMessage>, wire::Writer<wire::TrackerStateMessage>,
                                   wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>,
                                   wire::Writer<wire::RelocQuery>, wire::Writer<wire::ClientRequest>>(
       participant, partition);
   if (!writers) return tl::unexpected(writers.error());
   auto& [cameras, tracker, seeds, offers, questions, requests] = *writers;
-  wire::CameraMessage message;
-  message.client = state.client;
-  message.parameters = camera;
-  if (Status written = cameras.write(message); !written) return tl::unexpected(written.error());
   return std::unique_ptr<Sender>(new Sender(state,
                                             {std::move(cameras), std::move(tracker), std::move(seeds),
                                              std::move(offers), std::move(questions), std::move(requests)},
@@ -49,6 +45,7 @@ void Sender::run() {
   while (!state_.stopping) {
     const MonotonicTime now = std::chrono::steady_clock::now();
     try {
+      send_camera(lock);
       send_tracker_state(lock, now);
       send_commands(lock, now);
     } catch (const std::exception& error) {  // what can not be sent must not end the tracker
@@ -60,6 +57,17 @@ void Sender::run() {
     const auto wait = state_.tracker_changed ? kLeastStateInterval : kMostStateInterval;
     state_.for_sender.wait_until(lock, state_sent_ + wait);
   }
+}
+
+/// Before any command that names it.
+void Sender::send_camera(std::unique_lock<std::mutex>& lock) {
+  if (!state_.camera_due) return;
+  state_.camera_due = false;
+  const wire::CameraMessage message = state_.camera;
+  lock.unlock();
+  report(writers_.camera.write(message), "Camera");
+  camera_version_ = message.version;
+  lock.lock();
 }
 
 void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
@@ -111,6 +119,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   wire::MapSeed message;
   message.client = state_.client;
   message.command = sendable.command;
+  message.camera_version = camera_version_;
   message.lockstep = state_.options.lockstep;
   message.first_time = proposal.first_time;
   message.second_time = proposal.second_time;
@@ -131,6 +140,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.revision = proposal.revision;
   message.reference = proposal.reference;
   message.camera_from_reference = proposal.camera_from_reference;
+  message.camera_version = camera_version_;
   message.lockstep = state_.options.lockstep;
   message.time = sendable.item->time;
   message.image = encode_image(*sendable.item->image, encoding_);
@@ -144,6 +154,7 @@ wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) co
   message.client = state_.client;
   message.command = sendable.command;
   message.map_hint = question.map_hint;
+  message.camera_version = camera_version_;
   message.lockstep = state_.options.lockstep;
   message.time = question.time;
   message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);

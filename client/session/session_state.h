@@ -39,6 +39,7 @@ struct SessionState {
         question(session),
         requests(kMostRequests, session) {
     tracker.client = id;
+    camera.client = id;
   }
 
   const SessionOptions options;
@@ -64,6 +65,11 @@ struct SessionState {
 
   RequestSpool requests;
   std::vector<RequestReply> request_replies;
+
+  wire::CameraMessage camera;  ///< as in use
+  bool camera_due = true;      ///< to be announced
+  static constexpr size_t kCameraVersionsKept = 8;
+  std::map<uint32_t, CameraNews> found_out;  ///< of the camera, by version
 
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
@@ -97,6 +103,19 @@ struct SessionState {
   [[nodiscard]] MapSnapshotPtr replica_in_use() const {
     const auto replica = replicas.find(map_in_use);
     return replica == replicas.end() ? nullptr : replica->second;
+  }
+  /// Which values of our camera a revision was made with; nothing when it knows of none but those in use.
+  [[nodiscard]] std::optional<uint32_t> newer_camera_of(const MapSnapshot& map) const {
+    for (const CameraVersion& named : map.cameras) {
+      if (named.client == client && named.camera == camera.camera && named.version > camera.version)
+        return named.version;
+    }
+    return std::nullopt;
+  }
+  /// Whether the values are there that the revision was made with, or later ones.
+  [[nodiscard]] bool has_camera_of(const MapSnapshot& map) const {
+    const auto version = newer_camera_of(map);
+    return !version || found_out.lower_bound(*version) != found_out.end();
   }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {

@@ -11,4 +11,7 @@ inline constexpr size_t kMaxBlocks = 2048;
 /// Of a two-view start: the answer names a point for each, and stays below 64 kB.
 inline constexpr size_t kMaxTrails = 4000;
 
+/// Cameras that are found out in a map and named by its revisions; more are not told.
+inline constexpr size_t kMaxCamerasFoundOut = 64;
+
 }  // namespace cairn

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <map>
 
 #include "server/mapping/map_record.h"
+#include "server/mapping/patch_view.h"
 
 namespace cairn {
 namespace {
@@ -28,12 +30,13 @@ class Assembly {
 
   Result<AssembledMap> run() {
     if (!record_.foundation) return fail(ErrorCode::kDamaged, "what its start has fixed is missing");
+    place_cameras();
     place_keyframes();
     if (!stand_in_for_lost_keyframes()) return fail(ErrorCode::kDamaged, "all of its keyframes are lost");
     place_images();
     place_points();
     place_measurements();
-    MapState state(std::move(keyframes_), std::move(points_));
+    MapState state(std::move(keyframes_), std::move(points_), std::move(cameras_));
     remove_what_lacks_its_parts(&state);
     if (!state.is_live(KeyframeId{1})) return fail(ErrorCode::kDamaged, "its first keyframe is lost");
     if (state.live_keyframes() < kMinKeyframes) {
@@ -46,6 +49,14 @@ class Assembly {
   [[nodiscard]] bool is_keyframe(KeyframeId id) const { return id && id.value <= keyframes_.size(); }
   [[nodiscard]] bool is_point(PointId id) const { return id && id.value <= points_.size(); }
   MapKeyframe& keyframe(KeyframeId id) { return keyframes_[id.value - 1]; }
+
+  void place_cameras() {
+    for (const FoundCameraRecord& r : record_.found_cameras) {
+      if (r.camera.camera == nullptr) continue;
+      camera_indices_[r.index] = static_cast<int>(cameras_.size());
+      count_as_published(&cameras_.emplace_back(r.camera));
+    }
+  }
 
   void place_keyframes() {
     for (const KeyframeRecord& r : record_.keyframes) {
@@ -60,6 +71,10 @@ class Assembly {
       k.near_depth = r.near_depth;
       k.far_depth = r.far_depth;
       k.live = r.live;
+      const auto found = camera_indices_.find(r.estimated_camera);
+      if (found == camera_indices_.end()) continue;  // exact, or what is known of it is lost
+      k.estimated_camera = found->second;
+      k.camera = cameras_[static_cast<size_t>(found->second)].camera;
     }
   }
 
@@ -98,6 +113,8 @@ class Assembly {
         points_[i].source = r.points[s];
         points_[i].source.id = PointId{i + 1};
         has_source_[i] = true;
+        const MapKeyframe& source = keyframe(r.points[s].keyframe);
+        if (source.estimated_camera >= 0) aim_source(*source.camera, &points_[i].source);
       }
     }
     std::vector<bool> has_position(points_.size());
@@ -163,6 +180,8 @@ class Assembly {
   }
 
   const MapRecord& record_;
+  std::vector<MapCamera> cameras_;
+  std::map<int, int> camera_indices_;  ///< in cameras_, by the record's
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<bool> has_source_;

@@ -19,6 +19,7 @@
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/map_camera.h"
 
 /// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.
 /// Pure: no threads, clocks, files or DDS; equal inputs give equal bytes. One writer: a MapMaker is used from
@@ -47,6 +48,7 @@ struct SeedInput {
   std::string map_name;
   Epoch epoch;
   CameraPtr camera;
+  std::optional<CameraDoubt> doubt;  ///< of a camera that is to be found out; else its values are exact
   Timestamp first_time;
   Timestamp second_time;
   GrayImagePtr first_image;
@@ -66,6 +68,7 @@ struct SeedResult {
 /// A frame that wants to become a keyframe. The pose is composed with the reference keyframe's present pose.
 struct KeyframeInput {
   CameraPtr camera;
+  std::optional<CameraDoubt> doubt;  ///< as SeedInput's; what the map knows of the camera already counts more
   Timestamp time;
   GrayImagePtr image;
   KeyframeId reference;
@@ -91,6 +94,15 @@ struct StepReport {
   int iterations = 0;
 };
 
+/// What a map says of a camera that it finds out.
+struct CameraEstimate {
+  CameraVersion version;
+  CameraPtr camera;
+  Intrinsics sigma = Intrinsics::Zero();
+  bool frozen = false;           ///< will not change any more
+  bool cannot_be_known = false;  ///< many keyframes have not told the focal length: sigma stays large
+};
+
 struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
@@ -98,6 +110,7 @@ struct MapStatistics {
   size_t bytes = 0;                                      ///< memory of the map, images included
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
+  std::vector<CameraEstimate> cameras;  ///< as in the last snapshot
 };
 
 /// A copy of what a global adjustment needs; solved on any thread while the map goes on.

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "server/mapping/patch_view.h"
+
 namespace cairn {
 namespace {
 
@@ -57,8 +59,9 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   return images;
 }
 
-MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points)
-    : keyframes_(std::move(keyframes)), points_(std::move(points)) {
+MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points,
+                   std::vector<MapCamera> cameras)
+    : cameras_(std::move(cameras)), keyframes_(std::move(keyframes)), points_(std::move(points)) {
   for (MapPoint& p : points_) {
     p.observers.clear();
     if (p.live) live_points_.push_back(p.source.id);
@@ -71,6 +74,49 @@ MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> poi
 size_t MapState::live_keyframes() const {
   return static_cast<size_t>(
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
+}
+
+int MapState::camera_index(const CameraPtr& camera, const CameraDoubt& doubt) {
+  const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
+    return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
+  });
+  if (known != cameras_.end()) {
+    // Another map has told newer values, or this one, before a crash that cost it what it had not yet saved.
+    known->version.version = std::max(known->version.version, doubt.version.version);
+    return static_cast<int>(known - cameras_.begin());
+  }
+  cameras_.push_back(make_map_camera(camera, doubt));
+  return static_cast<int>(cameras_.size()) - 1;
+}
+
+void MapState::update_camera(int index, const FreeCamera& adjusted) {
+  MapCamera& camera = cameras_[static_cast<size_t>(index)];
+  update(&camera, adjusted, live_keyframes());
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == index) k.camera = camera.camera;
+  }
+}
+
+bool MapState::finds_cameras() const {
+  return std::any_of(cameras_.begin(), cameras_.end(), [](const MapCamera& c) { return !c.frozen; });
+}
+
+bool MapState::forget_given_up() {
+  bool moved = false;
+  for (MapCamera& c : cameras_) moved |= take_move(&c);
+  if (!moved) return false;
+  for (MapKeyframe& k : keyframes_) k.given_up.clear();
+  return true;
+}
+
+void MapState::publish_cameras() {
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    if (publish(&cameras_[i]) != Publication::kMoved) continue;
+    for (MapPoint& p : points_) {
+      const MapKeyframe& source = keyframe(p.source.keyframe);
+      if (source.estimated_camera == static_cast<int>(i)) aim_source(*source.camera, &p.source);
+    }
+  }
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {
