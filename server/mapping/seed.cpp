@@ -18,7 +18,7 @@ constexpr size_t kMinSeedPoints = 30;
 constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
 constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
 constexpr double kPlaneInlierDistance = 0.03;                       ///< of the mean depth
-constexpr std::array<int, kPyramidLevels> kLevelOrder{0, 3, 1, 2};  // PTAM r114
+constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
 struct SeedMatch {
@@ -179,7 +179,7 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   if (!adjust_whole(&map, {}, options.adjuster).usable)
     return fail(ErrorCode::kDegenerate, "the two views do not adjust");
   NewPointsOptions new_points;
-  for (const int level : kLevelOrder) {
+  for (const int level : kSeedLevelOrder) {
     new_points.max_points = options.max_points_per_keyframe / 2;
     (void)make_new_points(&map, second, level, new_points, [] { return false; });
   }

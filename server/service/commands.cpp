@@ -264,7 +264,7 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
     const std::scoped_lock lock(mutex_);
     published_[map] = snapshot;
   }
-  for (const CameraEstimate& estimate : statistics.cameras) tell_camera(estimate);
+  for (const CameraEstimate& estimate : entry->statistics.cameras) tell_camera(estimate);
   for (auto& [name, client] : clients_) {
     const auto feed = client.feeds.find(map);
     if (feed != client.feeds.end()) {

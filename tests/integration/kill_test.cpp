@@ -141,6 +141,7 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
   std::mt19937 random(kSeed);
   size_t accepted_in_all = 0;
   size_t maps_in_all = 0;
+  unsigned longest_life_ms = 750;
   for (int cycle = 0; cycle < cycles();) {
     const testing::StoreFolder folder("kill-test");
     const std::vector<std::string> arguments{"--store", folder.path().string()};
@@ -149,7 +150,7 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
                                     Builder(scene, server->domain(), "bert")};
     for (int i = 0; i < kCyclesPerStore && cycle < cycles(); ++i, ++cycle) {
       SCOPED_TRACE(::testing::Message() << "cycle " << cycle);
-      std::this_thread::sleep_for(std::chrono::milliseconds(50 + random() % 700));
+      std::this_thread::sleep_for(std::chrono::milliseconds(50 + random() % (longest_life_ms - 50)));
       ASSERT_EQ(server->end(SIGKILL), -SIGKILL);
       {
         // What is heard from now on was said before the end.
@@ -160,10 +161,14 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
       }
       server = std::make_unique<ServerProcess>(server->domain(), arguments);
     }
+    size_t accepted = 0;
     for (const Builder& b : builders) {
-      accepted_in_all += b.accepted().size();
+      accepted += b.accepted().size();
       maps_in_all += b.made().size();
     }
+    accepted_in_all += accepted;
+    if (accepted < kCyclesPerStore)
+      longest_life_ms *= 2;  // a slow machine: the work done counts, not the time
   }
   std::printf("%d kills: %zu keyframes accepted in %zu maps\n", cycles(), accepted_in_all, maps_in_all);
   EXPECT_GT(accepted_in_all, static_cast<size_t>(cycles()) / 2) << "too little load to tell anything";

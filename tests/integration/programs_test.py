@@ -5,6 +5,7 @@
 programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
 import json
+import os
 import pathlib
 import re
 import signal
@@ -18,7 +19,8 @@ import unittest
 import zlib
 
 BINARIES = None
-LIMIT = 300  # seconds, which only a broken program takes
+SLOWNESS = int(os.environ.get("CAIRN_TEST_SLOWNESS", "1"))  # of the build: recordings are played so much slower in real time
+LIMIT = 300 * SLOWNESS  # seconds, which only a broken program takes
 FIRST_DOMAIN = 215
 DOMAINS = 10  # ports above those that the kernel gives out
 
@@ -74,6 +76,15 @@ class ServerProcess:
         self.process.stderr.close()
 
 
+def slow_down(recording):
+    """The stamps of a rendered sequence, for programs that were built to be checked and not to be fast."""
+    for name in ("rgb.txt", "groundtruth.txt"):
+        rows = [row.split(maxsplit=1) for row in (recording / name).read_text().splitlines()]
+        (recording / name).write_text("".join(
+            f"{stamp} {rest}\n" if stamp.startswith("#") else f"{float(stamp) * SLOWNESS:.6f} {rest}\n"
+            for stamp, rest in rows))
+
+
 class OnTheDesk(unittest.TestCase):
     FRAMES = 240
 
@@ -81,9 +92,14 @@ class OnTheDesk(unittest.TestCase):
     def setUpClass(cls):
         cls.scratch = tempfile.TemporaryDirectory()
         cls.folder = pathlib.Path(cls.scratch.name)
-        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / "desk", "--frames", cls.FRAMES,
-                               "--seed", 1),
+        cls.render("desk", 1)
+
+    @classmethod
+    def render(cls, folder, seed):
+        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / folder, "--frames", cls.FRAMES,
+                               "--seed", seed),
                        check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        slow_down(cls.folder / folder)
 
     @classmethod
     def tearDownClass(cls):
@@ -183,14 +199,8 @@ class Places(OnTheDesk):
         cls.write_recording("other-builder", [("other", range(cls.FRAMES))])
 
     @classmethod
-    def render(cls, folder, seed):
-        subprocess.run(command("cairn-sim", "render", "desk", "--out", cls.folder / folder, "--frames", cls.FRAMES,
-                               "--seed", seed),
-                       check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-
-    @classmethod
     def write_recording(cls, name, parts):
-        """`parts`: (desk, frame numbers); between two of them the camera is covered. Stamps run on at 30 Hz."""
+        """`parts`: (desk, frame numbers); between two of them the camera is covered. Stamps run on at 30 Hz / SLOWNESS."""
         folder = cls.folder / name
         folder.mkdir()
         (folder / "camera.txt").write_text((cls.folder / "desk/camera.txt").read_text())
@@ -201,7 +211,7 @@ class Places(OnTheDesk):
                 pictures += ["black.png"] * cls.COVERED
             listed = [row.split()[1] for row in (cls.folder / desk / "rgb.txt").read_text().splitlines() if row[0] != "#"]
             pictures += [f"../{desk}/{listed[i]}" for i in frames]
-        (folder / "rgb.txt").write_text("".join(f"{i / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
+        (folder / "rgb.txt").write_text("".join(f"{i * SLOWNESS / 30:.6f} {picture}\n" for i, picture in enumerate(pictures)))
 
     def play(self, server, name, recording, *more):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/{recording}", "--domain", server.domain,
@@ -211,24 +221,28 @@ class Places(OnTheDesk):
         self.assertEqual(done.returncode, 0, done.stderr)
         return json.loads((self.folder / f"{name}.json").read_text())["frames"], done.stderr
 
-    def assert_back_soon(self, frames, first, said, patience=10):
-        """Tracked again within 10 frames of seeing something, three of which are the proof."""
+    IN_LOCKSTEP = 10  # frames to be back in, three of which are the proof
+    IN_REAL_TIME = 45  # any that leave some of the 60 to look at: frames are time there, and the machine may be slow
+
+    def assert_back_soon(self, frames, first, said, patience=IN_LOCKSTEP):
+        """Tracked again when something is seen again, not before it is proven, and from then on."""
         tracked = [frame["state"] in ("tracking", "poor") for frame in frames]
         self.assertFalse(any(tracked[first - self.COVERED + 1:first]), "a covered camera has no pose")
         self.assertFalse(any(tracked[first:first + 2]), "not before it is proven")
         back = next(i for i in range(first, len(tracked)) if tracked[i])
         self.assertLessEqual(back - first, patience, said)
-        self.assertGreater(sum(tracked[back:back + 10]), 8, said)
+        seen = [frame for frame in frames[back:first + 60] if frame["state"] != "dropped"][:10]
+        self.assertGreater(sum(frame["state"] in ("tracking", "poor") for frame in seen), 0.8 * len(seen), said)
 
     def test_a_tracker_shown_another_part_of_its_map_after_a_loss_finds_itself(self):
         self.write_recording("elsewhere", [("desk", range(60)), ("desk", range(180, 240)), ("desk", range(40, 100))])
-        for pace in ("lockstep", "realtime"):
+        for pace, patience in (("lockstep", self.IN_LOCKSTEP), ("realtime", self.IN_REAL_TIME)):
             with ServerProcess() as server:
                 self.track(server, f"maker-{pace}", "--pace", "lockstep")
                 name = f"jumper-{pace}"
                 frames, said = self.play(server, name, "elsewhere", "--role", "reader", "--pace", pace)
-                self.assert_back_soon(frames, 70, said)
-                self.assert_back_soon(frames, 140, said)
+                self.assert_back_soon(frames, 70, said, patience)
+                self.assert_back_soon(frames, 140, said, patience)
                 self.assertEqual(len([row for row in (self.folder / f"{name}.txt").read_text().splitlines()
                                       if row.startswith("# map")]), 1)
 
@@ -237,8 +251,7 @@ class Places(OnTheDesk):
             self.track(server, "maker", "--pace", "lockstep")
             self.play(server, "other-maker", "other-builder", "--pace", "lockstep")
             self.write_recording("walk", [("desk", range(60)), ("other", range(60, 120)), ("desk", range(100, 160))])
-            # In real time what a question costs on a busy machine, and that a map comes the first time, is waited for.
-            for pace, patience in (("lockstep", 10), ("realtime", 45)):
+            for pace, patience in (("lockstep", self.IN_LOCKSTEP), ("realtime", self.IN_REAL_TIME)):
                 name = f"walker-{pace}"
                 frames, said = self.play(server, name, "walk", "--role", "reader", "--pace", pace)
                 self.assert_back_soon(frames, 70, said, patience)
