@@ -86,10 +86,14 @@ TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {
     adjust_globally();
     ASSERT_TRUE(file->write(std::vector{take_update()}));
   }
-  const StoredMap stored = load();
+  StoredMap stored = load();
   EXPECT_THAT(stored.damage, IsEmpty());
   ASSERT_EQ(stored.record.found_cameras.size(), 1U);
-  EXPECT_TRUE(bytes_of(stored.record) == bytes_of(whole()));
+  MapRecord all = whole();
+  // Rays through a patch follow from the camera, and are made anew when the map is restored.
+  stored.record.sources.clear();
+  all.sources.clear();
+  EXPECT_TRUE(bytes_of(stored.record) == bytes_of(all));
   sqlite::Database database = open_raw();
   EXPECT_EQ(*database.number("SELECT count(*) FROM cameras"), 1) << "its values are written anew in place";
 }
