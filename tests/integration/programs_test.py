@@ -59,6 +59,8 @@ class ServerProcess:
         """As a crash, and somebody who starts it again after a while. Its socket may linger for a moment."""
         self.process.kill()
         self.process.wait()
+        self.reader.join()
+        self.process.stderr.close()
         time.sleep(pause)
         deadline = time.monotonic() + LIMIT
         while not self.start():
