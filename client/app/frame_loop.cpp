@@ -41,7 +41,7 @@ FrameLoop::FrameLoop(FrameSource& source, TrackingEngine& tracker, MapLink& link
       tracker_(tracker),
       link_(link),
       clock_(clock),
-      options_(options),
+      options_(std::move(options)),
       observers_(std::move(observers)) {}
 
 Result<bool> FrameLoop::run(const std::function<bool()>& stop_requested) {

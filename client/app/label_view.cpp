@@ -118,7 +118,7 @@ std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Ca
   if ((near.front().pixel - pixel).norm() <= kPointed * width) return near.front().position;
   const auto surface = on_one_surface(near);
   const Eigen::Vector3d ray = camera.unproject(pixel);
-  if (const auto met = meet_plane(ray, surface)) return met;
+  if (auto met = meet_plane(ray, surface)) return met;
   if (surface.size() < kLeastNeighbours) return std::nullopt;
   // No plane to be made out: as far as its neighbours.
   double distance = 0;

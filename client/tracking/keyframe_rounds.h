@@ -20,13 +20,13 @@ class KeyframeRounds {
 
   /// The next pose; nothing for a map without keyframes.
   [[nodiscard]] std::optional<SE3> next(const MapSnapshot& map) {
-    static const std::array<Eigen::Vector3d, 5> kTurns = {Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitY(),
-                                                          -Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitX(),
-                                                          -Eigen::Vector3d::UnitX()};
+    static const std::array<Eigen::Vector3d, 5> turns = {Eigen::Vector3d::Zero(), Eigen::Vector3d::UnitY(),
+                                                         -Eigen::Vector3d::UnitY(), Eigen::Vector3d::UnitX(),
+                                                         -Eigen::Vector3d::UnitX()};
     const size_t count = map.keyframe_count();
     if (count == 0) return std::nullopt;
     size_t left = taken_ % count;
-    const Eigen::Vector3d turn = kLookAside * kTurns[taken_ / count % kTurns.size()];
+    const Eigen::Vector3d turn = kLookAside * turns[taken_ / count % turns.size()];
     ++taken_;
     for (const auto& block : map.keyframe_blocks) {
       for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {

@@ -148,8 +148,8 @@ std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start
       return std::nullopt;
     }
   }
-  const auto pose = fine_stage(frame, coarse.value_or(start), effort,
-                               coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
+  auto pose = fine_stage(frame, coarse.value_or(start), effort,
+                         coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
   attempted_ = static_cast<int>(visible_.size());
   if (!pose) found_ = 0;
   mark_hidden();

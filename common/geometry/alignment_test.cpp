@@ -19,6 +19,7 @@ std::vector<Eigen::Vector3d> cloud(unsigned seed, size_t n, const Eigen::Vector3
 
 std::vector<Eigen::Vector3d> mapped(const Similarity3& b_from_a, const std::vector<Eigen::Vector3d>& points) {
   std::vector<Eigen::Vector3d> result;
+  result.reserve(points.size());
   for (const auto& p : points) result.push_back(b_from_a * p);
   return result;
 }

@@ -69,9 +69,9 @@ class Chessboard final : public Board {
       return std::nullopt;
     BoardView view;
     for (size_t i = 0; i < corners.size(); ++i) {
-      const auto column = static_cast<double>(i % static_cast<size_t>(inner.width));
-      const auto row = static_cast<double>(i / static_cast<size_t>(inner.width));
-      view.on_board.emplace_back(column * board_.square, row * board_.square, 0);
+      const auto number = static_cast<int>(i);
+      const Eigen::Vector2i crossing(number % inner.width, number / inner.width);
+      view.on_board.emplace_back(crossing.x() * board_.square, crossing.y() * board_.square, 0);
       view.pixels.emplace_back(corners[i].x, corners[i].y);
     }
     return view;

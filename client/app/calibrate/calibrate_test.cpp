@@ -67,6 +67,7 @@ std::vector<GrayImagePtr> paint_views(const Case& tested, int count, double nois
   const BoardPainter painter(camera, std::move(*drawn), kSquare, kSquare);
   std::mt19937 random(kSeed);
   std::vector<GrayImagePtr> pictures;
+  pictures.reserve(static_cast<size_t>(count));
   for (int i = 0; i < count; ++i) {
     pictures.push_back(painter.paint(testing::random_pose(*camera, 10, 7, 0.75, &random), noise, &random));
   }
@@ -146,7 +147,7 @@ TEST(VerdictOfFewViews, IsPoorAndSaysWhereToTakeMore) {
     const SE3 pose(so3_exp({tilt, 0.3 - tilt, 0}), {-6, -4.5, 14});
     BoardView view;
     for (int i = 0; i < 20; ++i) {
-      const Eigen::Vector3d point(i % 5, i / 5, 0);
+      const Eigen::Vector3d point = Eigen::Vector3i(i % 5, i / 5, 0).cast<double>();
       const auto pixel = camera->project(pose * point);
       ASSERT_TRUE(pixel);
       view.on_board.push_back(point);
@@ -196,7 +197,7 @@ TEST(ViewPicker, KeepsDifferentSharpViewsOnly) {
   const auto view_at = [&](const SE3& pose) {
     BoardView view;
     for (int i = 0; i < 20; ++i) {
-      const Eigen::Vector3d point(i % 5, i / 5, 0);
+      const Eigen::Vector3d point = Eigen::Vector3i(i % 5, i / 5, 0).cast<double>();
       view.on_board.push_back(point);
       view.pixels.push_back(*camera->project(pose * point));
     }

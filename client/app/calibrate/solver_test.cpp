@@ -29,7 +29,7 @@ std::vector<BoardView> make_views(const Camera& camera, size_t count, double sig
     const SE3 pose = testing::random_pose(camera, 8, 5, max_tilt, random);
     BoardView view;
     for (int i = 0; i < 9 * 6; ++i) {
-      const Eigen::Vector3d point(i % 9, i / 9, 0);
+      const Eigen::Vector3d point = Eigen::Vector3i(i % 9, i / 9, 0).cast<double>();
       const auto pixel = camera.project(pose * point);
       if (!pixel || !camera.in_image(*pixel)) continue;
       view.on_board.push_back(point);
@@ -163,7 +163,7 @@ TEST(BoardPose, IsExactForPerfectPixels) {
       const SE3 pose = testing::random_pose(*camera, 8, 5, 1.0, &random);
       BoardView view;
       for (int i = 0; i < 12; ++i) {
-        const Eigen::Vector3d point(i % 4, i / 4, 0);
+        const Eigen::Vector3d point = Eigen::Vector3i(i % 4, i / 4, 0).cast<double>();
         if (const auto pixel = camera->project(pose * point)) {
           view.on_board.push_back(point);
           view.pixels.push_back(*pixel);

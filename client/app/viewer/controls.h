@@ -47,7 +47,9 @@ class ViewerControls {
   // What is shown.
   [[nodiscard]] const std::optional<OverlayFrame>& frame() const { return frame_; }
   /// Newer ones of the map shown. Whether they are others than before.
-  bool set_labels(LabelListPtr labels) { return frame_ && std::exchange(frame_->labels, labels) != labels; }
+  bool set_labels(const LabelListPtr& labels) {
+    return frame_ && std::exchange(frame_->labels, labels) != labels;
+  }
   [[nodiscard]] bool frozen() const { return frozen_; }
   [[nodiscard]] bool points_shown() const { return points_shown_; }
   [[nodiscard]] bool help_shown() const { return help_shown_; }
