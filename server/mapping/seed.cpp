@@ -17,7 +17,7 @@ namespace {
 constexpr size_t kMinSeedPoints = 30;
 constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
 constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
-constexpr double kPlaneInlierDistance = 0.03;                       ///< of the mean depth
+constexpr double kPlaneInlierDistance = 0.03;                           ///< of the mean depth
 constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
