@@ -23,13 +23,6 @@ SE3 MotionModel::predicted_step(Timestamp time) const {
   return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
 }
 
-double MotionModel::surprise(const SE3& camera_from_map, Timestamp time) const {
-  const double seconds = seconds_between(time, time_);
-  if (!(seconds > 0)) return 0;
-  const SE3 predicted = predicted_step(time) * last_;
-  return (camera_from_map.center() - predicted.center()).norm() / seconds;
-}
-
 void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
   const double seconds = seconds_between(time, time_);
   if (seconds > 0 && seconds < kLongestStep) {

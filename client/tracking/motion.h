@@ -16,9 +16,6 @@ class MotionModel {
  public:
   /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
-  /// Speed [m/s] that a pose measured now has beside the predicted one: what the camera would have to have
-  /// gained since the last. 0 where no time has gone by.
-  [[nodiscard]] double surprise(const SE3& camera_from_map, Timestamp time) const;
   /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
   void measured(const SE3& camera_from_map, Timestamp time);
   /// A frame without a measurement: the velocity decays, the pose stays.

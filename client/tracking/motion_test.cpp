@@ -32,20 +32,6 @@ TEST(MotionModel, PredictsConstantVelocityWhateverTheFrameSpacing) {
   EXPECT_NEAR(model.velocity().normalized().dot(velocity.normalized()), 1.0, 1e-9);
 }
 
-TEST(MotionModel, SurpriseIsTheSpeedThatWasNotPredicted) {
-  MotionModel model;
-  model.reset(SE3(Eigen::Quaterniond::Identity(), {0, 0, 1}), {0});
-  EXPECT_EQ(model.surprise(SE3(), {0}), 0) << "no time, no speed";
-  model.measured(SE3(Eigen::Quaterniond::Identity(), {0.01, 0, 1}), {kFrame});
-  const Timestamp next{2 * kFrame};
-  const SE3 predicted = model.predicted_step(next) * model.last();
-  EXPECT_NEAR(model.surprise(predicted, next), 0, 1e-12);
-  const SE3 aside = SE3(Eigen::Quaterniond::Identity(), {0, 0.02, 0}) * predicted;
-  EXPECT_NEAR(model.surprise(aside, next), 0.02 / (kFrame * 1e-9), 1e-9);
-  EXPECT_NEAR(model.surprise(SE3(Eigen::Quaterniond(0, 0, 1, 0), {0, 0, 0}) * predicted, next), 0, 1e-12)
-      << "a turn on the spot is no way";
-}
-
 TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
   MotionModel model;
   model.reset(SE3(), {0});

@@ -30,11 +30,6 @@ constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive
 // where it was [s].
 constexpr double kStillHere = 1.0;
 
-// [mean depths/s] A pose on few points is not believed where it lies further from the predicted one: between
-// two frames at 30 Hz, a tenth of the depth. In simulated walks between desks 99 of 100 good frames lie
-// within 12 mm, a hundredth or two; poor ones in which a desk is left, and the pose with it, up to 1.5 m.
-constexpr double kMostSurprise = 3.0;
-
 }  // namespace
 
 const char* to_string(Stage stage) {
@@ -271,8 +266,7 @@ void Tracker::State::track_map(Timestamp time) {
     verdict = pose ? finder.judge() : PoseVerdict::kBad;
   }
   // After a frame that failed the start is a guess: what is found from there must look right to be believed.
-  const auto surprises = [&] { return model.surprise(*pose, time) > kMostSurprise * mean_depth; };
-  if (verdict == PoseVerdict::kPoor && (bad_frames > 0 || surprises())) verdict = PoseVerdict::kBad;
+  if (verdict == PoseVerdict::kPoor && bad_frames > 0) verdict = PoseVerdict::kBad;
   const bool is_refuted = unproven > 0 && !(pose && holds_proof());
   if (verdict != PoseVerdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);
