@@ -15,9 +15,9 @@
 namespace cairn {
 namespace {
 
-using testing::AllOf;
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 constexpr int kWidth = 64;
@@ -31,7 +31,7 @@ int number_of(const Frame& frame) {
   return frame.image->row(kHeight / 2)[kWidth / 2] / 20;
 }
 
-class FrameSourceFiles : public testing::Test {
+class FrameSourceFiles : public ::testing::Test {
  protected:
   void write_picture(const std::string& name, int number) {
     const auto path = dir() / name;

@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::unique_ptr<FrameSource> open(const std::string& uri) {
   auto source = open_source(uri);

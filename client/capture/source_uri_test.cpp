@@ -6,9 +6,9 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
-using testing::Pair;
-using testing::UnorderedElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Pair;
+using ::testing::UnorderedElementsAre;
 
 TEST(SourceUri, SplitsSchemePathAndOptions) {
   const auto uri = parse_source_uri("video:/a:b/c?d.mp4?times=/a/times.txt&x=1");
@@ -33,7 +33,7 @@ TEST(SourceUri, UnknownOptionListsTheValidOnes) {
   const auto uri = parse_source_uri("v4l2:/dev/video0?sise=1x1");
   const auto status = uri->check_options({"size", "fps"});
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().message, testing::AllOf(HasSubstr("'sise'"), HasSubstr("size, fps")));
+  EXPECT_THAT(status.error().message, ::testing::AllOf(HasSubstr("'sise'"), HasSubstr("size, fps")));
   EXPECT_TRUE(uri->check_options({"sise"}));
 }
 

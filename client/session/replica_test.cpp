@@ -85,7 +85,7 @@ void expect_exact(const MapSnapshot& snapshot) {
 
 TEST(Replica, SwapsOnlyWhenEveryListedVersionIsThereInAnyOrder) {
   std::mt19937 random(kSeed);
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   for (int trial = 0; trial < 50; ++trial) {
     Author author;
     std::vector<Message> messages = author.revise({}, 5);

@@ -48,7 +48,7 @@ CameraPtr make(const CameraParameters& parameters) {
   return camera.value();
 }
 
-class RealCameras : public testing::TestWithParam<NamedCamera> {
+class RealCameras : public ::testing::TestWithParam<NamedCamera> {
  protected:
   CameraPtr camera_ = make(GetParam().parameters);
 
@@ -67,19 +67,19 @@ class RealCameras : public testing::TestWithParam<NamedCamera> {
 
 INSTANTIATE_TEST_SUITE_P(
     All, RealCameras,
-    testing::Values(NamedCamera{"Pinhole", parameters_of(640, 480, {525, 525, 319.5, 239.5})},
-                    NamedCamera{"EurocCam0", parameters_of(752, 480,
-                                                           {458.654, 457.296, 367.215, 248.375, -0.28340811,
-                                                            0.07395907, 0.00019359, 1.76187114e-05})},
-                    NamedCamera{"TumFreiburg1", parameters_of(640, 480,
-                                                              {517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531,
-                                                               -0.0054, 0.0026, 1.1633})},
-                    NamedCamera{
-                        "BarrelWithK3",
-                        parameters_of(640, 480, {420, 422, 315, 244, -0.32, 0.12, 1e-3, -8e-4, -0.02})},
-                    NamedCamera{"Pincushion", parameters_of(384, 288, {380, 380, 190, 144, 0.11, 0.02})},
-                    NamedCamera{"TumVi", kTumVi}, NamedCamera{"NarrowFisheye", kNarrowFisheye},
-                    NamedCamera{"Ptam", kPtam}, NamedCamera{"MonoVo", kMonoVo}),
+    ::testing::Values(NamedCamera{"Pinhole", parameters_of(640, 480, {525, 525, 319.5, 239.5})},
+                      NamedCamera{"EurocCam0", parameters_of(752, 480,
+                                                             {458.654, 457.296, 367.215, 248.375, -0.28340811,
+                                                              0.07395907, 0.00019359, 1.76187114e-05})},
+                      NamedCamera{"TumFreiburg1", parameters_of(640, 480,
+                                                                {517.3, 516.5, 318.6, 255.3, 0.2624, -0.9531,
+                                                                 -0.0054, 0.0026, 1.1633})},
+                      NamedCamera{
+                          "BarrelWithK3",
+                          parameters_of(640, 480, {420, 422, 315, 244, -0.32, 0.12, 1e-3, -8e-4, -0.02})},
+                      NamedCamera{"Pincushion", parameters_of(384, 288, {380, 380, 190, 144, 0.11, 0.02})},
+                      NamedCamera{"TumVi", kTumVi}, NamedCamera{"NarrowFisheye", kNarrowFisheye},
+                      NamedCamera{"Ptam", kPtam}, NamedCamera{"MonoVo", kMonoVo}),
     [](const auto& tested) { return tested.param.name; });
 
 TEST_P(RealCameras, ProjectInvertsUnprojectOverTheWholeImage) {
@@ -188,14 +188,15 @@ double degrees(double angle) {
   return angle * std::numbers::pi / 180;
 }
 
-class WideCameras : public testing::TestWithParam<NamedCamera> {};
+class WideCameras : public ::testing::TestWithParam<NamedCamera> {};
 
-INSTANTIATE_TEST_SUITE_P(
-    All, WideCameras,
-    testing::Values(NamedCamera{"TumVi", kTumVi},
-                    NamedCamera{"Equidistant", {CameraModel::kKannalaBrandt, 800, 800, {150, 151, 400, 401}}},
-                    NamedCamera{"Fov", kMonoVo}),
-    [](const auto& tested) { return tested.param.name; });
+INSTANTIATE_TEST_SUITE_P(All, WideCameras,
+                         ::testing::Values(NamedCamera{"TumVi", kTumVi},
+                                           NamedCamera{
+                                               "Equidistant",
+                                               {CameraModel::kKannalaBrandt, 800, 800, {150, 151, 400, 401}}},
+                                           NamedCamera{"Fov", kMonoVo}),
+                         [](const auto& tested) { return tested.param.name; });
 
 TEST_P(WideCameras, RoundTripsAndJacobiansHoldBehindTheImagePlane) {
   const auto camera = make(GetParam().parameters);

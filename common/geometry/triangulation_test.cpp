@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-class Scenes : public testing::Test {
+class Scenes : public ::testing::Test {
  protected:
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(engine_);

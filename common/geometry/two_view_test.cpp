@@ -163,7 +163,7 @@ void PrintTo(const Scenario& scenario, std::ostream* out) {
   *out << scenario.name;
 }
 
-class Starts : public testing::TestWithParam<Scenario> {};
+class Starts : public ::testing::TestWithParam<Scenario> {};
 
 Conditions with(const std::function<void(Conditions&)>& change) {
   Conditions setup;
@@ -180,7 +180,7 @@ const CameraParameters kEuroc{
 
 INSTANTIATE_TEST_SUITE_P(
     All, Starts,
-    testing::Values(
+    ::testing::Values(
         Scenario{"GeneralDepth", with([](Conditions& s) { s.depth = general_depth; })},
         Scenario{"Plane", with([](Conditions& s) { s.depth = plane_depth; })},
         Scenario{"FrontalPlane", with([](Conditions& s) { s.depth = frontal_plane_depth; })},

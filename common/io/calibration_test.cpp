@@ -12,10 +12,10 @@
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
-class Calibration : public testing::Test {
+class Calibration : public ::testing::Test {
  protected:
   std::filesystem::path write(const std::string& content) {
     const auto path = directory_.path() / "camera.txt";

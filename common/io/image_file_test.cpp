@@ -15,7 +15,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Bytes = std::vector<uint8_t>;
 
 cv::Mat noise_image(int width, int height) {
@@ -38,7 +38,7 @@ struct Codec {
   std::vector<int> parameters;
 };
 
-class ImageFile : public testing::TestWithParam<Codec> {
+class ImageFile : public ::testing::TestWithParam<Codec> {
  protected:
   [[nodiscard]] Bytes encoded(const cv::Mat& image) const {
     return encode(GetParam().extension, image, GetParam().parameters);
@@ -80,10 +80,11 @@ TEST_P(ImageFile, FlippedBitsNeverCrash) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Formats, ImageFile,
-                         testing::Values(Codec{"Png", ".png", {}}, Codec{"Jpeg", ".jpg", {}},
-                                         Codec{"ProgressiveJpeg", ".jpg", {cv::IMWRITE_JPEG_PROGRESSIVE, 1}},
-                                         Codec{"RestartJpeg", ".jpg", {cv::IMWRITE_JPEG_RST_INTERVAL, 2}},
-                                         Codec{"Pgm", ".pgm", {}}),
+                         ::testing::Values(Codec{"Png", ".png", {}}, Codec{"Jpeg", ".jpg", {}},
+                                           Codec{
+                                               "ProgressiveJpeg", ".jpg", {cv::IMWRITE_JPEG_PROGRESSIVE, 1}},
+                                           Codec{"RestartJpeg", ".jpg", {cv::IMWRITE_JPEG_RST_INTERVAL, 2}},
+                                           Codec{"Pgm", ".pgm", {}}),
                          [](const auto& info) { return info.param.name; });
 
 TEST(ImageHeader, AJpegWhoseThumbnailIsWholeIsStillCut) {

@@ -11,8 +11,8 @@
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
 
 TEST(Timestamps, TextAndBackIsTheSameNanosecond) {
   std::mt19937_64 random(7);
@@ -71,7 +71,7 @@ TEST(ReadFile, ErrorsNameTheFile) {
   EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(missing.error().message, HasSubstr("/nowhere/a.txt"));
   EXPECT_EQ(read_file("/tmp").error().code, ErrorCode::kIo);
-  const auto path = std::filesystem::path(testing::TempDir()) / "cairn_text_test_big";
+  const auto path = std::filesystem::path(::testing::TempDir()) / "cairn_text_test_big";
   std::ofstream(path) << "12345";
   EXPECT_EQ(*read_file(path, 5), "12345");
   EXPECT_EQ(read_file(path, 4).error().code, ErrorCode::kDamaged);

@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 MapId map_id(uint8_t n) {
   MapId id;
@@ -20,7 +20,7 @@ MapId map_id(uint8_t n) {
   return id;
 }
 
-class TrajectoryFile : public testing::Test {
+class TrajectoryFile : public ::testing::Test {
  protected:
   std::filesystem::path write(const std::string& content) {
     std::ofstream(path_) << content;
@@ -84,7 +84,7 @@ TEST_F(TrajectoryFile, RowsHaveExactlyEightFieldsAndAMapRowWheneverTheMapChanges
   }
   EXPECT_EQ(rows, 4);
   const std::string one = "# map 01010101010101010101010101010101 my desk";
-  EXPECT_THAT(maps, testing::ElementsAre(one, "# map 02020202020202020202020202020202", one));
+  EXPECT_THAT(maps, ::testing::ElementsAre(one, "# map 02020202020202020202020202020202", one));
 }
 
 TEST_F(TrajectoryFile, EachRowIsInTheFileWhenAppendReturns) {

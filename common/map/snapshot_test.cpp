@@ -12,7 +12,7 @@ namespace {
 constexpr unsigned kSeed = 20240711;
 constexpr double kPixel = 1.0 / 500;  // size of one pixel at unit depth of the cameras below
 
-class SnapshotTest : public testing::Test {
+class SnapshotTest : public ::testing::Test {
  protected:
   double uniform(double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random_);
@@ -77,7 +77,7 @@ class SnapshotTest : public testing::Test {
 };
 
 TEST_F(SnapshotTest, PatchVectorsSpanOnePixelOfTheSourceViewOnThePlane) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   const SE3 camera_from_map = pose();
   const Blocks made = blocks(1, kBlockSlots, {1}, camera_from_map);
   const auto block =
@@ -100,7 +100,7 @@ TEST_F(SnapshotTest, PatchVectorsSpanOnePixelOfTheSourceViewOnThePlane) {
 }
 
 TEST_F(SnapshotTest, BoundingSphereHoldsTheLivePointsOnly) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   const SE3 camera_from_map = pose();
   Blocks made = blocks(1, 20, {1}, camera_from_map);
   made.positions->positions[7] = camera_from_map.center().cast<float>() + Eigen::Vector3f(1e6F, 0, 0);
@@ -115,7 +115,7 @@ TEST_F(SnapshotTest, BoundingSphereHoldsTheLivePointsOnly) {
 }
 
 TEST_F(SnapshotTest, PointsWithoutUsableSourceLoseTheirLiveBit) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   const SE3 camera_from_map = pose();
   const Blocks made = blocks(1, 5, {2}, camera_from_map);
   made.patches->points[1].keyframe = {99};                                               // unknown
@@ -141,7 +141,7 @@ TEST_F(SnapshotTest, BlocksOfUnequalLengthEndAtTheShorter) {
 }
 
 TEST_F(SnapshotTest, FindsEveryLivePointAndNothingElse) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   MapSnapshot snapshot;
   snapshot.keyframe_blocks = {keyframe_block({{{1}, SE3(), 2}})};
   for (uint64_t b = 0; b < 4; ++b) {
@@ -165,7 +165,7 @@ TEST_F(SnapshotTest, FindsEveryLivePointAndNothingElse) {
 }
 
 TEST_F(SnapshotTest, FindsLiveKeyframesAndTheNearest) {
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   MapSnapshot snapshot;
   EXPECT_EQ(snapshot.nearest_keyframe(Eigen::Vector3d::Zero()), nullptr);
   std::vector<KeyframePose> poses;

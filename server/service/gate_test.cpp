@@ -21,7 +21,7 @@ wire::OfferOutcome outcome(uint64_t seq) {
 
 TEST(OfferGate, AppliesEachOfferOnceInOrderHoweverTheyAreRepeatedAndDecided) {
   std::mt19937 random(kSeed);
-  SCOPED_TRACE(testing::Message() << "seed " << kSeed);
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
   OfferGate gate;
   gate.enter_session(kSession);
   ASSERT_EQ(gate.admit(1), OfferGate::Admission::kNew);  // 1 repeatedly left out: a forgotten client, below

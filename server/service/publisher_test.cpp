@@ -56,7 +56,7 @@ class FakeMap {
   std::vector<KeyframePose> keyframes_;
 };
 
-class MapPublisherTest : public testing::Test {
+class MapPublisherTest : public ::testing::Test {
  protected:
   /// Brings the client up to date with the map as it is.
   void settle() {

@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 ServerOptions accepted(const std::vector<std::string>& arguments) {
   const auto parsed = parse_server_options(arguments);
@@ -29,14 +29,14 @@ EarlyExit refused(const std::vector<std::string>& arguments) {
   return {};
 }
 
-class ServerOptionsTest : public testing::Test {
+class ServerOptionsTest : public ::testing::Test {
  protected:
   ~ServerOptionsTest() override { std::filesystem::remove(path_); }
   std::string configuration(const std::string& text) {
     std::ofstream(path_) << text;
     return path_;
   }
-  std::string path_ = testing::TempDir() + "cairn-server-options-" + std::to_string(getpid()) + ".yaml";
+  std::string path_ = ::testing::TempDir() + "cairn-server-options-" + std::to_string(getpid()) + ".yaml";
 };
 
 TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {

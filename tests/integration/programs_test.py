@@ -303,14 +303,14 @@ class Faults(OnTheDesk):
         self.assertLess(longest, 60, "two seconds without a frame")
 
     def play_through_a_crash(self, name, server):
-        """The server is killed (-9) when the map is there and started again 3 s later; figures of the frames after the
-        map, and what was said."""
+        """The server is killed (-9) when the map has grown a little and started again 3 s later; figures of the frames after
+        the map, and what was said."""
         tracker = subprocess.Popen(self.arguments(server, name, "--pace", "realtime", "--lost-patience", 30),
                                    stderr=subprocess.PIPE, text=True)
         said = ""
         for line in tracker.stderr:
             said += line
-            if "started at frame" in line:
+            if said.count("accepted") >= 4:
                 break
         server.kill_and_restart(3)
         said += tracker.communicate(timeout=LIMIT)[1]

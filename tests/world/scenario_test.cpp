@@ -27,11 +27,12 @@ double mean_of(const GrayImage& image) {
   return sum / (image.width() * image.height());
 }
 
-class EveryScenario : public testing::TestWithParam<std::string_view> {
+class EveryScenario : public ::testing::TestWithParam<std::string_view> {
  protected:
   static Scenario make(const ScenarioOptions& options) { return make_scenario(GetParam(), options).value(); }
 };
-INSTANTIATE_TEST_SUITE_P(Scenarios, EveryScenario, testing::Values("desk", "desks", "laboratory", "building"),
+INSTANTIATE_TEST_SUITE_P(Scenarios, EveryScenario,
+                         ::testing::Values("desk", "desks", "laboratory", "building"),
                          [](const auto& info) { return std::string(info.param); });
 
 TEST_P(EveryScenario, LightLeavesGeometryAndRoute) {
@@ -313,7 +314,7 @@ TEST(Disturbance, BlackoutIsBlackAndLaterIsAnotherLight) {
   EXPECT_GT(std::abs(change - 1), 0.05);
 }
 
-class AnnotationFiles : public testing::Test {
+class AnnotationFiles : public ::testing::Test {
  protected:
   AnnotationFiles() {
     std::filesystem::remove_all(directory_);

@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 MapId map_id(uint8_t n) {
   MapId id;
@@ -152,10 +152,10 @@ TEST(Association, TakesTheNearestWithinTheLimit) {
   const std::vector<StampedPose> estimate = {at(-5),    at(0.015), at(0.03), at(0.98),
                                              at(1.001), at(2.021), at(2.98)};
   using Pair = std::pair<size_t, size_t>;
-  EXPECT_THAT(associate(truth, estimate, 0.02), testing::ElementsAre(Pair(0, 1), Pair(1, 4), Pair(3, 6)));
-  EXPECT_THAT(associate(estimate, truth, 0.02), testing::ElementsAre(Pair(1, 0), Pair(4, 1), Pair(6, 3)));
-  EXPECT_THAT(associate(truth, estimate, 0.0), testing::IsEmpty());
-  EXPECT_THAT(associate(truth, {}, 1.0), testing::IsEmpty());
+  EXPECT_THAT(associate(truth, estimate, 0.02), ::testing::ElementsAre(Pair(0, 1), Pair(1, 4), Pair(3, 6)));
+  EXPECT_THAT(associate(estimate, truth, 0.02), ::testing::ElementsAre(Pair(1, 0), Pair(4, 1), Pair(6, 3)));
+  EXPECT_THAT(associate(truth, estimate, 0.0), ::testing::IsEmpty());
+  EXPECT_THAT(associate(truth, {}, 1.0), ::testing::IsEmpty());
 }
 
 TEST(Association, ADenserListAndAShiftWithinTheLimitChangeNothing) {

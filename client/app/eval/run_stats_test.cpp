@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::string frame(const std::string& state, double cpu_ms, double wall_ms) {
   return R"({"t": 1.5, "state": ")" + state +
