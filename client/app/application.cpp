@@ -317,6 +317,7 @@ int track(Run& run) {
   if (finished && (*finished || quit)) {
     (void)link.wait_until_settled(kLastVerdicts);
     loop.deliver_replies();
+    loop.take_camera(link.snapshot());
   }
   narrator.finish();
   if (keeper) keeper->finish();

@@ -6,9 +6,9 @@
 namespace cairn {
 
 void CameraKeeper::on_camera(const CameraNews& news) {
-  const bool is_known_now = news.frozen && !(latest_ && latest_->frozen);
+  if (latest_ && latest_->frozen) return;
   latest_ = news;
-  if (!is_known_now) return;
+  if (!news.frozen) return;
   const std::string how = "found out by cairn-track --calibration auto: " + describe(news);
   if (Status written = write_calibration_kalibr(path_, news.camera->parameters(), how); !written) {
     log_->error("{}", written.error().message);

@@ -43,13 +43,14 @@ class FrameLoop {
   /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those
   /// that come after the last one.
   void deliver_replies();
+  /// Passes on the values of the camera that go with a revision, when they are others than before.
+  void take_camera(const MapSnapshotPtr& snapshot);
 
  private:
   [[nodiscard]] Status handle(TakenFrame&& taken);
   void handle(const DroppedFrame& dropped);
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
-  void take_camera(const MapSnapshotPtr& snapshot);
   void deliver_place(const PlaceAnswer& answer);
   void keep_proven_map(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);

@@ -134,6 +134,8 @@ void Receiver::act_on(LinkMonitor::Event event) {
   if (event == Event::kRestarted) {
     log_->warn("the server has been started anew");
     state_.restarted = true;
+    state_.found_out.clear();  // it counts anew
+    state_.camera_source.reset();
     state_.session_id = random_session();
     state_.seed.restart(state_.session_id);
     state_.question.restart(state_.session_id);
@@ -211,20 +213,23 @@ void Receiver::act_on(wire::RelocAnswer&& answer) {
 /// Of a camera whose values we take for exact nobody needs to tell us.
 void Receiver::act_on(const wire::CameraEstimate& estimate) {
   const std::scoped_lock lock(state_.mutex);
+  if (state_.options.camera_sigma.empty() || estimate.client != state_.client ||
+      estimate.camera != state_.camera.camera)
+    return;
   const CameraParameters& ours = state_.camera.parameters;
   const CameraParameters& theirs = estimate.parameters;
   const auto doubt = doubtful_camera(theirs, estimate.sigma);
-  if (state_.options.camera_sigma.empty() || estimate.client != state_.client ||
-      estimate.camera != state_.camera.camera || theirs.width != ours.width || theirs.height != ours.height ||
-      !doubt)
-    return;
   const auto camera = make_camera(theirs);
-  if (!camera) return;
-  state_.found_out.insert_or_assign(estimate.version,
+  if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
+    if (warning_.due()) {
+      log_->warn("a map knows another camera ({} x {}) under the name {}: take another --name", theirs.width,
+                 theirs.height, state_.options.name);
+    }
+    return;
+  }
+  state_.found_out.insert_or_assign(estimate.map,
                                     CameraNews{estimate.version, *camera, doubt->focal_sigma, doubt->k1_sigma,
                                                estimate.frozen, estimate.cannot_be_known});
-  if (state_.found_out.size() > SessionState::kCameraVersionsKept)
-    state_.found_out.erase(state_.found_out.begin());
 }
 
 void Receiver::follow_recent_maps() {

@@ -65,9 +65,11 @@ void Sender::send_camera(std::unique_lock<std::mutex>& lock) {
   state_.camera_due = false;
   const wire::CameraMessage message = state_.camera;
   lock.unlock();
-  report(writers_.camera.write(message), "Camera");
-  camera_version_ = message.version;
+  const Status written = writers_.camera.write(message);
+  report(written, "Camera");
+  if (written) camera_version_ = message.version;
   lock.lock();
+  if (!written) state_.camera_due = true;  // tried again with the next round
 }
 
 void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now) {

@@ -193,12 +193,11 @@ std::optional<PlaceAnswer> Session::take_place_answer() {
 std::optional<CameraNews> Session::take_camera(const MapSnapshot& snapshot) {
   SessionState& shared = state_->shared;
   const std::scoped_lock lock(shared.mutex);
-  const auto version = shared.newer_camera_of(snapshot);
-  if (!version) return std::nullopt;
-  const auto found = shared.found_out.lower_bound(*version);
-  if (found == shared.found_out.end()) return std::nullopt;
-  const CameraNews& news = found->second;
-  shared.camera.version = news.version;
+  if (!shared.other_camera_of(snapshot) || !shared.has_camera_of(snapshot)) return std::nullopt;
+  const CameraNews& news = shared.found_out.at(snapshot.map);
+  if (std::exchange(shared.camera_source, std::pair(snapshot.map, news.version)) == shared.camera_source)
+    return std::nullopt;
+  ++shared.camera.version;
   shared.camera.parameters = news.camera->parameters();
   shared.camera.sigma = sigma_of_values({shared.camera.parameters, news.focal_sigma, news.k1_sigma});
   shared.camera.frozen = news.frozen;

@@ -66,10 +66,10 @@ struct SessionState {
   RequestSpool requests;
   std::vector<RequestReply> request_replies;
 
-  wire::CameraMessage camera;  ///< as in use
-  bool camera_due = true;      ///< to be announced
-  static constexpr size_t kCameraVersionsKept = 8;
-  std::map<uint32_t, CameraNews> found_out;  ///< of the camera, by version
+  wire::CameraMessage camera;             ///< as in use
+  bool camera_due = true;                 ///< to be announced
+  std::map<MapId, CameraNews> found_out;  ///< of the camera, the latest of each map that finds it out
+  std::optional<std::pair<MapId, uint32_t>> camera_source;  ///< of the values in use: map and version there
 
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
@@ -104,18 +104,23 @@ struct SessionState {
     const auto replica = replicas.find(map_in_use);
     return replica == replicas.end() ? nullptr : replica->second;
   }
-  /// Which values of our camera a revision was made with; nothing when it knows of none but those in use.
-  [[nodiscard]] std::optional<uint32_t> newer_camera_of(const MapSnapshot& map) const {
+  /// Which values of our camera a revision was made with; nothing when those in use are to be kept: it names
+  /// none, or these, or ours are known already (found out elsewhere, or exact from the start).
+  [[nodiscard]] std::optional<uint32_t> other_camera_of(const MapSnapshot& map) const {
+    if (camera.frozen) return std::nullopt;
     for (const CameraVersion& named : map.cameras) {
-      if (named.client == client && named.camera == camera.camera && named.version > camera.version)
+      if (named.client == client && named.camera == camera.camera &&
+          camera_source != std::pair(map.map, named.version))
         return named.version;
     }
     return std::nullopt;
   }
   /// Whether the values are there that the revision was made with, or later ones.
   [[nodiscard]] bool has_camera_of(const MapSnapshot& map) const {
-    const auto version = newer_camera_of(map);
-    return !version || found_out.lower_bound(*version) != found_out.end();
+    const auto version = other_camera_of(map);
+    if (!version) return true;
+    const auto found = found_out.find(map.map);
+    return found != found_out.end() && found->second.version >= *version;
   }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {

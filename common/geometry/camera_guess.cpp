@@ -14,6 +14,8 @@ constexpr double kUnknownFocal = 0.35;
 constexpr double kUnknownK1 = 0.1;  // ordinary lenses lie within two of it; wide-angle ones beyond
 constexpr double kRoughFocal = 0.03;
 constexpr double kRoughK1 = 0.05;
+constexpr double kLeastSigma =
+    1e-6;  // of both: finer is no doubt, and its square no weight to calculate with
 
 }  // namespace
 
@@ -27,9 +29,17 @@ std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
 std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
                                               const std::vector<double>& sigma) {
   if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() <= kK1 ||
-      sigma.size() != parameters.values.size() || !(sigma[0] > 0 && sigma[kK1] > 0))
+      sigma.size() != parameters.values.size())
     return std::nullopt;
-  return DoubtfulCamera{parameters, sigma[0] / parameters.values[0], sigma[kK1]};
+  const double focal = parameters.values[0];
+  const double focal_sigma = sigma[0] / focal;
+  const double sides = focal / std::max(parameters.width, parameters.height);
+  const double aspect = parameters.values[1] / focal;
+  const auto lies = [](double value, double least, double most) { return value >= least && value <= most; };
+  const bool sound = lies(sides, 0.1, 20) && lies(aspect, 0.2, 5) && lies(focal_sigma, kLeastSigma, 1) &&
+                     lies(sigma[kK1], kLeastSigma, 1);
+  if (!sound) return std::nullopt;
+  return DoubtfulCamera{parameters, focal_sigma, sigma[kK1]};
 }
 
 DoubtfulCamera guess_camera(PictureSize size) {

@@ -204,11 +204,12 @@ struct MapCommit {
 struct CameraEstimate {
   ClientId client;
   uint32_t camera = 0;
-  uint32_t version = 1;
+  uint32_t version = 1;  ///< in this map; no sequence with those of other maps, or of the client's Camera
   CameraParameters parameters;
   std::vector<double> sigma;     ///< of each parameter; 0: not found out
   bool frozen = false;           ///< known well enough: will not change any more
   bool cannot_be_known = false;  ///< the motion so far does not tell the focal length
+  MapId map;
 };
 
 /// Topic SeedVerdict: state, keyed by client.

@@ -40,7 +40,7 @@ CAIRN_MEMBERS(PointPatches, a, b, c)
 CAIRN_MEMBERS(PointPositions, a, b, c)
 CAIRN_MEMBERS(KeyframePoses, a, b, c)
 CAIRN_MEMBERS(CameraVersion, a, b, c)
-CAIRN_MEMBERS(CameraEstimate, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(CameraEstimate, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(SeedVerdict, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
@@ -156,7 +156,7 @@ template <>
 inline CameraEstimate RandomMessages::make() {
   auto camera = make<CameraMessage>();
   return {camera.client,           camera.camera, camera.version, std::move(camera.parameters),
-          std::move(camera.sigma), coin(),        coin()};
+          std::move(camera.sigma), coin(),        coin(),         id<MapId>()};
 }
 template <>
 inline MapSeed RandomMessages::make() {

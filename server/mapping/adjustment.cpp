@@ -52,17 +52,18 @@ void free_cameras(const MapState& map, MapProblem* problem) {
   constexpr size_t kFewestKeyframes = 3;
   constexpr size_t kFewestForDistortion = 6;
   constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of a picture of 60 degrees
-  if (map.live_keyframes() < kFewestKeyframes) return;
   std::vector<int> free_index;
   for (size_t i = 0; i < map.cameras().size(); ++i) {
     const MapCamera& c = map.cameras()[i];
-    free_index.push_back(c.frozen ? -1 : static_cast<int>(problem->cameras.size()));
-    if (c.frozen) continue;
+    const size_t keyframes = map.keyframes_of(static_cast<int>(i));
+    const bool is_free = !c.frozen && keyframes >= kFewestKeyframes;
+    free_index.push_back(is_free ? static_cast<int>(problem->cameras.size()) : -1);
+    if (!is_free) continue;
     problem->cameras.push_back(static_cast<int>(i));
     Intrinsics prior_sigma = c.prior_sigma;
     // Over few views, most of all of a plane, distortion makes up for a wrong focal length: one after the
     // other.
-    if (map.live_keyframes() < kFewestForDistortion) prior_sigma[1] = kHeld;
+    if (keyframes < kFewestForDistortion) prior_sigma[1] = kHeld;
     problem->bundle.free_cameras.push_back({.camera = c.camera,
                                             .prior_mean = c.prior_mean,
                                             .prior_sigma = prior_sigma,

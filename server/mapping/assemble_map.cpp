@@ -113,8 +113,8 @@ class Assembly {
         points_[i].source = r.points[s];
         points_[i].source.id = PointId{i + 1};
         has_source_[i] = true;
-        const MapKeyframe& source = keyframe(r.points[s].keyframe);
-        if (source.estimated_camera >= 0) aim_source(*source.camera, &points_[i].source);
+        // Its rays were right for the camera as it was then known.
+        aim_source(*keyframe(r.points[s].keyframe).camera, &points_[i].source);
       }
     }
     std::vector<bool> has_position(points_.size());

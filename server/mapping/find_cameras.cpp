@@ -16,13 +16,15 @@ constexpr std::array<double, 5> kOtherStarts{0.6, 0.8, 1.0, 1.25, 1.6};  ///< fa
 
 /// Another focal length for one camera, its distortion as the prior has it, and what an affine camera could
 /// not tell from before: depth along the first camera's axis stretched by the same factor, turns of the
-/// camera shrunk by it (the bas-relief ambiguity).
-void stretch(size_t camera, double factor, BundleProblem* problem) {
+/// camera shrunk by it (the bas-relief ambiguity). False where they make no camera.
+bool stretch(size_t camera, double factor, BundleProblem* problem) {
   FreeCamera& free_camera = problem->free_cameras[camera];
   Intrinsics intrinsics = intrinsics_of(*free_camera.camera);
   intrinsics[0] += std::log(factor);
   intrinsics[1] = free_camera.prior_mean[1];
-  free_camera.camera = with_intrinsics(*free_camera.camera, within_reach(free_camera, intrinsics));
+  CameraPtr other = with_intrinsics(*free_camera.camera, within_reach(free_camera, intrinsics));
+  if (!other) return false;
+  free_camera.camera = std::move(other);
   const SE3 first_from_map = problem->poses.front().camera_from_map;
   const SE3 map_from_first = first_from_map.inverse();
   const Eigen::Vector3d scale(1, 1, factor);
@@ -35,6 +37,7 @@ void stretch(size_t camera, double factor, BundleProblem* problem) {
     const SE3 stretched(so3_exp(rotation), scale.cwiseProduct(first_from_camera.translation()));
     if (!pose.fixed) pose.camera_from_map = stretched.inverse() * first_from_map;
   }
+  return true;
 }
 
 double cost_at(const BundleProblem& problem, double squared_cutoff) {
@@ -58,7 +61,7 @@ BundleReport solve_from_several(BundleProblem* problem, const BundleOptions& opt
     if (!may_be_wrong(start.free_cameras[camera])) continue;
     for (const double factor : kOtherStarts) {
       BundleProblem other = start;
-      stretch(camera, factor, &other);
+      if (!stretch(camera, factor, &other)) continue;
       BundleOptions wide = options;
       wide.rounds = 3;  // the first scale is that of a guess
       const BundleReport report = solve_bundle(&other, wide);

@@ -21,6 +21,7 @@ constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where
 MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
   MapCamera result;
   result.version = doubt.version;
+  result.version.version = 1;
   result.camera = result.published = camera;
   result.sigma = result.published_sigma = result.prior_sigma = doubt.sigma;
   result.prior_mean = result.searched = intrinsics_of(*camera);

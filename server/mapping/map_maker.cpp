@@ -212,9 +212,10 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   KeyframeDecision decision;
   if (input.doubt) {
     KeyframeInput known = input;
-    const int camera = s.map.camera_index(input.camera, *input.doubt);
-    known.camera = s.map.cameras()[static_cast<size_t>(camera)].camera;
+    int camera = s.map.camera_index(*input.doubt);
+    if (camera >= 0) known.camera = s.map.cameras()[static_cast<size_t>(camera)].camera;
     decision = integrate_keyframe(&s.map, known, s.spacing);
+    if (decision.keyframe && camera < 0) camera = s.map.add_camera(input.camera, *input.doubt);
     if (decision.keyframe) s.map.keyframe(decision.keyframe).estimated_camera = camera;
   } else {
     decision = integrate_keyframe(&s.map, input, s.spacing);

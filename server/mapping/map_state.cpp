@@ -76,22 +76,28 @@ size_t MapState::live_keyframes() const {
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
 }
 
-int MapState::camera_index(const CameraPtr& camera, const CameraDoubt& doubt) {
+int MapState::camera_index(const CameraDoubt& doubt) const {
   const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
     return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
   });
-  if (known != cameras_.end()) {
-    // Another map has told newer values, or this one, before a crash that cost it what it had not yet saved.
-    known->version.version = std::max(known->version.version, doubt.version.version);
-    return static_cast<int>(known - cameras_.begin());
-  }
+  return known == cameras_.end() ? -1 : static_cast<int>(known - cameras_.begin());
+}
+
+int MapState::add_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
+  if (cameras_.size() == kMaxCamerasFoundOut) return -1;
   cameras_.push_back(make_map_camera(camera, doubt));
   return static_cast<int>(cameras_.size()) - 1;
 }
 
+size_t MapState::keyframes_of(int camera) const {
+  return static_cast<size_t>(std::count_if(keyframes_.begin(), keyframes_.end(), [&](const MapKeyframe& k) {
+    return k.live && k.estimated_camera == camera;
+  }));
+}
+
 void MapState::update_camera(int index, const FreeCamera& adjusted) {
   MapCamera& camera = cameras_[static_cast<size_t>(index)];
-  update(&camera, adjusted, live_keyframes());
+  update(&camera, adjusted, keyframes_of(index));
   for (MapKeyframe& k : keyframes_) {
     if (k.estimated_camera == index) k.camera = camera.camera;
   }

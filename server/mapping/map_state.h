@@ -99,7 +99,11 @@ class MapState {
 
   /// Index of a camera of which little is known; as it comes, if it is new. Its next version will be newer
   /// than the one given.
-  int camera_index(const CameraPtr& camera, const CameraDoubt& doubt);
+  [[nodiscard]] int camera_index(const CameraDoubt& doubt) const;
+  /// Takes it in. Its index; -1 when there are too many to be named in a revision.
+  int add_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+  /// Live keyframes of a camera that is found out.
+  [[nodiscard]] size_t keyframes_of(int camera) const;
   /// What an adjustment has found of a camera; its keyframes get it.
   void update_camera(int index, const FreeCamera& adjusted);
   /// Whether a camera is still being found out.

@@ -149,7 +149,7 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   if (auto status = check_input(input); !status) return tl::unexpected(status.error());
   SeededMap seeded;
   MapState& map = seeded.map;
-  const int camera = input.doubt ? map.camera_index(input.camera, *input.doubt) : -1;
+  const int camera = input.doubt ? map.add_camera(input.camera, *input.doubt) : -1;
   const KeyframeId first =
       map.add_keyframe(make_keyframe(input, camera, *input.first_image, input.first_time));
   const KeyframeId second =

@@ -74,7 +74,7 @@ struct Client {
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;
-  std::map<uint32_t, uint32_t> cameras_told;      ///< the latest version of each that a map has found out
+  std::map<std::pair<MapId, uint32_t>, uint32_t> cameras_told;  ///< versions, by the map that found them out
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
   int status_readers = 0;                       ///< discovered; 0: not connected

@@ -264,7 +264,7 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
     const std::scoped_lock lock(mutex_);
     published_[map] = snapshot;
   }
-  for (const CameraEstimate& estimate : entry->statistics.cameras) tell_camera(estimate);
+  for (const CameraEstimate& estimate : entry->statistics.cameras) tell_camera(map, estimate);
   for (auto& [name, client] : clients_) {
     const auto feed = client.feeds.find(map);
     if (feed != client.feeds.end()) {
@@ -295,19 +295,19 @@ void Switchboard::forget_map(MapId map) {
   }
 }
 
-/// Before the revision that names it. Several maps may find out the same camera: later versions count.
-void Switchboard::tell_camera(const CameraEstimate& estimate) {
+/// Before the revision that names it.
+void Switchboard::tell_camera(MapId map, const CameraEstimate& estimate) {
   const auto name = names_.find(estimate.version.client);
   const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
   if (client == clients_.end() || !client->second.writers) return;
-  uint32_t& told = client->second.cameras_told[estimate.version.camera];
+  uint32_t& told = client->second.cameras_told[{map, estimate.version.camera}];
   if (estimate.version.version <= told) return;
   told = estimate.version.version;
   const CameraParameters& parameters = estimate.camera->parameters();
   report(client->second.writers->cameras.write(
              {estimate.version.client, estimate.version.camera, told, parameters,
               sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}), estimate.frozen,
-              estimate.cannot_be_known}),
+              estimate.cannot_be_known, map}),
          "CameraEstimate");
 }
 

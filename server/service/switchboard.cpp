@@ -316,7 +316,7 @@ void Switchboard::connect(Client& client) {
   }
   client.cameras_told.clear();
   for (const auto& [map, entry] : maps_.all()) {
-    for (const CameraEstimate& estimate : entry.statistics.cameras) tell_camera(estimate);
+    for (const CameraEstimate& estimate : entry.statistics.cameras) tell_camera(map, estimate);
   }
 }
 

@@ -177,7 +177,7 @@ class Switchboard {
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
   void tell_all(const wire::MapInfo& info);
-  void tell_camera(const CameraEstimate& estimate);
+  void tell_camera(MapId map, const CameraEstimate& estimate);
   void report(const Status& written, const char* what);
 
   const ServiceOptions options_;

@@ -2,7 +2,6 @@
 #include "server/store/map_file.h"
 
 #include <algorithm>
-#include <limits>
 
 #include "common/map/limits.h"
 #include "server/store/entry_codec.h"
@@ -275,10 +274,8 @@ StoredMap MapFile::load() {
   };
   const auto block_of = [](int64_t id) { return static_cast<uint32_t>(id - 1); };
   take("found_cameras", &r.found_cameras, [&](int64_t id, std::span<const uint8_t> data) {
-    // A camera comes with a keyframe, be it one that was refused.
-    return is_item(id, std::numeric_limits<int>::max())
-               ? decode_found_camera(static_cast<int>(id - 1), data, cameras)
-               : std::nullopt;
+    return is_item(id, kMaxCamerasFoundOut) ? decode_found_camera(static_cast<int>(id - 1), data, cameras)
+                                            : std::nullopt;
   });
   take("keyframes", &r.keyframes, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_keyframe(keyframe_id(id), data, cameras) : std::nullopt;

@@ -316,7 +316,7 @@ class EngineRun {
   void use(const CameraEstimate& estimate) {
     if (!doubt_ || estimate.version == doubt_->version) return;
     camera_ = estimate.camera;
-    doubt_ = {estimate.version, estimate.sigma};
+    doubt_ = estimate.frozen ? std::nullopt : std::optional(CameraDoubt{estimate.version, estimate.sigma});
     tracker_->use_camera(camera_);
     const auto& values = camera_->parameters().values;
     std::printf("frame %zu: camera version %u: f %.2f +- %.2f, k1 %.4f +- %.4f, %zu keyframes%s\n",

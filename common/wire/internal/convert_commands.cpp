@@ -92,18 +92,23 @@ template <>
 cairn_CameraEstimate encode(const CameraEstimate& message, Scratch*) {
   auto sample = encode_camera<cairn_CameraEstimate>(message);
   sample.cannot_be_known = message.cannot_be_known;
+  put_id(message.map.bytes, sample.map_id);
   return sample;
 }
 
 template <>
 CameraEstimate decode_key<CameraEstimate>(const cairn_CameraEstimate& sample) {
-  return decode_camera_key<CameraEstimate>(sample);
+  auto message = decode_camera_key<CameraEstimate>(sample);
+  message.map = get_id<MapId>(sample.map_id);
+  return message;
 }
 
 template <>
 Result<CameraEstimate> decode<CameraEstimate>(const cairn_CameraEstimate& sample) {
   auto message = decode_camera<CameraEstimate>(sample);
-  if (message) message->cannot_be_known = sample.cannot_be_known;
+  if (!message) return message;
+  message->cannot_be_known = sample.cannot_be_known;
+  message->map = get_id<MapId>(sample.map_id);
   return message;
 }
 
