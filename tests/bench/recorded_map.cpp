@@ -46,29 +46,14 @@ void Mapping::frame(const Frame& frame) {
   if (result.seed) seed(*result.seed);
   if (!result.keyframe) return;
   const KeyframeProposal& k = *result.keyframe;
-  KeyframeInput input;
-  input.camera = camera_;
-  input.time = frame.time;
-  input.image = frame.image;
-  input.reference = k.reference;
-  input.camera_from_reference = k.camera_from_reference;
-  input.measurements = k.measurements;
-  const auto decision = maker_->add_keyframe(input);
+  const auto decision = maker_->add_keyframe(
+      {camera_, frame.time, frame.image, k.reference, k.camera_from_reference, k.measurements});
   if (decision.verdict == KeyframeVerdict::kAccepted) work();
 }
 
 void Mapping::seed(const SeedProposal& p) {
-  SeedInput input;
-  input.map = map_;
-  input.map_name = "map-1";
-  input.epoch = Epoch{1};
-  input.camera = camera_;
-  input.first_time = p.first_time;
-  input.second_time = p.second_time;
-  input.first_image = p.first_image;
-  input.second_image = p.second_image;
-  input.trails = p.trails;
-  input.second_from_first = p.second_from_first;
+  SeedInput input{map_,          "map-1",       Epoch{1},       camera_,  p.first_time,
+                  p.second_time, p.first_image, p.second_image, p.trails, p.second_from_first};
   auto started = MapMaker::start(input, maker_options_);
   if (!started) return tracker_->seed_refused(started.error().message);
   maker_ = std::move(started->first);
