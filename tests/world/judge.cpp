@@ -200,12 +200,14 @@ class Judge {
       if (goes_on) {
         ++verdict_.wrong_locks.back().frames;
       } else if (wrong) {
+        const bool held = before != nullptr && before->map == frame.map;
         const Annotation::TimedPhase& phase = walk.phases[frame.phase];
         const MapVerdict& map = verdict_.maps[*frame.map];
         verdict_.wrong_locks.push_back(
             {map.id, map.name, frame.shown, frame.time, static_cast<int>(&walk - walks_.data()), 1,
              frame.off.value_or(0),
-             phase.kind == PhaseKind::kVisit && !verdict_.places[static_cast<size_t>(phase.place)].to_map});
+             phase.kind == PhaseKind::kVisit && !verdict_.places[static_cast<size_t>(phase.place)].to_map,
+             held});
       }
       before = &frame;
     }
@@ -250,6 +252,10 @@ int Verdict::places_found() const {
 
 int Verdict::locks_at_unmapped() const {
   return static_cast<int>(std::ranges::count(wrong_locks, true, &WrongLock::at_unmapped));
+}
+
+int Verdict::locks_held() const {
+  return static_cast<int>(std::ranges::count(wrong_locks, true, &WrongLock::held));
 }
 
 bool Verdict::passes() const {

@@ -65,6 +65,7 @@ struct WrongLock {
   int frames = 0;
   double metres = 0;         ///< off the truth at first; 0 in a map that cannot be judged
   bool at_unmapped = false;  ///< while a place without a map was visited
+  bool held = false;  ///< follows a right frame in the same map: held too long, not taken for another place
 };
 
 struct Verdict {
@@ -77,6 +78,7 @@ struct Verdict {
   /// Places of a map's own that were found at every visit.
   [[nodiscard]] int places_found() const;
   [[nodiscard]] int locks_at_unmapped() const;
+  [[nodiscard]] int locks_held() const;
   /// Every place to map is mapped and found at every visit, and no lock is wrong.
   [[nodiscard]] bool passes() const;
 };

@@ -41,24 +41,27 @@ std::string verdict_text(const Verdict& verdict) {
     text += '\n';
   }
   for (const WrongLock& lock : verdict.wrong_locks) {
-    text += fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}\n",
-                        lock.walk + 1, lock.begin.seconds(), lock.frames, map_text(lock.map, lock.map_name),
-                        lock.metres, place_name(verdict, lock.shown),
-                        lock.at_unmapped ? " (unmapped place visited)" : "");
+    text +=
+        fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}{}\n",
+                    lock.walk + 1, lock.begin.seconds(), lock.frames, map_text(lock.map, lock.map_name),
+                    lock.metres, place_name(verdict, lock.shown),
+                    lock.at_unmapped ? " (unmapped place visited)" : "", lock.held ? " (held too long)" : "");
   }
   text += fmt::format(
-      "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places\n",
+      "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places, {} "
+      "held "
+      "too long\n",
       verdict.places_mapped(), verdict.places_to_map(), verdict.places_found(), verdict.places_to_map(),
-      verdict.wrong_locks.size(), verdict.locks_at_unmapped());
+      verdict.wrong_locks.size(), verdict.locks_at_unmapped(), verdict.locks_held());
   return text;
 }
 
 std::string verdict_json(const Verdict& verdict) {
   nlohmann::json json = {
-      {"to_map", verdict.places_to_map()},     {"mapped", verdict.places_mapped()},
-      {"found", verdict.places_found()},       {"locks_at_unmapped", verdict.locks_at_unmapped()},
-      {"places", nlohmann::json::array()},     {"maps", nlohmann::json::array()},
-      {"wrong_locks", nlohmann::json::array()}};
+      {"to_map", verdict.places_to_map()},  {"mapped", verdict.places_mapped()},
+      {"found", verdict.places_found()},    {"locks_at_unmapped", verdict.locks_at_unmapped()},
+      {"locks_held", verdict.locks_held()}, {"places", nlohmann::json::array()},
+      {"maps", nlohmann::json::array()},    {"wrong_locks", nlohmann::json::array()}};
   for (const PlaceVerdict& place : verdict.places) {
     auto visits = nlohmann::json::array();
     for (const VisitVerdict& visit : place.visits) visits.push_back(visit_json(visit));
@@ -80,7 +83,8 @@ std::string verdict_json(const Verdict& verdict) {
                                    {"t", lock.begin.seconds()},
                                    {"frames", lock.frames},
                                    {"metres", lock.metres},
-                                   {"at_unmapped", lock.at_unmapped}});
+                                   {"at_unmapped", lock.at_unmapped},
+                                   {"held", lock.held}});
   }
   return json.dump(1) + "\n";
 }

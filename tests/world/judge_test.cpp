@@ -155,6 +155,20 @@ TEST(Judge, BoundIsAboutTheTruth) {
   }
 }
 
+TEST(Judge, HeldTooLongIsNotTakenForAnotherPlace) {
+  WalkBuilder walk({"a", "b"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 0, shifted(1)))  // at once: held
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 5, shifted(1)));  // after being lost: a lock
+  const Verdict verdict = judge({walk.get()});
+  ASSERT_EQ(verdict.wrong_locks.size(), 2u);
+  EXPECT_TRUE(verdict.wrong_locks[0].held);
+  EXPECT_FALSE(verdict.wrong_locks[1].held);
+  EXPECT_EQ(verdict.locks_held(), 1);
+  EXPECT_FALSE(verdict.passes());
+}
+
 TEST(Judge, NothingTrackedIsNothingFound) {
   WalkBuilder walk({"a"});
   walk.phase(PhaseKind::kMap, 0, WalkBuilder::lost).phase(PhaseKind::kVisit, 0, WalkBuilder::lost);
