@@ -307,5 +307,7 @@ struct AdminReply {
 
 /// Of a piece of an archive in either.
 constexpr size_t kMaxAdminData = 60'000;
+/// Of the JSON in either: a long list comes in several replies.
+constexpr size_t kMaxAdminText = 60'000;
 
 }  // namespace cairn::wire

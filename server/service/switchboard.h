@@ -105,13 +105,18 @@ class Switchboard {
   };
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
   void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
-  void carry_out(const wire::AdminRequest& message, const AdminAnswer& answer);
+  void carry_out(const std::string& operator_name, const wire::AdminRequest& message,
+                 const AdminAnswer& answer);
   void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
   [[nodiscard]] Operator* operator_of(const std::string& name);
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
-  void list_maps(const AdminAnswer& answer);
+  /// A page: maps beyond the id `after`, then of the deleted ones those from a number on.
+  void list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer);
   void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
+  /// Renames or removes one (`wish`: action, map, label, text).
+  void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const std::string& operator_name,
+                  const AdminAnswer& answer);
 
   // Of these, the ones that change maps (map_administration.cpp).
   /// `work` is run beside the writer and gives what is then to be done on this thread. If it throws, that is
