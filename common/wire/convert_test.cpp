@@ -169,6 +169,7 @@ TEST(Validation, TrackerState) {
   state.refuses("no session", [](auto& m) { m.session = {}; });
   state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
   state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });
+  state.refuses("no name of a wearer", [](auto& m) { m.wearer = "Anna B."; });
   state.refuses("far away", [](auto& m) {
     m.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e7, 0, 0});
   });
@@ -269,7 +270,7 @@ TEST(Validation, RelocQuery) {
 
 TEST(Validation, RelocAnswer) {
   const Spoiler<RelocAnswer> answer;
-  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(3); });
+  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(4); });
   answer.refuses("a place without a candidate", [](auto& m) {
     m.answer.verdict = PlaceVerdict::kConfirmed;
     m.answer.candidates.clear();

@@ -129,6 +129,7 @@ struct TrackerStateMessage {
   SE3 camera_from_map;
   float quality = 0;  ///< found / attempted, 0..1
   Timestamp frame_time;
+  std::string wearer;  ///< who wears the camera, as the tracker claims; empty: nobody in particular
 };
 
 // ---- server -> client

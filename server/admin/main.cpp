@@ -103,8 +103,12 @@ Status show_status(AdminClient* client, const Options& options) {
                 s.value("server", "").c_str(), s.value("version", "").c_str(), s.value("health", "").c_str(),
                 s.value("store", "").empty() ? "none: maps are in memory only" : s.value("store", "").c_str(),
                 s.value("maps", 0), s.value("memory_bytes", 0.0) * 1e-6);
-    for (const json& name : s.value("clients", json::array()))
-      std::printf(" %s", name.get<std::string>().c_str());
+    const json wearers = s.value("wearers", json::object());
+    for (const json& client : s.value("clients", json::array())) {
+      const auto name = client.get<std::string>();
+      std::printf(" %s", name.c_str());
+      if (wearers.contains(name)) std::printf(" (worn by %s)", wearers.value(name, "").c_str());
+    }
     std::printf("\n");
   });
   return {};

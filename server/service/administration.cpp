@@ -137,8 +137,11 @@ std::pair<MapId, MapEntry*> Switchboard::find_map(const std::string& name_or_id)
 
 void Switchboard::describe_server(const AdminAnswer& answer) {
   json clients = json::array();
+  json wearers = json::object();
   for (const auto& [name, client] : clients_) {
-    if (client.writers) clients.push_back(name);
+    if (!client.writers) continue;
+    clients.push_back(name);
+    if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
   answer(success({{"server", to_hex(options_.server.bytes)},
                   {"version", std::string(version())},
@@ -147,7 +150,8 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"store", store_ ? store_->folder().string() : std::string()},
                   {"maps", maps_.live_count()},
                   {"memory_bytes", maps_.bytes()},
-                  {"clients", std::move(clients)}}));
+                  {"clients", std::move(clients)},
+                  {"wearers", std::move(wearers)}}));
 }
 
 void Switchboard::list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer) {

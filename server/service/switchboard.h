@@ -22,6 +22,7 @@
 #include "server/service/presence.h"
 #include "server/service/service.h"
 #include "server/service/transfers.h"
+#include "server/service/wearer_rule.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -158,7 +159,8 @@ class Switchboard {
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
   /// On a worker of the questions.
-  void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message);
+  void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
+               const SearchScope& scope);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   // Labels (requests.cpp).
   void on_request(Client& client, const wire::ClientRequest& request);
@@ -196,6 +198,7 @@ class Switchboard {
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;
+  WearerRule wearers_;
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
