@@ -98,6 +98,8 @@ void Session::leave_map() {
     const std::scoped_lock lock(state_->shared.mutex);
     state_->shared.seed.drop();
     state_->shared.seed_reply.reset();
+    state_->shared.question.drop();
+    state_->shared.place_answer.reset();
   }
   use_map({});
 }

@@ -89,7 +89,7 @@ class Session {
   /// Makes a map of the server's the one in use; its replica comes, or is there if it was in use of late. In
   /// lockstep settling waits for the revision.
   void use_map(MapId map, Epoch epoch = {}, Revision revision = {});
-  /// Forgets the map in use, e.g. to begin another.
+  /// Forgets the map in use, e.g. to begin another, the seed and the question under way and their answers.
   void leave_map();
 
   void send_seed(SeedProposal proposal);
