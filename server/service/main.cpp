@@ -18,12 +18,16 @@
 
 namespace {
 
-/// SIGINT and SIGTERM, blocked here and in every thread begun later.
+/// SIGINT, SIGTERM and SIGHUP, blocked here and in every thread begun later. There are no settings to be read
+/// again: SIGHUP means that the terminal has gone, unless nohup has it ignored (what is blocked is not).
 sigset_t block_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   return signals;
 }

@@ -25,6 +25,7 @@ constexpr uint64_t kMostMegabytes = uint64_t{1} << 40;
 constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
     "The configuration file is YAML with the names of the long options as keys, e.g. `domain: 3`.\n"
+    "SIGINT, SIGTERM and, without nohup, SIGHUP end it in order: all that has changed is kept.\n"
     "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 5 refused (the domain has a server)\n\n"
     "Examples:\n"
     "  cairn-server                                  for trackers on this machine\n"
