@@ -24,6 +24,7 @@ class TrackerAdapter final : public TrackingEngine {
   bool place_answered(const std::optional<PoseSuggestion>& suggestion) override {
     return tracker_.place_answered(suggestion);
   }
+  void place_left_open() override { tracker_.place_left_open(); }
   void start_over(NewMap wish) override { tracker_.start_over(wish); }
 
  private:

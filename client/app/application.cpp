@@ -106,6 +106,7 @@ SessionOptions session_options(const TrackOptions& options) {
   session.domain = options.domain;
   session.profile = options.profile;
   session.name = options.name;
+  session.wearer = options.wearer;
   session.only_map = options.map;
   session.reads_only = options.reader;
   session.lockstep = options.pace == Pace::kLockstep;

@@ -22,7 +22,7 @@ FrameState frame_state(const FrameResult& result) {
 
 /// The best place that is worth trying.
 std::optional<PlaceCandidate> best_place(const PlaceAnswer& answer) {
-  if (answer.verdict == PlaceVerdict::kNotKnown) return std::nullopt;
+  if (!has_place(answer.verdict)) return std::nullopt;
   for (const PlaceCandidate& c : answer.candidates) {
     if (c.confirmed || answer.verdict == PlaceVerdict::kUnconfirmed) return c;
   }
@@ -139,6 +139,7 @@ void FrameLoop::deliver_replies() {
 }
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {
+  if (answer.verdict == PlaceVerdict::kNotThere) return tracker_.place_left_open();
   const auto place = best_place(answer);
   const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
                                                                place->camera_from_keyframe})

@@ -167,6 +167,7 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
       {PlaceVerdict::kUnconfirmed, true, "try a place", {"use 7 at 5"}},
       {PlaceVerdict::kConfirmed, false, "try a place", {}},
       {PlaceVerdict::kNotKnown, true, "place not known", {}},
+      {PlaceVerdict::kNotThere, true, "left open", {}},
   };
   for (const Case& c : cases) {
     Rig rig({starting, starting});
@@ -290,6 +291,16 @@ TEST(FrameLoop, ABuilderNotYetTrackedAnywhereGoesOnStartingWhenASuggestionDoesNo
   rig.link.always_answer = PlaceAnswer{};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, ::testing::Contains("start over").Times(1));
+}
+
+TEST(FrameLoop, WhereAPlaceIsLeftOpenALostBuilderBeginsNoMap) {
+  std::vector<ScriptedTracker::Step> script(8, lost);
+  script[0] = tracking;
+  Rig rig(script, regular_frames(8, 500));
+  rig.link.always_answer = place_in(MapId{{7}}, PlaceVerdict::kNotThere);
+  rig.options.lost_patience = std::chrono::milliseconds(1500);
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, ::testing::Each("left open"));
 }
 
 /// It may be that the place is known: then a map of it is there already, and once it is back it says so.

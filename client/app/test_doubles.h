@@ -87,6 +87,7 @@ class ScriptedTracker final : public TrackingEngine {
     words.emplace_back(suggestion ? "try a place" : "place not known");
     return suggestion && wants_places;
   }
+  void place_left_open() override { words.emplace_back("left open"); }
   void start_over(NewMap wish) override {
     words.emplace_back(wish == NewMap::kInAnyCase ? "start a new map" : "start over");
   }

@@ -51,7 +51,6 @@ struct Words {
   std::string calibration;
   std::string role = "builder";
   std::string pace = "realtime";
-  std::string wearer;
   std::string security;
   std::string trajectory;
   std::string stats;
@@ -92,7 +91,9 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--name", options.name, "of this client [host name and process id]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--wearer", words.wearer, "who wears the camera (not available yet)")
+  app.add_option("--wearer", options.wearer,
+                 "who wears the camera: where another of the wearer's cameras is tracked, this one is looked "
+                 "for first")
       ->check(check_name)
       ->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
@@ -132,7 +133,6 @@ ParseExit usage(const std::string& message) {
 
 std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
-  if (!words.wearer.empty()) return usage("--wearer: several cameras of one wearer are not available yet");
   if (words.calibration == "auto") {
     return usage(
         "--calibration auto: calibrating while tracking is not available yet; pass a calibration file");

@@ -22,6 +22,7 @@ struct TrackOptions {
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
   std::string name;
+  std::string wearer;        ///< who wears the camera; empty: nobody in particular
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes
   bool no_new_maps = false;  ///< keyframes only
   std::string map;           ///< name of the only map to track in, for those who make none; empty: any

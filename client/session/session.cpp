@@ -55,6 +55,9 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!is_valid_name(options.name)) {
     return fail(ErrorCode::kUsage, "name '" + options.name + "': expected 1 to 32 of a-z, 0-9 and -");
   }
+  if (!options.wearer.empty() && !is_valid_name(options.wearer)) {
+    return fail(ErrorCode::kUsage, "wearer '" + options.wearer + "': expected 1 to 32 of a-z, 0-9 and -");
+  }
   const std::string profile = !options.profile.empty()      ? options.profile
                               : is_loopback(options.server) ? "loopback"
                                                             : "wifi";
@@ -95,6 +98,8 @@ void Session::leave_map() {
     const std::scoped_lock lock(state_->shared.mutex);
     state_->shared.seed.drop();
     state_->shared.seed_reply.reset();
+    state_->shared.question.drop();
+    state_->shared.place_answer.reset();
   }
   use_map({});
 }

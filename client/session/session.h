@@ -30,6 +30,7 @@ struct SessionOptions {
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
   std::string name;     ///< [a-z0-9-]{1,32}
+  std::string wearer;   ///< who wears the camera, [a-z0-9-]{1,32}; empty: nobody in particular
   bool lockstep = false;
   size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
   size_t recent_maps = 4;   ///< received at the same time: switching back to one of them takes no time
@@ -88,7 +89,7 @@ class Session {
   /// Makes a map of the server's the one in use; its replica comes, or is there if it was in use of late. In
   /// lockstep settling waits for the revision.
   void use_map(MapId map, Epoch epoch = {}, Revision revision = {});
-  /// Forgets the map in use, e.g. to begin another.
+  /// Forgets the map in use, e.g. to begin another, the seed and the question under way and their answers.
   void leave_map();
 
   void send_seed(SeedProposal proposal);

@@ -39,6 +39,7 @@ struct SessionState {
         question(session),
         requests(kMostRequests, session) {
     tracker.client = id;
+    tracker.wearer = options.wearer;
   }
 
   const SessionOptions options;

@@ -145,7 +145,7 @@ bool QuestionSlot::apply(const wire::RelocAnswer& answer) {
 
 void QuestionSlot::restart(SessionId session) {
   session_ = session;
-  question_.reset();
+  drop();
 }
 
 }  // namespace cairn

@@ -166,6 +166,8 @@ class QuestionSlot {
   [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
   /// Whether the answer is to the question under way, which it then ends.
   [[nodiscard]] bool apply(const wire::RelocAnswer& answer);
+  /// Nobody wants to know any more: an answer is to no question.
+  void drop() { question_.reset(); }
   /// Nobody will answer: the server has gone or is another one, whose session this is.
   void restart(SessionId session);
   [[nodiscard]] bool empty() const { return question_ == nullptr; }

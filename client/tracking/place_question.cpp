@@ -28,8 +28,7 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
 }
 
 bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
-  under_way_ = false;
-  nobody_answers_ = false;
+  left_open();
   const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
   suggestion_ = is_news ? suggestion : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;

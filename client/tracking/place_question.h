@@ -24,6 +24,11 @@ class PlaceQuestion {
   /// The answer: a place to try, or that no place is known. A place that has been refuted again and again
   /// counts as none; false then.
   bool answered(const std::optional<PoseSuggestion>& suggestion);
+  /// The answer: neither. What was known before holds; the next question may be asked.
+  void left_open() {
+    under_way_ = false;
+    nobody_answers_ = false;
+  }
   /// The place taken last did not show in the frame, or not in the next ones.
   void refute(Timestamp time);
   /// It did: the camera is where the map says.

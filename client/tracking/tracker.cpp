@@ -390,6 +390,10 @@ bool Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
   return is_wanted;
 }
 
+void Tracker::place_left_open() {
+  state_->question.left_open();
+}
+
 void Tracker::start_over(NewMap wish) {
   State& s = *state_;
   s.starting = true;

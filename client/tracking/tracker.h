@@ -134,6 +134,8 @@ class Tracker {
   /// that comes with the map it names, and its poses are published when three frames in a row have proven it.
   /// A place that was tried in vain again and again is not wanted for a while and counts as not known.
   bool place_answered(const std::optional<PoseSuggestion>& suggestion);
+  /// The question was answered, and not whether the place is known: another may be asked.
+  void place_left_open();
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.
   void start_over(NewMap wish);
 

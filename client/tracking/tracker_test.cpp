@@ -78,6 +78,7 @@ TEST(Tracker, NoSeedWithoutAFreshWordThatThePlaceIsNotKnown) {
   };
   EXPECT_FALSE(proposed([](Tracker&, int) {})) << "nobody answers";
   EXPECT_FALSE(proposed([](Tracker& t, int) { t.place_answered(PoseSuggestion{}); })) << "known";
+  EXPECT_FALSE(proposed([](Tracker& t, int) { t.place_left_open(); })) << "other maps may know it";
   EXPECT_TRUE(proposed([](Tracker& t, int) { t.place_answered(std::nullopt); }));
   EXPECT_FALSE(proposed([](Tracker& t, int i) {
     t.place_answered(i < 10 ? std::nullopt : std::optional(PoseSuggestion{}));
@@ -226,14 +227,20 @@ TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQuestionAtATime) {
   ASSERT_GE(asked.size(), 2U);
   for (size_t i = 1; i < asked.size(); ++i)
     EXPECT_GE(asked[i] - asked[i - 1], 15) << "half a second of patience";
-  asked.clear();
-  for (int i = 0; i < 30; ++i) {
-    if (!blank().place_question) continue;
-    asked.push_back(i);
-    tracker.place_answered(std::nullopt);
+  for (const bool left_open : {false, true}) {
+    asked.clear();
+    for (int i = 0; i < 30; ++i) {
+      if (!blank().place_question) continue;
+      asked.push_back(i);
+      if (left_open) {
+        tracker.place_left_open();
+      } else {
+        tracker.place_answered(std::nullopt);
+      }
+    }
+    for (size_t i = 1; i < asked.size(); ++i) EXPECT_GE(asked[i] - asked[i - 1], 2);
+    EXPECT_GE(asked.size(), 5U);
   }
-  for (size_t i = 1; i < asked.size(); ++i) EXPECT_GE(asked[i] - asked[i - 1], 2);
-  EXPECT_GE(asked.size(), 5U);
 }
 
 TEST_F(OnMap, KeyframesAreProposedFarFromOthersAndNotInARow) {

@@ -169,6 +169,7 @@ TEST(Validation, TrackerState) {
   state.refuses("no session", [](auto& m) { m.session = {}; });
   state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
   state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });
+  state.refuses("no name of a wearer", [](auto& m) { m.wearer = "Anna B."; });
   state.refuses("far away", [](auto& m) {
     m.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e7, 0, 0});
   });
@@ -269,7 +270,7 @@ TEST(Validation, RelocQuery) {
 
 TEST(Validation, RelocAnswer) {
   const Spoiler<RelocAnswer> answer;
-  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(3); });
+  answer.refuses("unknown verdict", [](auto& m) { m.answer.verdict = static_cast<PlaceVerdict>(4); });
   answer.refuses("a place without a candidate", [](auto& m) {
     m.answer.verdict = PlaceVerdict::kConfirmed;
     m.answer.candidates.clear();
@@ -316,9 +317,11 @@ TEST(Validation, AdminRequestAndReply) {
   request.refuses("no session", [](auto& m) { m.command.session = {}; });
   request.refuses("control character", [](auto& m) { m.request = std::string("\r"); });
   request.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
+  request.refuses("too much text", [](auto& m) { m.request.assign(kMaxAdminText + 1, 'x'); });
   const Spoiler<AdminReply> reply;
   reply.refuses("control character", [](auto& m) { m.text = std::string("\r"); });
   reply.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
+  reply.refuses("too much text", [](auto& m) { m.text.assign(kMaxAdminText + 1, 'x'); });
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {
@@ -332,6 +335,9 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   SeedVerdict verdict;
   verdict.points.resize(kMaxTrails);
   EXPECT_LT(internal::payload_bytes<SeedVerdict>(encode(verdict, &scratch)), 64U * 1024);
+  AdminReply listing;  // a piece of an archive has no text to speak of
+  listing.text.assign(kMaxAdminText, 'x');
+  EXPECT_LT(internal::payload_bytes<AdminReply>(encode(listing, &scratch)), 64'000U);
   RelocQuery query;
   query.small_image = {ImageEncoding::kRaw, 80, 60, std::vector<uint8_t>(size_t{80} * 60)};
   query.corners.resize(std::accumulate(kPlaceCorners.begin(), kPlaceCorners.end(), size_t{0}));

@@ -129,6 +129,7 @@ struct TrackerStateMessage {
   SE3 camera_from_map;
   float quality = 0;  ///< found / attempted, 0..1
   Timestamp frame_time;
+  std::string wearer;  ///< who wears the camera, as the tracker claims; empty: nobody in particular
 };
 
 // ---- server -> client
@@ -307,5 +308,7 @@ struct AdminReply {
 
 /// Of a piece of an archive in either.
 constexpr size_t kMaxAdminData = 60'000;
+/// Of the JSON in either: a long list comes in several replies.
+constexpr size_t kMaxAdminText = 60'000;
 
 }  // namespace cairn::wire

@@ -33,7 +33,7 @@ CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
 CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m)
-CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(PointPatches, a, b, c)
@@ -173,9 +173,16 @@ inline KeyframeOffer RandomMessages::make() {
 }
 template <>
 inline TrackerStateMessage RandomMessages::make() {
-  return {id<ClientId>(), {number()},    static_cast<TrackingState>(number(0, 3)),
-          id<MapId>(),    {number()},    {number()},
-          pose(),         uniform(0, 1), {static_cast<int64_t>(number(0, 1) << 61)}};
+  return {id<ClientId>(),
+          {number()},
+          static_cast<TrackingState>(number(0, 3)),
+          id<MapId>(),
+          {number()},
+          {number()},
+          pose(),
+          uniform(0, 1),
+          {static_cast<int64_t>(number(0, 1) << 61)},
+          coin() ? "" : "anna-" + std::to_string(number(0, 99))};
 }
 template <>
 inline ServerStatus RandomMessages::make() {
@@ -270,7 +277,7 @@ inline RelocQuery RandomMessages::make() {
 }
 template <>
 inline RelocAnswer RandomMessages::make() {
-  RelocAnswer made{id<ClientId>(), command(), {static_cast<PlaceVerdict>(number(0, 2)), {}, text(60)}};
+  RelocAnswer made{id<ClientId>(), command(), {static_cast<PlaceVerdict>(number(0, 3)), {}, text(60)}};
   for (uint64_t i = 0, n = number(1, 16); i < n; ++i) {
     made.answer.candidates.push_back({id<MapId>(),
                                       {number()},

@@ -49,6 +49,13 @@ tl::unexpected<Error> gone() {
   return fail(ErrorCode::kNoServer, "the server does not answer any more");
 }
 
+/// What a page has of a list, behind what there is; how many.
+size_t append(const json& page, const char* list, json* all) {
+  const json items = page.value(list, json::array());
+  all->insert(all->end(), items.begin(), items.end());
+  return items.size();
+}
+
 }  // namespace
 
 Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
@@ -115,6 +122,28 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
     }
   }
   return gone();
+}
+
+Result<json> AdminClient::maps() {
+  json all{{"maps", json::array()}, {"deleted", json::array()}};
+  while (true) {
+    const std::string last = all["maps"].empty() ? "" : all["maps"].back().value("id", "");
+    const auto page = ask({{"verb", "maps"}, {"after", last}, {"deleted_from", all["deleted"].size()}});
+    if (!page) return tl::unexpected(page.error());
+    const size_t more =
+        append(page->content, "maps", &all["maps"]) + append(page->content, "deleted", &all["deleted"]);
+    if (more == 0 || !page->content.value("more", false)) return all;
+  }
+}
+
+Result<json> AdminClient::labels(const std::string& map) {
+  json all = json::array();
+  while (true) {
+    const uint64_t last = all.empty() ? 0 : all.back().value("id", uint64_t{0});
+    const auto page = ask({{"verb", "labels"}, {"map", map}, {"label", last}});
+    if (!page) return tl::unexpected(page.error());
+    if (append(page->content, "labels", &all) == 0 || !page->content.value("more", false)) return all;
+  }
 }
 
 Result<json> AdminClient::download(const std::string& map, const std::filesystem::path& file,

@@ -34,6 +34,11 @@ class AdminClient {
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
   [[nodiscard]] Result<Answer> ask(const nlohmann::json& request, std::vector<uint8_t> data = {});
 
+  /// All maps: `maps` ascending by id, `deleted` the latest first.
+  [[nodiscard]] Result<nlohmann::json> maps();
+  /// All labels of a map, ascending by id.
+  [[nodiscard]] Result<nlohmann::json> labels(const std::string& map);
+
   using Progress = std::function<void(uint64_t bytes, uint64_t of)>;
   /// The archive of a map into `file`, whole or not at all; what the server says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,

@@ -3,7 +3,9 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <cinttypes>
 #include <cstdio>
+#include <ctime>
 #include <exception>
 #include <optional>
 #include <string>
@@ -29,7 +31,10 @@ constexpr const char* kFooter =
     "  cairnctl maps import backup/desk.cairnmap\n"
     "  cairnctl map desk rename bench\n"
     "  cairnctl map bench delete && cairnctl map bench undelete\n"
-    "  cairnctl maps purge bench                       removes a deleted map for good";
+    "  cairnctl maps purge bench                       removes a deleted map for good\n"
+    "  cairnctl labels                                 lists the labels of all maps\n"
+    "  cairnctl labels desk rename 3 'small vice'\n"
+    "  cairnctl labels desk remove 3";
 
 struct Options {
   AdminClientOptions connection;
@@ -41,6 +46,8 @@ struct Options {
   std::string format = "archive";
   std::string folder = ".";
   bool for_good = false;
+  uint64_t label = 0;
+  std::string text;
 };
 
 /// To stderr, on a terminal only.
@@ -66,6 +73,19 @@ void print_deleted(const json& map) {
               map.value("id", "").c_str(), map.value("bytes", 0.0) * 1e-6);
 }
 
+void print_label(const json& label) {
+  const std::time_t seconds = label.value("time", int64_t{0}) / 1'000'000'000;
+  std::tm parts{};
+  gmtime_r(&seconds, &parts);
+  char when[32];
+  std::strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &parts);
+  const auto at = label.value("position", std::vector<double>(3));
+  std::printf("%-24s %4" PRIu64 "  %-32s by %s, %s UTC, at %.3f %.3f %.3f%s\n",
+              label.value("map", "").c_str(), label.value("id", uint64_t{0}), label.value("text", "").c_str(),
+              label.value("author", "").c_str(), when, at.at(0), at.at(1), at.at(2),
+              label.value("kind", "") == "model" ? ", a model" : "");
+}
+
 void print(const Options& options, const json& content, const std::function<void()>& as_text) {
   if (options.as_json) {
     std::printf("%s\n", content.dump(2).c_str());
@@ -83,19 +103,23 @@ Status show_status(AdminClient* client, const Options& options) {
                 s.value("server", "").c_str(), s.value("version", "").c_str(), s.value("health", "").c_str(),
                 s.value("store", "").empty() ? "none: maps are in memory only" : s.value("store", "").c_str(),
                 s.value("maps", 0), s.value("memory_bytes", 0.0) * 1e-6);
-    for (const json& name : s.value("clients", json::array()))
-      std::printf(" %s", name.get<std::string>().c_str());
+    const json wearers = s.value("wearers", json::object());
+    for (const json& client : s.value("clients", json::array())) {
+      const auto name = client.get<std::string>();
+      std::printf(" %s", name.c_str());
+      if (wearers.contains(name)) std::printf(" (worn by %s)", wearers.value(name, "").c_str());
+    }
     std::printf("\n");
   });
   return {};
 }
 
 Status list_maps(AdminClient* client, const Options& options) {
-  const auto answer = client->ask({{"verb", "maps"}});
-  if (!answer) return tl::unexpected(answer.error());
-  print(options, answer->content, [&answer] {
-    for (const json& map : answer->content["maps"]) print_map(map);
-    for (const json& map : answer->content["deleted"]) print_deleted(map);
+  const auto all = client->maps();
+  if (!all) return tl::unexpected(all.error());
+  print(options, *all, [&all] {
+    for (const json& map : (*all)["maps"]) print_map(map);
+    for (const json& map : (*all)["deleted"]) print_deleted(map);
   });
   return {};
 }
@@ -106,6 +130,39 @@ Status change_map(AdminClient* client, const Options& options, json request) {
   const auto answer = client->ask(request);
   if (!answer) return tl::unexpected(answer.error());
   print(options, answer->content, [&answer] { print_map(answer->content); });
+  return {};
+}
+
+Status list_labels(AdminClient* client, const Options& options) {
+  std::vector<std::string> maps;
+  if (!options.map.empty()) {
+    maps.push_back(options.map);
+  } else {
+    const auto all = client->maps();
+    if (!all) return tl::unexpected(all.error());
+    for (const json& map : (*all)["maps"]) maps.push_back(map.value("id", ""));
+  }
+  json labels = json::array();
+  for (const std::string& map : maps) {
+    const auto of_map = client->labels(map);
+    if (!of_map) return tl::unexpected(of_map.error());
+    labels.insert(labels.end(), of_map->begin(), of_map->end());
+  }
+  print(options, labels, [&labels] {
+    for (const json& label : labels) print_label(label);
+  });
+  return {};
+}
+
+/// `request`: what is to be done with one label, which is the answer.
+Status change_label(AdminClient* client, const Options& options, json request) {
+  if (options.map.empty())
+    return fail(ErrorCode::kUsage, "of which map? cairnctl labels MAP rename|remove LABEL");
+  request["map"] = options.map;
+  request["label"] = options.label;
+  const auto answer = client->ask(request);
+  if (!answer) return tl::unexpected(answer.error());
+  print(options, answer->content, [&answer] { print_label(answer->content); });
   return {};
 }
 
@@ -144,9 +201,9 @@ Result<std::filesystem::path> export_map(AdminClient* client, const Options& opt
 Status export_maps(AdminClient* client, const Options& options) {
   std::vector<std::string> maps = options.maps;
   if (maps.empty()) {
-    const auto all = client->ask({{"verb", "maps"}});
+    const auto all = client->maps();
     if (!all) return tl::unexpected(all.error());
-    for (const json& map : all->content["maps"]) maps.push_back(map.value("name", ""));
+    for (const json& map : (*all)["maps"]) maps.push_back(map.value("name", ""));
   }
   std::error_code problem;
   std::filesystem::create_directories(options.folder, problem);
@@ -256,11 +313,39 @@ void describe(CLI::App* app, Options* options, Action* action) {
   add("undelete", "puts it back into service", "undelete");
 }
 
+void describe_labels(CLI::App* app, Options* options, Action* action) {
+  CLI::App* labels =
+      app->add_subcommand("labels", "what people have said of places; without a word more, lists it");
+  labels->add_option("MAP", options->map, "name or id [all maps]");
+  labels->callback([action] {
+    if (!*action) *action = list_labels;
+  });
+  labels->add_subcommand("list", "map, id, text, author, time, place [m]")->callback([action] {
+    *action = list_labels;
+  });
+  CLI::App* rename = labels->add_subcommand("rename", "says something else there");
+  rename->add_option("LABEL", options->label, "its id")->required();
+  rename->add_option("TEXT", options->text, "at most 256 bytes")->required();
+  rename->callback([action] {
+    *action = [](AdminClient* client, const Options& o) {
+      return change_label(client, o, {{"verb", "label-rename"}, {"text", o.text}});
+    };
+  });
+  CLI::App* remove = labels->add_subcommand("remove", "says nothing any more there");
+  remove->add_option("LABEL", options->label, "its id")->required();
+  remove->callback([action] {
+    *action = [](AdminClient* client, const Options& o) {
+      return change_label(client, o, {{"verb", "label-remove"}});
+    };
+  });
+}
+
 int run(int argc, char** argv) {
-  CLI::App app("Looks after the maps of a cairn-server.", "cairnctl");
+  CLI::App app("Looks after the maps of a cairn-server and what is written in them.", "cairnctl");
   Options options;
   Action action;
   describe(&app, &options, &action);
+  describe_labels(&app, &options, &action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

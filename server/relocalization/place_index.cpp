@@ -188,6 +188,14 @@ const IndexedMap* PlaceIndex::find(const MapId& map) const {
   return at != maps_.end() && (*at)->snapshot->map == map ? at->get() : nullptr;
 }
 
+PlaceIndex PlaceIndex::only(std::span<const MapId> maps) const {
+  PlaceIndex those;
+  for (const IndexedMapPtr& m : maps_) {
+    if (std::find(maps.begin(), maps.end(), m->snapshot->map) != maps.end()) those.put(m);
+  }
+  return those;
+}
+
 size_t PlaceIndex::keyframe_count() const {
   size_t count = 0;
   for (const IndexedMapPtr& m : maps_) count += m->keyframes.size();

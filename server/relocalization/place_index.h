@@ -87,6 +87,8 @@ class PlaceIndex {
   /// Ascending by id.
   [[nodiscard]] const std::vector<IndexedMapPtr>& maps() const { return maps_; }
   [[nodiscard]] const IndexedMap* find(const MapId& map) const;
+  /// Those of `maps` that are here.
+  [[nodiscard]] PlaceIndex only(std::span<const MapId> maps) const;
   [[nodiscard]] size_t keyframe_count() const;
 
  private:

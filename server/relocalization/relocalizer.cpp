@@ -154,7 +154,17 @@ class Inquiry {
   Inquiry(const Camera& camera, const PlaceView& view, const RelocOptions& options)
       : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
 
-  [[nodiscard]] const std::vector<CellList>& cells() const { return cells_; }
+  /// Tries the most promising keyframes of the index that have not been tried. True: one of them is clear.
+  bool search(const PlaceIndex& index, const TinyImage& tiny) {
+    const auto shortlist = static_cast<size_t>(options_.shortlist);
+    const size_t before = tried_.size();
+    const auto ranked = rank(index, tiny, options_.method, shortlist);
+    if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    return try_out(fuse(ranked, vote(index, view_, cells_, shortlist), tiny), before + shortlist);
+  }
+  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
+
+ private:
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
   /// have been tried in all.
   bool try_out(std::span<const Ranked> ranked, size_t most) {
@@ -168,9 +178,7 @@ class Inquiry {
     }
     return false;
   }
-  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
 
- private:
   const Camera& camera_;
   const PlaceView& view_;
   const RelocOptions& options_;
@@ -183,22 +191,21 @@ class Inquiry {
 }  // namespace
 
 PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
-                       const RelocOptions& options) {
+                       const RelocOptions& options, const SearchScope& scope) {
+  const PlaceIndex first = index.only(scope.first);
+  if (scope.only && !scope.first.empty()) return relocalize(first, camera, view, options);
   PlaceAnswer result;
   const TinyImage tiny(view.small, kPlaceBlur);
-  const std::vector<Ranked> ranked =
-      rank(index, tiny, options.method, static_cast<size_t>(options.shortlist));
-  if (options.method == RelocMethod::kPaper && !ranked.empty()) {
-    result.verdict = PlaceVerdict::kUnconfirmed;
-    result.candidates.push_back(guess(ranked.front(), camera, tiny));
-    result.reason = result.candidates.front().reason;
-    return result;
+  if (options.method == RelocMethod::kPaper) {
+    if (const auto nearest = rank(index, tiny, options.method, 1); !nearest.empty()) {
+      result.verdict = PlaceVerdict::kUnconfirmed;
+      result.candidates.push_back(guess(nearest.front(), camera, tiny));
+      result.reason = result.candidates.front().reason;
+      return result;
+    }
   }
   Inquiry inquiry(camera, view, options);
-  if (!inquiry.try_out(ranked, static_cast<size_t>(options.by_picture_alone))) {
-    const auto voted = vote(index, view, inquiry.cells(), static_cast<size_t>(options.shortlist));
-    inquiry.try_out(fuse(ranked, voted, tiny), static_cast<size_t>(options.shortlist));
-  }
+  if (scope.first.empty() || !inquiry.search(first, tiny)) inquiry.search(index, tiny);
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {
     result.reason = "there is no keyframe to compare with";
@@ -208,6 +215,8 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
     result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",
                                 result.candidates.size(), index.keyframe_count());
   }
+  const auto told = static_cast<size_t>(options.shortlist);
+  if (result.candidates.size() > told) result.candidates.resize(told);
   return result;
 }
 

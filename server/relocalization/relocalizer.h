@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include "common/geometry/camera.h"
 #include "common/image/place.h"
@@ -29,9 +30,15 @@ struct RelocOptions {
   ConfirmOptions confirm;
 };
 
+/// Which maps a question is put to.
+struct SearchScope {
+  std::vector<MapId> first;  ///< before the others; empty: all at once
+  bool only = false;  ///< `first`, unless that is empty, and no others; else these, unless a place is clear
+};
+
 /// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =
 /// alike (kImproved).
 [[nodiscard]] PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
-                                     const RelocOptions& options = {});
+                                     const RelocOptions& options = {}, const SearchScope& scope = {});
 
 }  // namespace cairn

@@ -163,6 +163,34 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   }
 }
 
+TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {
+  const auto view_of = [](const Scene& scene) {
+    return describe_image(scene.render(Scene::pose(5), 105)->view());
+  };
+  const MapId here = map().snapshot()->map;
+  const MapId there = places_->other_map.snapshot()->map;
+  const auto ask = [&](const Scene& scene, const SearchScope& scope, const RelocOptions& options = {}) {
+    return relocalize(index_, *scene.camera(), view_of(scene), options, scope);
+  };
+  const PlaceAnswer clear = ask(scene(), {{here}, false});
+  ASSERT_EQ(clear.verdict, PlaceVerdict::kConfirmed) << clear.reason;
+  for (const PlaceCandidate& c : clear.candidates) EXPECT_EQ(c.map, here) << "clear: no other is tried";
+  const PlaceAnswer other = ask(places_->other_scene, {{here}, false});
+  ASSERT_EQ(other.verdict, PlaceVerdict::kConfirmed) << "the others follow";
+  EXPECT_EQ(other.candidates.front().map, there);
+  EXPECT_LE(other.candidates.size(), static_cast<size_t>(RelocOptions{}.shortlist));
+
+  EXPECT_EQ(ask(scene(), {{here}, true}).verdict, PlaceVerdict::kConfirmed);
+  EXPECT_EQ(ask(places_->other_scene, {{here}, true}).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(ask(places_->other_scene, {{here, there}, true}).candidates.front().map, there);
+  EXPECT_EQ(ask(scene(), {{MapId{{77}}}, true}).verdict, PlaceVerdict::kNotKnown) << "a map that has gone";
+  EXPECT_EQ(ask(scene(), {{}, true}).verdict, PlaceVerdict::kConfirmed) << "no scope: all maps";
+  RelocOptions paper;
+  paper.method = RelocMethod::kPaper;
+  EXPECT_EQ(ask(places_->other_scene, {{here}, true}, paper).candidates.front().map, here);
+  EXPECT_EQ(ask(places_->other_scene, {{here}, false}, paper).candidates.front().map, there);
+}
+
 TEST_F(RelocalizerTest, LightDoesNotMatter) {
   const auto image = scene().render(Scene::pose(2), 5);
   for (const auto& [gain, bias] : {std::pair(0.5, 0.0), std::pair(0.7, 70.0), std::pair(1.4, -20.0)}) {

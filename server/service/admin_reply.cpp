@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/admin_reply.h"
 
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "server/service/one_line.h"
@@ -9,6 +8,18 @@
 namespace cairn {
 
 using nlohmann::json;
+
+namespace {
+
+/// Of the items of a page; the rest is for what frames them.
+constexpr size_t kMaxPageBytes = wire::kMaxAdminText - 1000;
+
+std::string to_text(const json& content) {
+  // A path or a text in it may be no UTF-8.
+  return content.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+}  // namespace
 
 json describe(MapId id, const MapEntry& entry) {
   json map{{"id", to_hex(id.bytes)},
@@ -30,12 +41,43 @@ json describe(const DeletedMap& map) {
           {"bytes", map.bytes}};
 }
 
+json describe(const std::string& map, const Label& label) {
+  const Eigen::Vector3d& place = label.map_from_label.translation();
+  return {{"map", map},
+          {"id", label.id.value},
+          {"kind", label.kind == LabelKind::kModel ? "model" : "text"},
+          {"text", label.text},
+          {"position", {place.x(), place.y(), place.z()}},
+          {"author", label.author},
+          {"time", label.time.nanoseconds}};
+}
+
+ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more", false}} {
+  for (const char* list : lists) content_[list] = json::array();
+}
+
+bool ReplyPage::add(const char* list, const json& item) {
+  bytes_ += to_text(item).size() + 1;
+  if (bytes_ > kMaxPageBytes) content_["more"] = true;
+  if (content_["more"]) return false;
+  content_[list].push_back(item);
+  return true;
+}
+
+json describe_labels(const std::string& map, std::span<const Label> labels, LabelId after) {
+  ReplyPage page{"labels"};
+  for (const Label& label : labels) {
+    if (label.id > after && !page.add("labels", describe(map, label))) break;
+  }
+  return page.content();
+}
+
 wire::AdminReply refusal(const Error& error) {
   wire::AdminReply reply;
   // Whatever else it is to us, to the operator it is the server's no.
   const bool own_words = error.code == ErrorCode::kUsage || error.code == ErrorCode::kDamaged;
   reply.result = static_cast<uint8_t>(exit_code(own_words ? error.code : ErrorCode::kRefused));
-  reply.text = one_line(error.message);
+  reply.text = one_line(error.message).substr(0, wire::kMaxAdminText);
   return reply;
 }
 
@@ -43,10 +85,13 @@ wire::AdminReply refusal(ErrorCode code, std::string message) {
   return refusal(Error{code, std::move(message)});
 }
 
+wire::AdminReply unknown_map(const std::string& name_or_id) {
+  return refusal(ErrorCode::kNotFound, "no map '" + name_or_id + "'; `cairnctl maps` lists them");
+}
+
 wire::AdminReply success(const json& content) {
   wire::AdminReply reply;
-  // A path in it may be no UTF-8.
-  reply.text = content.dump(-1, ' ', false, json::error_handler_t::replace);
+  reply.text = to_text(content);
   return reply;
 }
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
+#include <initializer_list>
+#include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 
 #include "common/wire/messages.h"
@@ -14,9 +16,28 @@ namespace cairn {
 /// Of a map that is served, that is, has a snapshot.
 [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry);
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
+/// `map`: the name of the label's.
+[[nodiscard]] nlohmann::json describe(const std::string& map, const Label& label);
+/// A part of some lists that may be long: as much of them as one reply takes. `more`: there is more.
+class ReplyPage {
+ public:
+  explicit ReplyPage(std::initializer_list<const char*> lists);
+  /// False: it is full, and so are all lists from then on.
+  bool add(const char* list, const nlohmann::json& item);
+  [[nodiscard]] const nlohmann::json& content() const { return content_; }
+
+ private:
+  nlohmann::json content_;
+  size_t bytes_ = 0;
+};
+
+/// A page of those beyond the id `after`. `labels`: ascending by id.
+[[nodiscard]] nlohmann::json describe_labels(const std::string& map, std::span<const Label> labels,
+                                             LabelId after);
 
 [[nodiscard]] wire::AdminReply refusal(const Error& error);
 [[nodiscard]] wire::AdminReply refusal(ErrorCode code, std::string message);
+[[nodiscard]] wire::AdminReply unknown_map(const std::string& name_or_id);
 [[nodiscard]] wire::AdminReply success(const nlohmann::json& content);
 
 }  // namespace cairn

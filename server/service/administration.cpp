@@ -53,20 +53,21 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
     on_admin_answered(operator_name, std::move(reply));
   };
   try {
-    carry_out(message, answer);
+    carry_out(operator_name, message, answer);
   } catch (const std::exception& problem) {
     log_->error("internal error in a request of operator {}: {}", operator_name, problem.what());
     answer(refusal(ErrorCode::kInternal, "internal error; the server's log says more"));
   }
 }
 
-void Switchboard::carry_out(const wire::AdminRequest& message, const AdminAnswer& answer) {
+void Switchboard::carry_out(const std::string& operator_name, const wire::AdminRequest& message,
+                            const AdminAnswer& answer) {
   const json request = json::parse(message.request, nullptr, false);
   if (!request.is_object()) return answer(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
   const std::string wanted = text_of(request, "map");
   if (verb == "status") return describe_server(answer);
-  if (verb == "maps") return list_maps(answer);
+  if (verb == "maps") return list_maps(text_of(request, "after"), number_of(request, "deleted_from"), answer);
   if (verb == "undelete") return undelete_map(wanted, answer);
   if (verb == "purge") return purge_map(wanted, answer);
   if (verb == "import") return import_map(text_of(request, "token"), answer);
@@ -75,11 +76,22 @@ void Switchboard::carry_out(const wire::AdminRequest& message, const AdminAnswer
 
   const auto [id, entry] = find_map(wanted);
   if (entry == nullptr && verb == "delete") return delete_again(wanted, answer);
-  if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "no map '" + wanted + "'"));
+  if (entry == nullptr) return answer(unknown_map(wanted));
   if (verb == "show") return show_map(id, *entry, answer);
   if (verb == "rename") return rename_map(id, entry, text_of(request, "name"), answer);
   if (verb == "delete") return delete_map(id, entry, is_set(request, "for_good"), answer);
   if (verb == "export") return export_map(id, entry, answer);
+  const LabelId label{number_of(request, "label")};
+  if (verb == "labels") return answer(success(describe_labels(entry->name, entry->labels.all(), label)));
+  if (verb == "label-rename" || verb == "label-remove") {
+    wire::ClientRequest wish;
+    wish.action =
+        verb == "label-rename" ? wire::RequestAction::kRenameLabel : wire::RequestAction::kRemoveLabel;
+    wish.map = id;
+    wish.label = label;
+    wish.text = text_of(request, "text");
+    return edit_label(*entry, wish, operator_name, answer);
+  }
   answer(refusal(ErrorCode::kUsage, "this server does not know '" + verb + "'"));
 }
 
@@ -125,8 +137,11 @@ std::pair<MapId, MapEntry*> Switchboard::find_map(const std::string& name_or_id)
 
 void Switchboard::describe_server(const AdminAnswer& answer) {
   json clients = json::array();
+  json wearers = json::object();
   for (const auto& [name, client] : clients_) {
-    if (client.writers) clients.push_back(name);
+    if (!client.writers) continue;
+    clients.push_back(name);
+    if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
   answer(success({{"server", to_hex(options_.server.bytes)},
                   {"version", std::string(version())},
@@ -135,19 +150,23 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"store", store_ ? store_->folder().string() : std::string()},
                   {"maps", maps_.live_count()},
                   {"memory_bytes", maps_.bytes()},
-                  {"clients", std::move(clients)}}));
+                  {"clients", std::move(clients)},
+                  {"wearers", std::move(wearers)}}));
 }
 
-void Switchboard::list_maps(const AdminAnswer& answer) {
-  json maps = json::array();
+void Switchboard::list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer) {
+  ReplyPage page{"maps", "deleted"};
   for (const auto& [id, entry] : maps_.all()) {
-    if (entry.snapshot != nullptr) maps.push_back(describe(id, entry));
+    if (entry.snapshot == nullptr || to_hex(id.bytes) <= after) continue;
+    if (!page.add("maps", describe(id, entry))) break;
   }
-  json list{{"maps", std::move(maps)}, {"deleted", json::array()}};
-  if (store_ == nullptr) return answer(success(list));
-  with_store(answer, [answer, list = std::move(list)](const Store& store) mutable -> Task {
-    for (const DeletedMap& map : store.deleted_maps()) list["deleted"].push_back(describe(map));
-    return [answer, list = std::move(list)] { answer(success(list)); };
+  if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
+  with_store(answer, [answer, deleted_from, page = std::move(page)](const Store& store) mutable -> Task {
+    const std::vector<DeletedMap> deleted = store.deleted_maps();
+    for (size_t i = deleted_from; i < deleted.size(); ++i) {
+      if (!page.add("deleted", describe(deleted[i]))) break;
+    }
+    return [answer, page = std::move(page)] { answer(success(page.content())); };
   });
 }
 
@@ -160,6 +179,28 @@ void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& a
       answer(success(map));
     });
   });
+}
+
+void Switchboard::edit_label(const MapEntry& entry, const wire::ClientRequest& wish,
+                             const std::string& operator_name, const AdminAnswer& answer) {
+  const std::string which = "label " + std::to_string(wish.label.value) + " of map '" + entry.name + "'";
+  const std::optional<Label> before = entry.labels.find(wish.label);
+  if (!before) {
+    return answer(refusal(ErrorCode::kNotFound,
+                          "there is no " + which + "; `cairnctl labels " + entry.name + "` lists them"));
+  }
+  if (entry.labels.is_busy(wish.label))
+    return answer(refusal(ErrorCode::kRefused, which + " is being changed by another; try again"));
+  const auto done = [name = entry.name, which, before = *before,
+                     answer](const LabelBook::Judgement& judgement) {
+    if (judgement.decision != wire::RequestDecision::kDone) {
+      const bool unfit = judgement.decision == wire::RequestDecision::kUnfit;
+      return answer(
+          refusal(unfit ? ErrorCode::kUsage : ErrorCode::kRefused, which + ": " + judgement.reason));
+    }
+    answer(success(describe(name, judgement.changed ? label_of(*judgement.changed) : before)));
+  };
+  change_label(wish, operator_name, std::nullopt, done);
 }
 
 }  // namespace cairn

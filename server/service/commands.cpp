@@ -24,7 +24,7 @@ bool may_yet_come(Client& client) {
 std::string describe(const PlaceAnswer& answer) {
   if (answer.candidates.empty()) return answer.reason;
   const PlaceCandidate& best =
-      answer.verdict == PlaceVerdict::kNotKnown
+      !has_place(answer.verdict)
           ? *std::max_element(answer.candidates.begin(), answer.candidates.end(),
                               [](const auto& a, const auto& b) { return a.inliers < b.inliers; })
           : answer.candidates.front();
@@ -193,10 +193,11 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (camera == nullptr)
     return on_query_answered(client.name, message.command, {PlaceVerdict::kNotKnown, {}, "no such camera"});
   client.query_in_work = true;
-  lanes_.questions.submit([this, name = client.name, camera, message = std::move(message)]() mutable {
+  const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
+  lanes_.questions.submit([this, name = client.name, camera, message = std::move(message), scope]() mutable {
     const wire::CommandId command = message.command;
     try {
-      look_up(name, camera, std::move(message));
+      look_up(name, camera, std::move(message), scope);
     } catch (const std::exception& problem) {  // memory, a library
       post([this, name, command, why = std::string("internal error: ") + problem.what()] {
         on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
@@ -205,9 +206,13 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   });
 }
 
-void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message) {
-  const auto done = [this, client, command = message.command](PlaceAnswer answer) {
-    post([this, client, command, answer = std::move(answer)] { on_query_answered(client, command, answer); });
+void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
+                          const SearchScope& scope) {
+  const auto done = [this, client, command = message.command, scope](PlaceAnswer answer) {
+    post([this, client, command, scope, answer = std::move(answer)]() mutable {
+      const MonotonicTime now = steady_clock::now();
+      on_query_answered(client, command, wearers_.narrow(client, scope, std::move(answer), now));
+    });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);
   if (!small) return done({PlaceVerdict::kNotKnown, {}, small.error().message});
@@ -215,6 +220,7 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
   query.camera = camera;
   query.view.small.assign(**small);
   query.view.corners = std::move(message.corners);
+  query.scope = scope;
   query.lockstep = message.lockstep;
   places_->ask(std::move(query), done);
 }

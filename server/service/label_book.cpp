@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/service/one_line.h"
+
 namespace cairn {
 namespace {
 
@@ -44,11 +46,11 @@ bool anchor(const MapSnapshot& map, LabelRecord* label) {
   return true;
 }
 
+}  // namespace
+
 Label label_of(const LabelRecord& record) {
   return {{record.id}, record.kind, record.text, record.map_from_label, record.author, record.time};
 }
-
-}  // namespace
 
 void LabelBook::restore(const std::vector<LabelRecord>& records) {
   for (const LabelRecord& record : records) {
@@ -64,6 +66,8 @@ LabelBook::Judgement LabelBook::judge(const wire::ClientRequest& request, const 
     return refusal(RequestDecision::kUnfit, "a label needs a text", request.label);
   if (has_text && request.text.size() > kMaxLabelBytes)
     return refusal(RequestDecision::kUnfit, "the text is too long", request.label);
+  if (has_text && one_line(request.text) != request.text)
+    return refusal(RequestDecision::kUnfit, "a label is one line without control characters", request.label);
   if (request.action == RequestAction::kAddLabel) return judge_new(request, author, now, map);
   const auto found = labels_.find(request.label);
   if (found == labels_.end())

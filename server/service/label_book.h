@@ -15,6 +15,9 @@
 
 namespace cairn {
 
+/// As it is told.
+[[nodiscard]] Label label_of(const LabelRecord& record);
+
 /// The labels of one map. Each sticks to a keyframe, the one that it was pointed at from, and so rides on
 /// adjustments; when that keyframe is gone, to the one nearest to the label. What a person asks for is judged
 /// first and takes effect when it has been kept. Pure. Used from one thread.

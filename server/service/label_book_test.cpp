@@ -168,6 +168,7 @@ TEST_F(LabelBookTest, ARefusalSaysWhyAndLeavesNothingBehind) {
   EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, "  ")), RequestDecision::kUnfit);
   EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, std::string(kMaxLabelBytes + 1, 'x'))),
             RequestDecision::kUnfit);
+  EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, "two\nlines")), RequestDecision::kUnfit);
   EXPECT_EQ(refused(request(RequestAction::kRenameLabel, {4}, "x")), RequestDecision::kUnknownLabel);
   EXPECT_EQ(refused(request(RequestAction::kRemoveLabel, {4})), RequestDecision::kUnknownLabel);
   wire::ClientRequest stale = request(RequestAction::kAddLabel, {}, "vice");

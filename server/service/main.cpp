@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 #include <thread>
+#include <utility>
 #include <variant>
 #include <vector>
 
@@ -13,17 +14,27 @@
 #include "common/wire/participant.h"
 #include "server/service/server_options.h"
 #include "server/service/service.h"
+#include "server/service/wearer_list.h"
 
 namespace {
 
-/// SIGINT and SIGTERM, blocked here and in every thread begun later.
+/// SIGINT, SIGTERM and SIGHUP, blocked here and in every thread begun later. There are no settings to be read
+/// again: SIGHUP means that the terminal has gone, unless nohup has it ignored (what is blocked is not).
 sigset_t block_signals() {
   sigset_t signals;
   sigemptyset(&signals);
   sigaddset(&signals, SIGINT);
   sigaddset(&signals, SIGTERM);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   return signals;
+}
+
+int complain(const cairn::Error& error) {
+  std::fprintf(stderr, "cairn-server: %s\n", error.message.c_str());
+  return cairn::exit_code(error.code);
 }
 
 int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
@@ -42,6 +53,12 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.max_maps = options.max_maps;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.store = options.store;
+  service.wearers.policy = options.wearer_policy;
+  if (!options.wearers.empty()) {
+    auto registered = cairn::read_wearers(options.wearers);
+    if (!registered) return complain(registered.error());
+    service.wearers.registered = std::move(*registered);
+  }
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
   if (options.store.empty()) {
@@ -49,10 +66,7 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
                  "cairn-server: maps are kept in memory only and end with it; --store DIR keeps them\n");
   }
   auto running = cairn::Service::start(service, log);
-  if (!running) {
-    std::fprintf(stderr, "cairn-server: %s\n", running.error().message.c_str());
-    return cairn::exit_code(running.error().code);
-  }
+  if (!running) return complain(running.error());
   std::fprintf(stderr, "cairn-server: ready on domain %d, UDP port %d, profile %s\n", options.domain,
                int{cairn::wire::server_port(static_cast<uint32_t>(options.domain))}, options.profile.c_str());
   int signal = 0;

@@ -112,7 +112,7 @@ void Switchboard::finish_deletion(MapId id, const AdminAnswer& answer) {
 }
 
 void Switchboard::delete_again(const std::string& wanted, const AdminAnswer& answer) {
-  const wire::AdminReply unknown = refusal(ErrorCode::kNotFound, "no map '" + wanted + "'");
+  const wire::AdminReply unknown = unknown_map(wanted);
   if (store_ == nullptr) return answer(unknown);
   with_store(answer, [wanted, answer, unknown](const Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);

@@ -58,7 +58,7 @@ void PlaceDesk::ask(PlaceQuery query, Done done) {
     PlaceAnswer answer{PlaceVerdict::kNotKnown, {}, "internal error; the server's log says more"};
     try {
       if (query->lockstep) self->catch_up();
-      answer = relocalize(*self->index(), *query->camera, query->view, self->options_);
+      answer = relocalize(*self->index(), *query->camera, query->view, self->options_, query->scope);
     } catch (const std::exception& problem) {  // memory, a library: who has asked may ask again
       self->log_->error("internal error in a question: {}", problem.what());
     }

@@ -16,6 +16,7 @@ namespace cairn {
 struct PlaceQuery {
   CameraPtr camera;
   PlaceView view;
+  SearchScope scope;
   bool lockstep = false;  ///< answered with all that has been reported, not with what is indexed yet
 };
 

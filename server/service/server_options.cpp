@@ -25,6 +25,7 @@ constexpr uint64_t kMostMegabytes = uint64_t{1} << 40;
 constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
     "The configuration file is YAML with the names of the long options as keys, e.g. `domain: 3`.\n"
+    "SIGINT, SIGTERM and, without nohup, SIGHUP end it in order: all that has changed is kept.\n"
     "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 5 refused (the domain has a server)\n\n"
     "Examples:\n"
     "  cairn-server                                  for trackers on this machine\n"
@@ -50,6 +51,12 @@ constexpr OptionRow kOptions[] = {
     {"max-maps", "N", "maps at most [1000]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
+    {"wearer-rule", "first|only",
+     "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
+     "[first]",
+     true},
+    {"wearers", "FILE", "who wears which cameras: YAML, `anna: [hand-1, shoulder-1]` [as cairn-track claims]",
+     true},
     {"security", "DIR", "DDS Security files", false},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
 };
@@ -134,6 +141,11 @@ Result<ServerOptions> translate(const Words& words) {
         return refuse("expected a number of megabytes from 1 on");
       }
       options.max_memory_mb = *megabytes;
+    } else if (name == "wearer-rule") {
+      if (value != "first" && value != "only") return refuse("expected first or only");
+      options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;
+    } else if (name == "wearers") {
+      options.wearers = value;
     } else if (name == "store") {
       options.store = value;
     } else if (name == "listen") {

@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "server/mapping/map_maker.h"
+#include "server/service/wearer_rule.h"
 
 namespace cairn {
 
@@ -24,6 +25,8 @@ struct ServerOptions {
   size_t max_maps = 1000;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   std::string store;                             ///< folder; empty: nothing is kept
+  WearerPolicy wearer_policy = WearerPolicy::kFirst;
+  std::string wearers;  ///< file; empty: as clients claim
   int verbosity = 0;
 };
 

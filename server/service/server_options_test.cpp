@@ -58,6 +58,14 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   }
 }
 
+TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
+  EXPECT_EQ(accepted({}).wearer_policy, WearerPolicy::kFirst);
+  const ServerOptions options = accepted({"--wearer-rule", "only", "--wearers", "who.yaml"});
+  EXPECT_EQ(options.wearer_policy, WearerPolicy::kOnly);
+  EXPECT_EQ(options.wearers, "who.yaml");
+  EXPECT_THAT(refused({"--wearer-rule", "none"}).text, HasSubstr("first or only"));
+}
+
 TEST_F(ServerOptionsTest, TheCommandLineWinsOverTheFile) {
   const auto path = configuration("domain: 7\nprofile: wifi\nseed: 12345678901234567890\n");
   const ServerOptions options = accepted({"--config", path, "--domain=9", "-v"});
@@ -103,8 +111,9 @@ TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
 TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
-                           "--security", "--http", "--seed", "--max-maps", "--max-memory"}) {
+  for (const char* word :
+       {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
+        "--seed", "--max-maps", "--max-memory", "--wearer-rule", "--wearers"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

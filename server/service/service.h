@@ -13,6 +13,7 @@
 #include "common/map/snapshot.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
+#include "server/service/wearer_rule.h"
 
 namespace cairn {
 
@@ -29,6 +30,7 @@ struct ServiceOptions {
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   MapMakerOptions mapping;
   RelocOptions relocalization;
+  WearerOptions wearers;
   int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };
 

@@ -82,6 +82,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       log_(std::move(log)),
       maps_(options.seed),
       places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization, log_)),
+      wearers_(options.wearers),
       next_tick_(steady_clock::now()) {
   if (store_ == nullptr) return;
   transfers_ = std::make_shared<Transfers>(store_->folder() / "transfer");
@@ -298,6 +299,7 @@ void Switchboard::forget_old_clients(const std::string& keep) {
     }
     if (oldest == clients_.end()) return;
     presence_.gone(oldest->first);
+    wearers_.left(oldest->first);
     names_.erase(oldest->second.id);
     clients_.erase(oldest);
   }
@@ -321,6 +323,7 @@ void Switchboard::disconnect(Client& client) {
   client.writers.reset();
   client.left_at = steady_clock::now();
   presence_.gone(client.name);
+  wearers_.left(client.name);
 }
 
 void Switchboard::open_wanted_feeds(Client& client) {
@@ -380,6 +383,8 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
       break;
   }
   if (const auto process = readers_.states.peer_of(publication)) client.cameras.set_holder(*process);
+  const bool is_proven = message.state == TrackingState::kTracking || message.state == TrackingState::kPoor;
+  wearers_.heard(client.name, {message.wearer, is_proven ? message.map : MapId{}, message.frame_time}, now);
   const auto feed = client.feeds.find(message.map);
   if (feed != client.feeds.end()) feed->second.client_has(message.epoch, message.revision);
 }
@@ -389,6 +394,7 @@ void Switchboard::on_gone(ClientId id) {
   if (name == names_.end()) return;
   log_->debug("{}: its tracker has fallen silent", name->second);
   presence_.gone(name->second);
+  wearers_.left(name->second);
 }
 
 void Switchboard::tell_intruder(Client& client, SessionId session, MonotonicTime now) {

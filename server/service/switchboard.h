@@ -22,6 +22,7 @@
 #include "server/service/presence.h"
 #include "server/service/service.h"
 #include "server/service/transfers.h"
+#include "server/service/wearer_rule.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -105,13 +106,18 @@ class Switchboard {
   };
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
   void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
-  void carry_out(const wire::AdminRequest& message, const AdminAnswer& answer);
+  void carry_out(const std::string& operator_name, const wire::AdminRequest& message,
+                 const AdminAnswer& answer);
   void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
   [[nodiscard]] Operator* operator_of(const std::string& name);
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
-  void list_maps(const AdminAnswer& answer);
+  /// A page: maps beyond the id `after`, then of the deleted ones those from a number on.
+  void list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer);
   void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
+  /// Renames or removes one (`wish`: action, map, label, text).
+  void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const std::string& operator_name,
+                  const AdminAnswer& answer);
 
   // Of these, the ones that change maps (map_administration.cpp).
   /// `work` is run beside the writer and gives what is then to be done on this thread. If it throws, that is
@@ -153,7 +159,8 @@ class Switchboard {
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
   /// On a worker of the questions.
-  void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message);
+  void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
+               const SearchScope& scope);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   // Labels (requests.cpp).
   void on_request(Client& client, const wire::ClientRequest& request);
@@ -191,6 +198,7 @@ class Switchboard {
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;
+  WearerRule wearers_;
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told

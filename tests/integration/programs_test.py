@@ -238,6 +238,50 @@ class Places(OnTheDesk):
             self.assert_back_soon(frames, 120 + 10 + 240 + 10, said)
 
 
+class Wearers(OnTheDesk):
+    """Two maps of one desk, so that the question where a camera is has two right answers."""
+    FRAMES = 360
+
+    def ctl(self, server, *words):
+        done = subprocess.run(command("cairnctl", "--domain", server.domain, "--json", *words), capture_output=True, text=True,
+                              timeout=LIMIT)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        return json.loads(done.stdout)
+
+    def test_the_map_of_a_wearers_other_camera_is_the_answer(self):
+        with ServerProcess("--store", self.folder / "store") as server:
+            for name in ("old", "new"):
+                self.track(server, f"maker-of-{name}", "--pace", "lockstep")
+                self.ctl(server, "map", "map-1", "rename", name)
+                self.ctl(server, "map", name, "delete")
+            for where in ("old", "new"):  # one of them would be the answer without the rule
+                self.assertEqual(self.where_the_hand_is(server, where), [where])
+
+    def where_the_hand_is(self, server, where):
+        """The names of the maps that the hand camera is in, while the one at the shoulder is tracked in `where`, where it was
+        before there was the other map."""
+        other = "new" if where == "old" else "old"
+        worn = ("--role", "reader", "--wearer", "anna")
+        self.ctl(server, "map", where, "undelete")
+        shoulder = subprocess.Popen(self.arguments(server, f"shoulder-{where}", "--pace", "realtime", *worn),
+                                    stderr=subprocess.PIPE, text=True)
+        said = ""
+        for line in shoulder.stderr:
+            said += line
+            if f"map {where} " in line and "entered" in line:
+                break
+        self.ctl(server, "map", other, "undelete")
+        name = f"hand-{where}"
+        hand = subprocess.Popen(self.arguments(server, name, "--pace", "lockstep", *worn), stderr=subprocess.PIPE, text=True)
+        hand_said = hand.communicate(timeout=LIMIT)[1]
+        said += shoulder.communicate(timeout=LIMIT)[1]
+        self.assertEqual((shoulder.returncode, hand.returncode), (0, 0), said + hand_said)
+        self.assertIn("entered", said)
+        for name_of_map in ("old", "new"):
+            self.ctl(server, "map", name_of_map, "delete")
+        return [row.split()[3] for row in (self.folder / f"{name}.txt").read_text().splitlines() if row.startswith("# map")]
+
+
 class Faults(OnTheDesk):
     FRAMES = 450
 

@@ -85,10 +85,10 @@ TEST(ServerRestart, AServerThatComesLaterIsFound) {
   EXPECT_NE(session->snapshot(), nullptr);
 }
 
-TEST(ServerProcess, EndsInAnOrderlyWayOnEitherSignal) {
-  for (const int signal : {SIGINT, SIGTERM}) {
+TEST(ServerProcess, EndsInAnOrderlyWayOnEachSignal) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
     ServerProcess server;
-    EXPECT_EQ(server.end(signal), 0);
+    EXPECT_EQ(server.end(signal), 0) << signal;
   }
 }
 

@@ -179,6 +179,22 @@ TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) 
   EXPECT_EQ(answer->verdict, PlaceVerdict::kNotKnown);
 }
 
+TEST_F(SessionTest, AnAnswerFromBeforeTheMapWasLeftIsForgotten) {
+  seed();
+  const auto view = view_of(*scene_.render(testing::Scene::pose(1), 77));
+  session_->send_question(view, Timestamp{1});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  session_->leave_map();
+  EXPECT_FALSE(session_->take_place_answer()) << "had come";
+  session_->send_question(view, Timestamp{2});
+  session_->leave_map();
+  EXPECT_TRUE(session_->wait_until_settled(60s));
+  EXPECT_FALSE(session_->take_place_answer()) << "was on its way";
+  session_->send_question(view, Timestamp{3});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  EXPECT_TRUE(session_->take_place_answer()) << "the next question is answered";
+}
+
 TEST_F(SessionTest, SeveralClientsFollowOneMap) {
   seed();
   SessionOptions options = session_options_;

@@ -3,11 +3,6 @@
 #include "common/wire/internal/convert_common.h"
 
 namespace cairn::wire::internal {
-namespace {
-
-constexpr size_t kMaxTextBytes = size_t{1} << 20;  ///< of JSON
-
-}  // namespace
 
 // ---- AdminRequest
 
@@ -34,7 +29,7 @@ Result<AdminRequest> decode<AdminRequest>(const cairn_AdminRequest& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.text(sample.request, kMaxTextBytes);
+  check.text(sample.request, kMaxAdminText);
   check.count(sample.data, kMaxAdminData);
   if (!check.passed()) return unfit(check.what());
   AdminRequest message = decode_key<AdminRequest>(sample);
@@ -75,7 +70,7 @@ Result<AdminReply> decode<AdminReply>(const cairn_AdminReply& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.text(sample.text, kMaxTextBytes);
+  check.text(sample.text, kMaxAdminText);
   check.count(sample.data, kMaxAdminData);
   if (!check.passed()) return unfit(check.what());
   AdminReply message = decode_key<AdminReply>(sample);

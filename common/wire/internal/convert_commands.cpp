@@ -230,6 +230,7 @@ cairn_TrackerState encode(const TrackerStateMessage& message, Scratch*) {
   sample.camera_from_map = encode_pose(message.camera_from_map);
   sample.quality = message.quality;
   sample.frame_time = message.frame_time.nanoseconds;
+  sample.wearer = borrow(message.wearer);
   return sample;
 }
 
@@ -248,6 +249,8 @@ Result<TrackerStateMessage> decode<TrackerStateMessage>(const cairn_TrackerState
   check.require(sample.state <= static_cast<uint8_t>(TrackingState::kLost), "unknown tracking state");
   check.pose(sample.camera_from_map);
   check.require(sample.quality >= 0 && sample.quality <= 1, "quality out of range");
+  const std::string wearer = get_text(sample.wearer);
+  check.require(wearer.empty() || is_valid_name(wearer), "no name of a wearer");
   TrackerStateMessage message = decode_key<TrackerStateMessage>(sample);
   message.session = {sample.session};
   message.state = static_cast<TrackingState>(sample.state);
@@ -257,12 +260,13 @@ Result<TrackerStateMessage> decode<TrackerStateMessage>(const cairn_TrackerState
   message.camera_from_map = decode_pose(sample.camera_from_map);
   message.quality = sample.quality;
   message.frame_time = {sample.frame_time};
+  message.wearer = wearer;
   return checked_message(check, std::move(message));
 }
 
 template <>
 size_t payload_bytes<TrackerStateMessage>(const cairn_TrackerState& sample) {
-  return sizeof(sample);
+  return sizeof(sample) + text_bytes(sample.wearer);
 }
 
 // ---- SeedVerdict
@@ -495,7 +499,7 @@ Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.command(sample.command);
-  check.require(sample.verdict <= static_cast<uint8_t>(PlaceVerdict::kNotKnown), "unknown verdict");
+  check.require(sample.verdict <= static_cast<uint8_t>(PlaceVerdict::kNotThere), "unknown verdict");
   check.text(sample.reason, kMaxReasonBytes);
   check.count(sample.candidates, kMaxPlaceCandidates);
   if (!check.passed()) return unfit(check.what());
@@ -503,7 +507,7 @@ Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
   message.command = decode_command(sample.command);
   message.answer.verdict = static_cast<PlaceVerdict>(sample.verdict);
   message.answer.reason = get_text(sample.reason);
-  check.require(message.answer.verdict == PlaceVerdict::kNotKnown || sample.candidates._length > 0,
+  check.require(!has_place(message.answer.verdict) || sample.candidates._length > 0,
                 "a place without a candidate");
   for (uint32_t i = 0; i < sample.candidates._length; ++i) {
     const cairn_PlaceCandidate& candidate = sample.candidates._buffer[i];

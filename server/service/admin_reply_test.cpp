@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/admin_reply.h"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <random>
+
+namespace cairn {
+namespace {
+
+constexpr unsigned kSeed = 7;
+
+TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
+  std::mt19937 random(kSeed);
+  std::vector<Label> labels;
+  for (uint64_t id = 1; id <= kMaxLabels; ++id) {
+    Label label;
+    label.id = {3 * id};  // some have been removed
+    // Some of them no UTF-8, which a reply writes longer than it is.
+    label.text = std::string(random() % (kMaxLabelBytes + 1), random() % 4 == 0 ? '\xff' : 'x');
+    label.author = "anna";
+    label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {0.1, -2.0 / 3, static_cast<double>(id)});
+    labels.push_back(label);
+  }
+  std::vector<uint64_t> told;
+  int pages = 0;
+  for (bool more = true; more; ++pages) {
+    ASSERT_LT(pages, 100) << "seed " << kSeed;
+    const auto page = describe_labels("desk", labels, {told.empty() ? 0 : told.back()});
+    EXPECT_LT(success(page).text.size(), size_t{64'000});
+    for (const auto& label : page["labels"]) {
+      EXPECT_EQ(label["map"], "desk");
+      EXPECT_NEAR(label["position"][1], -2.0 / 3, 1e-12);
+      told.push_back(label["id"]);
+    }
+    more = page["more"];
+    ASSERT_TRUE(!more || !page["labels"].empty()) << "who asks on gets on";
+  }
+  EXPECT_GT(pages, 1);
+  ASSERT_EQ(told.size(), labels.size());
+  for (size_t i = 0; i < told.size(); ++i) EXPECT_EQ(told[i], labels[i].id.value);
+  const auto rest = describe_labels("desk", labels, labels.back().id);
+  EXPECT_TRUE(rest["labels"].empty() && !rest["more"].get<bool>());
+}
+
+TEST(AdminReply, AnUnknownMapIsNamedWithTheRemedy) {
+  const wire::AdminReply reply = unknown_map("attic");
+  EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));
+  EXPECT_NE(reply.text.find("'attic'"), std::string::npos) << reply.text;
+  EXPECT_NE(reply.text.find("cairnctl maps"), std::string::npos) << reply.text;
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/map/ids.h"
+#include "common/map/place_answer.h"
+#include "server/relocalization/relocalizer.h"
+
+namespace cairn {
+
+/// What counts for a lost camera while another of its wearer is tracked.
+enum class WearerPolicy : uint8_t {
+  /// The other's map first. All maps when the place is not confirmed there in two questions, or when another
+  /// map explains clearly more of the picture: the cameras of one person may well look at different
+  /// workcells.
+  kFirst = 0,
+  /// The other's map and no other: the paper's rule.
+  kOnly = 1,
+};
+
+/// Whose camera each client is, by the clients' names.
+using WearerList = std::map<std::string, std::string>;
+
+struct WearerOptions {
+  WearerPolicy policy = WearerPolicy::kFirst;
+  std::optional<WearerList> registered;  ///< by the operator; nothing: whose a client claims to be
+};
+
+/// Cameras that one person wears are in one place: Castle, Klein and Murray, "Video-rate Localization in
+/// Multiple Maps for Wearable Augmented Reality" (ISWC 2008), with one at the shoulder and one in the hand.
+/// The first that finds itself narrows the answers to the others to its map. Pure: states, answers and times
+/// are handed in. Used from one thread.
+class WearerRule {
+ public:
+  /// A pose older than that says nothing of where the wearer is.
+  static constexpr std::chrono::milliseconds kFresh{500};
+  /// Not confirmed in so many questions in a row, a place is looked for in all maps.
+  static constexpr int kQuestions = 2;
+  /// Inliers of another map, over those of the narrowed ones, that are clearly more. Measured once to choose:
+  /// two maps of one place, with two to five keyframes, have counts that differ by 1.35 at most; by 2.6 where
+  /// one has a quarter of the other's points.
+  static constexpr double kClearlyMore = 2;
+
+  explicit WearerRule(WearerOptions options) : options_(std::move(options)) {}
+
+  /// What a tracker says of itself.
+  struct Word {
+    std::string wearer;    ///< claimed; empty: nobody's
+    MapId proven_in;       ///< the map in which the pose of its latest frame is proven; none: in none
+    Timestamp frame_time;  ///< the same in two words: nothing new has been seen
+  };
+  void heard(const std::string& client, const Word& word, MonotonicTime now);
+  void left(const std::string& client) { cameras_.erase(client); }
+  /// Empty: nobody in particular.
+  [[nodiscard]] std::string wearer_of(const std::string& client) const;
+
+  /// In which maps this client's question is answered, and in which first.
+  [[nodiscard]] SearchScope scope(const std::string& client, MonotonicTime now) const;
+  /// What of the answer found counts for the client, as its wearer's other cameras are tracked by now.
+  /// `searched`: for what scope it was found. To be called once for each question.
+  [[nodiscard]] PlaceAnswer narrow(const std::string& client, const SearchScope& searched, PlaceAnswer found,
+                                   MonotonicTime now);
+
+ private:
+  struct Camera {
+    std::string wearer;
+    MapId proven_in;
+    MonotonicTime proven_at;
+    std::optional<Timestamp> frame_time;
+    std::vector<MapId> missed_in;  ///< maps of the others in which it was not confirmed
+    int missed = 0;                ///< questions in a row
+  };
+  [[nodiscard]] std::vector<MapId> maps_of_others(const std::string& client, MonotonicTime now) const;
+  /// Counts the questions in a row that were not confirmed in `maps`; those until now.
+  [[nodiscard]] int count_miss(const std::string& client, const std::vector<MapId>& maps, bool confirmed);
+
+  WearerOptions options_;
+  std::map<std::string, Camera> cameras_;  ///< by client
+};
+
+}  // namespace cairn

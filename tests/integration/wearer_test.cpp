@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+// Two cameras of one wearer: where the one is tracked narrows the answers to the other. Both map the same
+// place, so that a question has two right answers.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "client/tracking/frame_images.h"
+#include "common/image/place.h"
+#include "tests/integration/test_domain.h"
+#include "tests/integration/two_views.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::eventually;
+
+class WearerTest : public ::testing::Test {
+ protected:
+  void start(WearerOptions options) {
+    options_.wearers = std::move(options);
+    service_ = testing::start_service(&options_);
+    shoulder_ = open("shoulder", "anna");
+    hand_ = open("hand", "anna");
+  }
+  std::unique_ptr<Session> open(const std::string& name, const std::string& wearer) {
+    SessionOptions options;
+    options.domain = options_.domain;
+    options.name = name;
+    options.wearer = wearer;
+    options.lockstep = true;
+    auto session = testing::open_session(options, place_.camera());
+    EXPECT_TRUE(session->wait_for_server(60s));
+    EXPECT_TRUE(session->wait_for_name(60s));
+    return session;
+  }
+  MapId make_map(Session& session, const testing::Scene& scene) {
+    session.send_seed(testing::make_seed(scene));
+    EXPECT_TRUE(session.wait_until_settled(60s)) << session.status().text;
+    const MapSnapshotPtr map = session.snapshot();
+    EXPECT_NE(map, nullptr);
+    session.leave_map();
+    return map ? map->map : MapId{};
+  }
+  /// Makes the server hear that the shoulder camera is tracked, with a new picture each time.
+  void track_in(const MapId& map) {
+    shoulder_->use_map(map);
+    ASSERT_TRUE(shoulder_->wait_until_settled(60s));
+    FrameResult result;
+    result.state = TrackingState::kTracking;
+    result.map = map;
+    result.pose_measured = true;
+    shoulder_->publish_state(result, Timestamp{++time_});
+  }
+  using View = std::shared_ptr<const PlaceView>;
+  static View view_of(const testing::Scene& scene) {
+    const auto image = scene.render(testing::Scene::pose(1), 77);
+    FrameImages images;
+    images.build_pyramid(image->view());
+    images.find_corners();
+    return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.corners));
+  }
+  PlaceAnswer ask(const View& view) {
+    hand_->send_question(view, Timestamp{++time_});
+    EXPECT_TRUE(hand_->wait_until_settled(60s));
+    return hand_->take_place_answer().value_or(PlaceAnswer{});
+  }
+  /// The shoulder camera goes on being tracked in `map` until the hand camera is told what `accept` takes.
+  bool told_while_tracked_in(const MapId& map, const View& view,
+                             const std::function<bool(const PlaceAnswer&)>& accept) {
+    return eventually([&] {
+      track_in(map);
+      return accept(ask(view));
+    });
+  }
+  static std::set<MapId> maps_in(const PlaceAnswer& answer) {
+    std::set<MapId> maps;
+    for (const PlaceCandidate& candidate : answer.candidates) maps.insert(candidate.map);
+    return maps;
+  }
+  static bool is_only(const PlaceAnswer& answer, const MapId& map) {
+    return answer.verdict == PlaceVerdict::kConfirmed && maps_in(answer) == std::set{map};
+  }
+
+  const testing::Scene place_{11};
+  const testing::Scene other_place_{12};
+  // Made at once: a proof that the other camera is tracked is fresh for half a second.
+  const View here_ = view_of(place_);
+  const View elsewhere_ = view_of(other_place_);
+  ServiceOptions options_;
+  std::unique_ptr<Service> service_;
+  std::unique_ptr<Session> shoulder_;
+  std::unique_ptr<Session> hand_;
+  int64_t time_ = 0;
+};
+
+TEST_F(WearerTest, OfTwoMapsOfOnePlaceTheOneIsAnsweredInWhichTheOtherCameraIs) {
+  start({});
+  const MapId one = make_map(*shoulder_, place_);
+  const MapId two = make_map(*hand_, place_);
+  ASSERT_NE(one, two);
+  for (const MapId& map : {one, two, one}) {
+    EXPECT_TRUE(told_while_tracked_in(map, here_, [&](const auto& said) { return is_only(said, map); }));
+  }
+}
+
+TEST_F(WearerTest, AnotherPlaceIsFoundAllTheSame) {
+  start({});
+  const MapId here = make_map(*shoulder_, place_);
+  const MapId there = make_map(*hand_, other_place_);
+  EXPECT_TRUE(told_while_tracked_in(here, elsewhere_, [&](const auto& said) {
+    return said.verdict == PlaceVerdict::kConfirmed && said.candidates.front().map == there;
+  }));
+}
+
+TEST_F(WearerTest, ByThePapersRuleItIsNotUntilTheOtherCameraIsLost) {
+  start({WearerPolicy::kOnly, {}});
+  const MapId here = make_map(*shoulder_, place_);
+  const MapId there = make_map(*hand_, other_place_);
+  EXPECT_TRUE(told_while_tracked_in(here, elsewhere_, [&](const auto& said) {
+    return said.verdict == PlaceVerdict::kNotThere && !maps_in(said).contains(there);
+  }));
+  EXPECT_TRUE(told_while_tracked_in(here, here_, [&](const auto& said) { return is_only(said, here); }));
+  // The shoulder camera gives no new pictures.
+  EXPECT_TRUE(eventually([&] { return is_only(ask(elsewhere_), there); }));
+}
+
+TEST_F(WearerTest, WhereTheOperatorHasRegisteredAClaimCountsForNothing) {
+  start({WearerPolicy::kOnly, WearerList{{"shoulder", "anna"}}});
+  const MapId here = make_map(*shoulder_, place_);
+  const MapId there = make_map(*hand_, other_place_);
+  for (int question = 0; question < 5; ++question) {
+    track_in(here);
+    const PlaceAnswer said = ask(elsewhere_);
+    ASSERT_EQ(said.verdict, PlaceVerdict::kConfirmed);
+    EXPECT_EQ(said.candidates.front().map, there);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
