@@ -104,7 +104,8 @@ TEST_F(PlaceDeskTest, AKeyframeIsFoundBeforeItIsInTheForestAndAfter) {
   std::promise<void> planting_may_begin;
   planters_.submit([may_begin = planting_may_begin.get_future().share()] { may_begin.wait(); });
   std::vector<KeyframeView> keyframes;
-  for (uint64_t id = 1; id <= 9; ++id) keyframes.push_back(flat_keyframe(id, 2 * static_cast<int>(id) + 1));
+  // Steps at which brightness wraps round: ramps alone are alike but for their gain.
+  for (uint64_t id = 1; id <= 9; ++id) keyframes.push_back(flat_keyframe(id, 7 + 2 * static_cast<int>(id)));
   const MapId map = snapshot_with(1, 0)->map;
   const std::vector<KeyframeView> early(keyframes.begin(), keyframes.begin() + 6);
   desk_->report(snapshot_with(1, early.size()), early);
