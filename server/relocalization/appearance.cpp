@@ -3,10 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "common/geometry/depth_order.h"
-#include "common/image/patch.h"
 
 namespace cairn {
 namespace {
@@ -15,52 +13,16 @@ namespace {
 /// points of a neighbourhood go, too; the others speak for them.
 constexpr float kBehind = 1.15F;
 
-constexpr int kWindow = 2;    ///< [px of level 3] on each side: 40 px of the picture
-constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to count
-
-/// What a small image shows at a pixel: its grey level, and how much brighter that is than what lies around
-/// it, in units of the contrast there.
-struct Brightness {
-  double grey = 0;
-  double local = 0;
-};
-
-std::optional<Brightness> brightness_at(const GrayImage& small, const Eigen::Vector2f& pixel) {
-  constexpr int kLevel = kPyramidLevels - 1;
-  const float x = to_level(pixel.x(), kLevel);
-  const float y = to_level(pixel.y(), kLevel);
-  if (!(x >= 0 && y >= 0 && x < static_cast<float>(small.width() - 1) &&
-        y < static_cast<float>(small.height() - 1)))
-    return std::nullopt;
-  const auto column = static_cast<int>(std::lround(x));
-  const auto row = static_cast<int>(std::lround(y));
-  double n = 0;
-  double sum = 0;
-  double squares = 0;
-  for (int v = std::max(0, row - kWindow); v <= std::min(small.height() - 1, row + kWindow); ++v) {
-    for (int u = std::max(0, column - kWindow); u <= std::min(small.width() - 1, column + kWindow); ++u) {
-      const double grey = small.row(v)[u];
-      n += 1;
-      sum += grey;
-      squares += grey * grey;
-    }
-  }
-  const double mean = sum / n;
-  const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
-  const auto grey = static_cast<double>(sample_bilinear(small, x, y));
-  return Brightness{grey, (grey - mean) / (deviation + kNoise)};
-}
-
 /// Pearson's, of pairs.
 class Correlation {
  public:
-  void add(double x, double y) {
-    n_ += 1;
-    x_ += x;
-    y_ += y;
-    xx_ += x * x;
-    yy_ += y * y;
-    xy_ += x * y;
+  void add(double x, double y, double weight) {
+    n_ += weight;
+    x_ += weight * x;
+    y_ += weight * y;
+    xx_ += weight * x * x;
+    yy_ += weight * y * y;
+    xy_ += weight * x * y;
   }
   [[nodiscard]] double value() const {
     const double variances = (n_ * xx_ - x_ * x_) * (n_ * yy_ - y_ * y_);
@@ -78,18 +40,28 @@ class Correlation {
 
 }  // namespace
 
-double alikeness(const PlaceView& view, const Camera& camera, std::span<const ProjectedPoint> points) {
+double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
   DepthOrder order(camera.width(), camera.height());
-  for (const ProjectedPoint& p : points) order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
+  for (const ProjectedPoint& p : projected.points) {
+    for (const KeyframeSighting& s : projected.sightings_of(p)) {
+      for (uint8_t i = 0; i < s.sighting->descriptions; ++i)
+        order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
+    }
+  }
   Correlation grey;
   Correlation local;
-  for (const ProjectedPoint& p : points) {
-    if (order.is_hidden(p.pixel.cast<float>(), static_cast<float>(p.depth), kBehind)) continue;
-    const auto there = brightness_at(p.keyframe->small, p.keyframe->points[p.index].pixel);
-    const auto here = brightness_at(view.small, p.pixel.cast<float>());
-    if (!there || !here) continue;
-    grey.add(there->grey, here->grey);
-    local.add(there->local, here->local);
+  for (const ProjectedPoint& p : projected.points) {
+    const Eigen::Vector2f pixel = p.pixel.cast<float>();
+    if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
+    const auto here = brightness_at(view.small, pixel);
+    if (!here) continue;
+    for (const KeyframeSighting& s : projected.sightings_of(p)) {
+      const auto& there = s.sighting->brightness;
+      if (!there) continue;
+      const double weight = s.sighting->descriptions;
+      grey.add(static_cast<double>(there->grey), static_cast<double>(here->grey), weight);
+      local.add(static_cast<double>(there->local), static_cast<double>(here->local), weight);
+    }
   }
   return 0.5 * (grey.value() + local.value());
 }

@@ -13,8 +13,7 @@ namespace cairn {
 /// what is on them, and other light, which changes slowly across the picture, does not matter to it. A
 /// witness that is independent of corners and their descriptors: it also hears of the points that no corner
 /// was found for. Points that others hide from the query are passed over: there the query shows something
-/// else, rightly. -1 without points.
-[[nodiscard]] double alikeness(const PlaceView& view, const Camera& camera,
-                               std::span<const ProjectedPoint> points);
+/// else, rightly. A sighting counts as often as it is described. -1 without points.
+[[nodiscard]] double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected);
 
 }  // namespace cairn

@@ -112,7 +112,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     return result;
   }
   result.agreeing = pose->inliers;
-  std::vector<ProjectedPoint> points;
+  ProjectedPoints points;
   for (const double radius : kRadii) {
     project_points(camera, pose->camera_from_map, map, keyframes_around(map, pose->camera_from_map), &points);
     const GuidedMatches guided = match_near(view, grid, points, radius);
@@ -126,7 +126,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     }
     result.camera_from_map = pose->camera_from_map;
     result.inliers = pose->inliers;
-    result.expected = static_cast<int>(guided.expected);
+    result.expected = static_cast<int>(points.points.size());
     result.met = static_cast<int>(guided.met);
     result.cells = count_cells(view, guided.matches, pose->weights, camera);
   }

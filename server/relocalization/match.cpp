@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <tuple>
 
@@ -78,6 +80,61 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   thin([](const PlaceMatch& m) { return static_cast<uint64_t>(m.corner); });
 }
 
+/// The corners near one projected point, and what of them looks most like it.
+class Neighbourhood {
+ public:
+  Neighbourhood(const CornerGrid& grid, double radius) : grid_(grid), radius_(radius) {}
+
+  void gather(const ProjectedPoints& projected, const ProjectedPoint& point) {
+    int lowest = kPyramidLevels - 1;
+    int highest = 0;
+    for (const KeyframeSighting& s : projected.sightings_of(point)) {
+      lowest = std::min<int>(lowest, s.sighting->level);
+      highest = std::max<int>(highest, s.sighting->level);
+    }
+    near_.clear();
+    begin_.fill(0);
+    for (int level = 0; level < kPyramidLevels; ++level) {
+      begin_[static_cast<size_t>(level)] = near_.size();
+      if (level + 1 >= lowest && level <= highest + 1)
+        grid_.find(point.pixel, level, radius_ * (1 << level), &near_);
+    }
+    begin_.back() = near_.size();
+    descriptors_.clear();
+    for (const uint32_t position : near_) descriptors_.push_back(grid_.descriptor(position));
+    distances_.resize(near_.size());
+  }
+  /// Positions in the grid.
+  [[nodiscard]] const std::vector<uint32_t>& corners() const { return near_; }
+  /// Of the corners at most a level away. `best` is replaced by what is more alike; ties go to the lower
+  /// corner.
+  void compare(const KeyframeSighting& seen, PlaceMatch* best) {
+    const size_t first = begin_[static_cast<size_t>(std::max(seen.sighting->level - 1, 0))];
+    const size_t last = begin_[static_cast<size_t>(std::min(seen.sighting->level + 2, kPyramidLevels))];
+    const auto within = std::span(descriptors_).subspan(first, last - first);
+    for (uint8_t i = 0; i < seen.sighting->descriptions; ++i) {
+      descriptor_distances(seen.keyframe->descriptors[seen.sighting->described[i]], within,
+                           distances_.data());
+      for (size_t k = 0; k < within.size(); ++k) {
+        const size_t corner = grid_.entry(near_[first + k]).corner;
+        const int distance = distances_[k];
+        if (std::tie(distance, corner) >= std::tie(best->distance, best->corner)) continue;
+        best->distance = distance;
+        best->corner = corner;
+        best->there = seen.sighting->pixel;
+      }
+    }
+  }
+
+ private:
+  const CornerGrid& grid_;
+  double radius_;
+  std::vector<uint32_t> near_;                      ///< by level
+  std::array<size_t, kPyramidLevels + 1> begin_{};  ///< of `near_`
+  std::vector<Descriptor> descriptors_;             ///< of `near_`
+  std::vector<uint16_t> distances_;
+};
+
 }  // namespace
 
 std::vector<CellList> probed_cells(const PlaceView& view) {
@@ -104,92 +161,115 @@ std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const Ce
   return matches;
 }
 
-CornerGrid::CornerGrid(const PlaceView& view, const Camera& camera)
-    : view_(&view),
-      columns_(camera.width() / kCell + 1),
-      rows_(camera.height() / kCell + 1),
-      cells_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)) {
-  for (size_t i = 0; i < view.corners.size(); ++i) {
-    const Eigen::Vector2f& p = view.corners[i].pixel;
-    const int column = std::clamp(static_cast<int>(p.x()) / kCell, 0, columns_ - 1);
-    const int row = std::clamp(static_cast<int>(p.y()) / kCell, 0, rows_ - 1);
-    cells_[static_cast<size_t>(row * columns_ + column)].push_back(i);
+CornerGrid::CornerGrid(const PlaceView& view, const Camera& camera) {
+  constexpr double kCell = 8;  // px of the corner's level
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    Level& level = levels_[static_cast<size_t>(l)];
+    level.cell = kCell * (1 << l);
+    level.columns = static_cast<int>(camera.width() / level.cell) + 1;
+    level.rows = static_cast<int>(camera.height() / level.cell) + 1;
+    level.begin.assign(static_cast<size_t>(level.columns) * static_cast<size_t>(level.rows) + 1, 0);
+  }
+  const auto cell_of = [&](const PlaceCorner& c) {
+    const Level& level = levels_[c.level];
+    return static_cast<size_t>(level.row_of(static_cast<double>(c.pixel.y())) * level.columns +
+                               level.column_of(static_cast<double>(c.pixel.x())));
+  };
+  for (const PlaceCorner& c : view.corners) ++levels_[c.level].begin[cell_of(c) + 1];
+  uint32_t sum = 0;
+  for (Level& level : levels_) {
+    for (uint32_t& begin : level.begin) begin = sum += begin;
+  }
+  std::array<std::vector<uint32_t>, kPyramidLevels> next;
+  for (size_t l = 0; l < next.size(); ++l) next[l] = levels_[l].begin;
+  entries_.resize(view.corners.size());
+  descriptors_.resize(view.corners.size());
+  for (uint32_t i = 0; i < view.corners.size(); ++i) {
+    const PlaceCorner& c = view.corners[i];
+    const uint32_t position = next[c.level][cell_of(c)]++;
+    entries_[position] = {c.pixel, i};
+    descriptors_[position] = c.descriptor;
   }
 }
 
-void CornerGrid::find(const Eigen::Vector2d& pixel, double radius, std::vector<size_t>* out) const {
-  out->clear();
-  const auto cell = [](double v, int last) {
-    return std::clamp(static_cast<int>(std::floor(v / kCell)), 0, last);
-  };
-  for (int row = cell(pixel.y() - radius, rows_ - 1); row <= cell(pixel.y() + radius, rows_ - 1); ++row) {
-    for (int column = cell(pixel.x() - radius, columns_ - 1);
-         column <= cell(pixel.x() + radius, columns_ - 1); ++column) {
-      for (const size_t i : cells_[static_cast<size_t>(row * columns_ + column)]) {
-        if ((view_->corners[i].pixel.cast<double>() - pixel).squaredNorm() <= radius * radius)
-          out->push_back(i);
-      }
+int CornerGrid::Level::column_of(double x) const {
+  return static_cast<int>(std::clamp(x / cell, 0.0, static_cast<double>(columns - 1)));
+}
+
+int CornerGrid::Level::row_of(double y) const {
+  return static_cast<int>(std::clamp(y / cell, 0.0, static_cast<double>(rows - 1)));
+}
+
+void CornerGrid::find(const Eigen::Vector2d& pixel, int level, double radius,
+                      std::vector<uint32_t>* out) const {
+  const Level& cells = levels_[static_cast<size_t>(level)];
+  const int left = cells.column_of(pixel.x() - radius);
+  const int right = cells.column_of(pixel.x() + radius);
+  const int bottom = cells.row_of(pixel.y() + radius);
+  for (int row = cells.row_of(pixel.y() - radius); row <= bottom; ++row) {
+    const uint32_t* begin = &cells.begin[static_cast<size_t>(row * cells.columns)];
+    for (uint32_t i = begin[left]; i < begin[right + 1]; ++i) {
+      if ((entries_[i].pixel.cast<double>() - pixel).squaredNorm() <= radius * radius) out->push_back(i);
     }
   }
 }
 
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, std::vector<ProjectedPoint>* out) {
-  out->clear();
+                    std::span<const size_t> keyframes, ProjectedPoints* out) {
+  out->points.clear();
+  out->sightings.clear();
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
-  struct Projected {
-    Eigen::Vector2d pixel;
-    double depth;
-  };
-  std::vector<std::optional<Projected>> projected;
-  for (const size_t k : keyframes) {
-    const std::vector<Eigen::Vector3f>& positions = map.positions[k];
-    projected.assign(positions.size(), std::nullopt);
-    for (size_t i = 0; i < positions.size(); ++i) {
-      if (!positions[i].allFinite()) continue;
-      const Eigen::Vector3d seen = rotation * positions[i].cast<double>() + camera_from_map.translation();
-      const auto pixel = camera.project(seen);
-      if (pixel && camera.in_image(*pixel)) projected[i] = Projected{*pixel, seen.z()};
+  constexpr PointId kNone{std::numeric_limits<uint64_t>::max()};
+  std::vector<size_t> next(keyframes.size());
+  for (;;) {
+    // All keyframes go through their points together, in the order of ids.
+    PointId id = kNone;
+    for (size_t i = 0; i < keyframes.size(); ++i) {
+      const std::vector<PointId>& measured = map.keyframes[keyframes[i]]->measured;
+      if (next[i] < measured.size()) id = std::min(id, measured[next[i]]);
     }
-    const IndexedKeyframe& keyframe = *map.keyframes[k];
-    for (size_t i = 0; i < keyframe.points.size(); ++i) {
-      const uint32_t measured = keyframe.points[i].measured;
-      const auto& seen = projected[measured];
-      if (seen) out->push_back({&keyframe, i, positions[measured].cast<double>(), seen->pixel, seen->depth});
+    if (id == kNone) return;
+    const auto first_sighting = static_cast<uint32_t>(out->sightings.size());
+    const Eigen::Vector3f* position = nullptr;
+    for (size_t i = 0; i < keyframes.size(); ++i) {
+      const IndexedKeyframe& keyframe = *map.keyframes[keyframes[i]];
+      if (next[i] == keyframe.measured.size() || keyframe.measured[next[i]] != id) continue;
+      position = &map.positions[keyframes[i]][next[i]];
+      const Sighting& sighting = keyframe.sightings[next[i]++];
+      if (sighting.descriptions > 0) out->sightings.push_back({&keyframe, &sighting});
+    }
+    const auto count = static_cast<uint32_t>(out->sightings.size()) - first_sighting;
+    if (count == 0) continue;
+    const Eigen::Vector3d point = position->cast<double>();
+    const Eigen::Vector3d seen = rotation * point + camera_from_map.translation();
+    const auto pixel = position->allFinite() ? camera.project(seen) : std::nullopt;
+    if (pixel && camera.in_image(*pixel)) {
+      out->points.push_back({id, point, *pixel, seen.z(), first_sighting, count});
+    } else {
+      out->sightings.resize(first_sighting);
     }
   }
 }
 
-GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
-                         std::span<const ProjectedPoint> points, double radius) {
-  GuidedMatches found;
-  std::vector<size_t> near;
-  std::vector<PointId> projected;
-  projected.reserve(points.size());
+GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const ProjectedPoints& projected,
+                         double radius) {
+  Neighbourhood neighbourhood(grid, radius);
   std::vector<bool> met(view.corners.size());
-  for (const ProjectedPoint& p : points) {
-    const DescribedPoint& point = p.keyframe->points[p.index];
-    const Descriptor& descriptor = p.keyframe->descriptors[p.index];
-    projected.push_back(point.id);
-    grid.find(p.pixel, radius * (1 << std::min<int>(point.level + 1, kPyramidLevels - 1)), &near);
-    PlaceMatch best{0, point.id, p.position, kMaxGuidedDistance + 1, point.pixel};
-    for (const size_t i : near) {
-      const PlaceCorner& corner = view.corners[i];
-      if (std::abs(corner.level - point.level) > 1) continue;
-      const double reach = radius * (1 << corner.level);
-      if ((corner.pixel.cast<double>() - p.pixel).squaredNorm() > reach * reach) continue;
-      met[i] = true;
-      const int distance = descriptor_distance(corner.descriptor, descriptor);
-      if (distance >= best.distance) continue;
-      best.corner = i;
-      best.distance = distance;
-    }
-    if (best.distance <= kMaxGuidedDistance) found.matches.push_back(best);
+  std::vector<PlaceMatch> of_corner(view.corners.size());
+  for (PlaceMatch& m : of_corner) m.distance = kMaxGuidedDistance + 1;
+  for (const ProjectedPoint& p : projected.points) {
+    neighbourhood.gather(projected, p);
+    if (neighbourhood.corners().empty()) continue;
+    for (const uint32_t position : neighbourhood.corners()) met[grid.entry(position).corner] = true;
+    PlaceMatch best{0, p.id, p.position, kMaxGuidedDistance + 1, Eigen::Vector2f::Zero()};
+    for (const KeyframeSighting& s : projected.sightings_of(p)) neighbourhood.compare(s, &best);
+    // Of two points that want a corner the more alike has it, then the lower id, which came first.
+    if (best.distance < of_corner[best.corner].distance) of_corner[best.corner] = best;
   }
-  keep_one_to_one(&found.matches);
-  std::sort(projected.begin(), projected.end());
+  GuidedMatches found;
   found.met = static_cast<size_t>(std::count(met.begin(), met.end(), true));
-  found.expected = static_cast<size_t>(std::unique(projected.begin(), projected.end()) - projected.begin());
+  std::copy_if(of_corner.begin(), of_corner.end(), std::back_inserter(found.matches),
+               [](const PlaceMatch& m) { return m.distance <= kMaxGuidedDistance; });
   return found;
 }
 
@@ -202,12 +282,14 @@ std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const Pl
     return apart >= kSamePlace && apart <= kNeighbourhood &&
            (motion(a) - motion(b)).norm() <= kMotionNoise + kMotionChange * apart;
   };
+  const auto is_supported = [&](const PlaceMatch& m) {
+    ptrdiff_t supporters = 0;
+    return std::any_of(matches.begin(), matches.end(), [&](const PlaceMatch& o) {
+      return supports(m, o) && ++supporters == kFewestSupporters;
+    });
+  };
   std::vector<PlaceMatch> kept;
-  for (const PlaceMatch& m : matches) {
-    const auto supporters =
-        std::count_if(matches.begin(), matches.end(), [&](const PlaceMatch& o) { return supports(m, o); });
-    if (supporters >= kFewestSupporters) kept.push_back(m);
-  }
+  std::copy_if(matches.begin(), matches.end(), std::back_inserter(kept), is_supported);
   return kept;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
+#include <span>
 #include <vector>
 
 #include "common/geometry/pose.h"
@@ -28,43 +30,73 @@ struct PlaceMatch {
 [[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                                      const IndexedMap& map, size_t keyframe);
 
-/// Corners in square cells, to find those near a pixel.
+/// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
  public:
   CornerGrid(const PlaceView& view, const Camera& camera);
-  /// Corners within `radius` level-0 px, in order of the grid.
-  void find(const Eigen::Vector2d& pixel, double radius, std::vector<size_t>* out) const;
+
+  /// A corner and where it is.
+  struct Entry {
+    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+    uint32_t corner = 0;  ///< index into PlaceView::corners
+  };
+  /// By position in the grid.
+  [[nodiscard]] const Entry& entry(uint32_t position) const { return entries_[position]; }
+  [[nodiscard]] const Descriptor& descriptor(uint32_t position) const { return descriptors_[position]; }
+  /// Appends the positions of a level's corners within `radius` level-0 px.
+  void find(const Eigen::Vector2d& pixel, int level, double radius, std::vector<uint32_t>* out) const;
 
  private:
-  static constexpr int kCell = 16;  ///< px
-  const PlaceView* view_;
-  int columns_ = 0;
-  int rows_ = 0;
-  std::vector<std::vector<size_t>> cells_;
+  /// Cells of a level: those of corners that lie in cell (column, row) are [begin[i], begin[i + 1]) of the
+  /// entries, where i = row * columns + column.
+  struct Level {
+    double cell = 1;  ///< px of level 0
+    int columns = 0;
+    int rows = 0;
+    std::vector<uint32_t> begin;
+    [[nodiscard]] int column_of(double x) const;
+    [[nodiscard]] int row_of(double y) const;
+  };
+  std::array<Level, kPyramidLevels> levels_;
+  std::vector<Entry> entries_;
+  std::vector<Descriptor> descriptors_;  ///< of `entries_`
 };
 
-/// A point of a keyframe where a pose puts it in the query.
+/// A point of the map where a pose puts it in the query.
 struct ProjectedPoint {
-  const IndexedKeyframe* keyframe = nullptr;
-  size_t index = 0;                                    ///< into its `points`
+  PointId id;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();     ///< level 0
   double depth = 0;                                    ///< [map unit] in the query's camera
+  uint32_t first_sighting = 0;                         ///< index into ProjectedPoints::sightings
+  uint32_t sighting_count = 0;
 };
-/// Those in the image, of some keyframes of the map (indices); a point stands once for each scale at which it
-/// is described. `out` keeps its memory.
-void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, std::vector<ProjectedPoint>* out);
 
-/// Projected points looked for within `radius` px of the corner's level. Each corner and each point at most
-/// once.
+/// A keyframe that saw a point, and how.
+struct KeyframeSighting {
+  const IndexedKeyframe* keyframe = nullptr;
+  const Sighting* sighting = nullptr;
+};
+
+struct ProjectedPoints {
+  std::vector<ProjectedPoint> points;  ///< ascending by id
+  std::vector<KeyframeSighting> sightings;
+  [[nodiscard]] std::span<const KeyframeSighting> sightings_of(const ProjectedPoint& p) const {
+    return std::span(sightings).subspan(p.first_sighting, p.sighting_count);
+  }
+};
+/// Points in the image that some keyframes of the map (indices) have described. `out` keeps its memory.
+void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
+                    std::span<const size_t> keyframes, ProjectedPoints* out);
+
+/// Projected points looked for within `radius` px of the corner's level, among corners at most a level from
+/// one at which the point was measured. Each corner and each point at most once, in the order of corners.
 struct GuidedMatches {
   std::vector<PlaceMatch> matches;
-  size_t expected = 0;  ///< different points
-  size_t met = 0;       ///< corners on which a point of about their level falls, whether alike or not
+  size_t met = 0;  ///< corners on which a point of about their level falls, whether alike or not
 };
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
-                                       std::span<const ProjectedPoint> points, double radius);
+                                       const ProjectedPoints& projected, double radius);
 
 /// Matches that moved from the keyframe's picture to the query's as at least two of their neighbours did (the
 /// idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do, by chance:

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <tuple>
 
 #include "common/image/patch.h"
@@ -36,12 +37,6 @@ void reduce(const GrayView& image, GrayImage* out) {
       out->row(y)[x] = static_cast<uint8_t>(std::lround(value));
     }
   }
-}
-
-float root_mean_square(const TinyImage& image) {
-  double sum = 0;
-  for (const float v : image.values()) sum += static_cast<double>(v) * v;
-  return image.empty() ? 0 : static_cast<float>(std::sqrt(sum / static_cast<double>(image.values().size())));
 }
 
 bool same_measurements(const IndexedKeyframe& indexed, const KeyframeView& view) {
@@ -97,6 +92,19 @@ void sort_into_cells(std::vector<Described> described, IndexedKeyframe* keyframe
   keyframe->words.erase(std::unique(keyframe->words.begin(), keyframe->words.end()), keyframe->words.end());
 }
 
+/// With the points sorted into cells.
+std::vector<Sighting> make_sightings(const KeyframeView& view, const IndexedKeyframe& keyframe) {
+  std::vector<Sighting> sightings;
+  sightings.reserve(view.measurements.size());
+  for (const PointMeasurement& m : view.measurements)
+    sightings.push_back({m.pixel, brightness_at(keyframe.small, m.pixel), m.level, 0, {}});
+  for (uint32_t i = 0; i < keyframe.points.size(); ++i) {
+    Sighting& sighting = sightings[keyframe.points[i].measured];
+    sighting.described[sighting.descriptions++] = i;
+  }
+  return sightings;
+}
+
 std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::span<const PointId> points) {
   std::vector<Eigen::Vector3f> positions;
   positions.reserve(points.size());
@@ -110,6 +118,25 @@ std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::sp
   }
   return positions;
 }
+
+/// Index into the keyframes of the map.
+std::optional<uint32_t> find_keyframe(const IndexedMap& map, KeyframeId id) {
+  const auto at = std::lower_bound(map.keyframes.begin(), map.keyframes.end(), id,
+                                   [](const IndexedKeyframePtr& k, KeyframeId key) { return k->id < key; });
+  if (at == map.keyframes.end() || (*at)->id != id) return std::nullopt;
+  return static_cast<uint32_t>(at - map.keyframes.begin());
+}
+
+const MapId& map_of(const KeyframePlace& place) {
+  return place.map->snapshot->map;
+}
+
+auto position_of(const std::vector<IndexedMapPtr>& maps, const MapId& id) {
+  return std::lower_bound(maps.begin(), maps.end(), id,
+                          [](const IndexedMapPtr& m, const MapId& key) { return m->snapshot->map < key; });
+}
+
+}  // namespace
 
 InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
   InvertedLists lists;
@@ -126,23 +153,17 @@ InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
   return lists;
 }
 
-auto position_of(const std::vector<IndexedMapPtr>& maps, const MapId& id) {
-  return std::lower_bound(maps.begin(), maps.end(), id,
-                          [](const IndexedMapPtr& m, const MapId& key) { return m->snapshot->map < key; });
-}
-
-}  // namespace
-
 IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
   auto indexed = std::make_shared<IndexedKeyframe>();
   indexed->id = view.id;
   indexed->camera = view.camera;
   indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
-  indexed->contrast = root_mean_square(indexed->tiny);
+  indexed->contrast = contrast_of(indexed->tiny);
   indexed->small.assign(view.pyramid->level(kPyramidLevels - 1));
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
   sort_into_cells(describe_points(view), indexed.get());
+  indexed->sightings = make_sightings(view, *indexed);
   return indexed;
 }
 
@@ -151,17 +172,18 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   auto map = std::make_shared<IndexedMap>();
   for (const KeyframeView& view : views) {
     if (snapshot->find(view.id) == nullptr) continue;
-    IndexedKeyframePtr known;
-    if (previous != nullptr) {
-      const auto it = std::lower_bound(previous->keyframes.begin(), previous->keyframes.end(), view.id,
-                                       [](const IndexedKeyframePtr& k, KeyframeId id) { return k->id < id; });
-      if (it != previous->keyframes.end() && (*it)->id == view.id && same_measurements(**it, view))
-        known = *it;
-    }
-    map->keyframes.push_back(known ? known : index_keyframe(view));
+    const auto known = previous != nullptr ? find_keyframe(*previous, view.id) : std::nullopt;
+    const bool is_same = known && same_measurements(*previous->keyframes[*known], view);
+    map->keyframes.push_back(is_same ? previous->keyframes[*known] : index_keyframe(view));
   }
   std::sort(map->keyframes.begin(), map->keyframes.end(),
             [](const IndexedKeyframePtr& a, const IndexedKeyframePtr& b) { return a->id < b->id; });
+  map->pictures.reserve(map->keyframes.size());
+  for (const IndexedKeyframePtr& k : map->keyframes) {
+    const auto known = previous != nullptr ? find_keyframe(*previous, k->id) : std::nullopt;
+    map->pictures.push_back(known && previous->keyframes[*known] == k ? previous->pictures[*known]
+                                                                      : make_compact(k->tiny));
+  }
   map->lists = invert(map->keyframes);
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)
@@ -171,16 +193,68 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
 }
 
 void PlaceIndex::put(IndexedMapPtr map) {
+  locate(map->snapshot->map, map.get());
+  count(*map, 1);
   const auto at = position_of(maps_, map->snapshot->map);
   if (at != maps_.end() && (*at)->snapshot->map == map->snapshot->map) {
-    maps_[static_cast<size_t>(at - maps_.begin())] = std::move(map);
+    IndexedMapPtr& there = maps_[static_cast<size_t>(at - maps_.begin())];
+    count(*there, -1);
+    there = std::move(map);
   } else {
     maps_.insert(at, std::move(map));
   }
 }
 
 void PlaceIndex::remove(const MapId& map) {
-  std::erase_if(maps_, [&](const IndexedMapPtr& m) { return m->snapshot->map == map; });
+  const auto at = position_of(maps_, map);
+  if (at == maps_.end() || (*at)->snapshot->map != map) return;
+  locate(map, nullptr);
+  count(**at, -1);
+  maps_.erase(at);
+}
+
+void PlaceIndex::count(const IndexedMap& map, int sign) {
+  keyframe_count_ += static_cast<size_t>(sign) * map.keyframes.size();
+  for (size_t word = 0; word < kVocabularyWords; ++word)
+    shown_[word] += static_cast<uint32_t>(sign) * (map.lists.begin[word + 1] - map.lists.begin[word]);
+}
+
+void PlaceIndex::locate(const MapId& id, const IndexedMap* map) {
+  std::vector<bool> has_slot(map != nullptr ? map->keyframes.size() : 0);
+  if (forest_) {
+    const auto& slots = forest_->slots();
+    const auto begin = std::lower_bound(slots.begin(), slots.end(), id,
+                                        [](const auto& slot, const MapId& key) { return slot.map < key; });
+    for (auto slot = begin; slot != slots.end() && slot->map == id; ++slot) {
+      KeyframePlace& place = planted_[static_cast<size_t>(slot - slots.begin())];
+      const auto keyframe = map != nullptr ? find_keyframe(*map, slot->keyframe) : std::nullopt;
+      gone_ += static_cast<size_t>(!keyframe) - static_cast<size_t>(place.map == nullptr);
+      place = keyframe ? KeyframePlace{map, *keyframe} : KeyframePlace{};
+      if (keyframe) has_slot[*keyframe] = true;
+    }
+  }
+  const auto first =
+      std::lower_bound(unplanted_.begin(), unplanted_.end(), id,
+                       [](const KeyframePlace& p, const MapId& key) { return map_of(p) < key; });
+  const auto last = std::find_if(first, unplanted_.end(), [&](const auto& p) { return map_of(p) != id; });
+  const auto at = unplanted_.erase(first, last);
+  std::vector<KeyframePlace> fresh;
+  for (uint32_t k = 0; k < has_slot.size(); ++k) {
+    if (!has_slot[k]) fresh.push_back({map, k});
+  }
+  unplanted_.insert(at, fresh.begin(), fresh.end());
+}
+
+bool PlaceIndex::needs_planting(size_t most_scanned) const {
+  return unplanted_.size() > most_scanned || 2 * gone_ > planted_.size();
+}
+
+void PlaceIndex::set_forest(PictureForestPtr forest) {
+  forest_ = std::move(forest);
+  planted_.assign(forest_ ? forest_->slots().size() : 0, {});
+  gone_ = planted_.size();
+  unplanted_.clear();
+  for (const IndexedMapPtr& map : maps_) locate(map->snapshot->map, map.get());
 }
 
 const IndexedMap* PlaceIndex::find(const MapId& map) const {
@@ -196,10 +270,15 @@ PlaceIndex PlaceIndex::only(std::span<const MapId> maps) const {
   return those;
 }
 
-size_t PlaceIndex::keyframe_count() const {
-  size_t count = 0;
-  for (const IndexedMapPtr& m : maps_) count += m->keyframes.size();
-  return count;
+PictureForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {
+  if (index.keyframe_count() <= most_scanned) return nullptr;
+  std::vector<PictureForest::Picture> pictures;
+  pictures.reserve(index.keyframe_count());
+  for (const IndexedMapPtr& map : index.maps()) {
+    for (size_t k = 0; k < map->keyframes.size(); ++k)
+      pictures.push_back({map->snapshot->map, map->keyframes[k]->id, map->pictures[k]});
+  }
+  return std::make_shared<const PictureForest>(pictures);
 }
 
 }  // namespace cairn

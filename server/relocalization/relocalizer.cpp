@@ -12,62 +12,18 @@
 namespace cairn {
 namespace {
 
-/// A keyframe of the index in the order of merit. Smaller cost is better.
-struct Ranked {
-  float cost = 0;
-  const IndexedMap* map = nullptr;
-  size_t keyframe = 0;  ///< index into those of the map
+/// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
+/// lists are most of the time from some thousand keyframes on.
+constexpr size_t kVotingPictures = 512;
 
-  [[nodiscard]] const IndexedKeyframe& indexed() const { return *map->keyframes[keyframe]; }
-};
-
-float root_mean_square(const TinyImage& image) {
-  double sum = 0;
-  for (const float v : image.values()) sum += static_cast<double>(v) * v;
-  return image.empty() ? 0 : static_cast<float>(std::sqrt(sum / static_cast<double>(image.values().size())));
-}
-
-/// Pearson's correlation from the mean squared difference of two zero-mean images: indifferent to gain.
-float correlation(float squared_difference, float contrast_a, float contrast_b) {
-  const float product = 2 * contrast_a * contrast_b;
-  if (!(product > 0)) return -1;
-  return (contrast_a * contrast_a + contrast_b * contrast_b - squared_difference) / product;
-}
-
-/// Infinite for a keyframe whose tiny image has another size.
-float cost_of(const IndexedKeyframe& keyframe, const TinyImage& tiny, float contrast, RelocMethod method) {
-  const float difference = tiny_difference(keyframe.tiny, tiny);
-  if (method == RelocMethod::kPaper || !std::isfinite(difference)) return difference;
-  return 1 - correlation(difference, keyframe.contrast, contrast);
-}
-
-/// The best `count` keyframes with a tiny image of the query's size, best first.
-std::vector<Ranked> rank(const PlaceIndex& index, const TinyImage& tiny, RelocMethod method, size_t count) {
-  const float contrast = root_mean_square(tiny);
-  std::vector<Ranked> ranked;
-  ranked.reserve(index.keyframe_count());
-  for (const IndexedMapPtr& map : index.maps()) {
-    for (size_t k = 0; k < map->keyframes.size(); ++k) {
-      const float cost = cost_of(*map->keyframes[k], tiny, contrast, method);
-      if (std::isfinite(cost)) ranked.push_back({cost, map.get(), k});
-    }
-  }
-  const auto best = ranked.begin() + static_cast<ptrdiff_t>(std::min(count, ranked.size()));
-  std::partial_sort(ranked.begin(), best, ranked.end(), [](const Ranked& a, const Ranked& b) {
-    return std::tuple(a.cost, a.map->snapshot->map, a.keyframe) <
-           std::tuple(b.cost, b.map->snapshot->map, b.keyframe);
-  });
-  ranked.erase(best, ranked.end());
-  return ranked;
-}
+constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
 /// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
 /// SIGIR 2009, with its constant). Ties: in the order of `by_picture`, then of `by_words`.
 std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vector<Voted>& by_words,
-                         const TinyImage& tiny) {
+                         const QueryPicture& query) {
   constexpr float kDamping = 60;
   constexpr float kOpposite = 2;  // cost of a picture that cannot be compared: a correlation of -1
-  const float contrast = root_mean_square(tiny);
   std::vector<std::pair<float, Ranked>> fused;
   float rank = kDamping;
   for (const Ranked& r : by_picture) fused.emplace_back(1 / ++rank, r);
@@ -79,7 +35,7 @@ std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vecto
     if (same != fused.end()) {
       same->first += 1 / ++rank;
     } else {
-      const float cost = cost_of(*v.map->keyframes[v.keyframe], tiny, contrast, RelocMethod::kImproved);
+      const float cost = unlikeness(*v.map->keyframes[v.keyframe], query);
       fused.emplace_back(1 / ++rank, Ranked{std::isfinite(cost) ? cost : kOpposite, v.map, v.keyframe});
     }
   }
@@ -155,12 +111,13 @@ class Inquiry {
       : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
 
   /// Tries the most promising keyframes of the index that have not been tried. True: one of them is clear.
-  bool search(const PlaceIndex& index, const TinyImage& tiny) {
+  bool search(const PlaceIndex& index, const QueryPicture& picture) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = tried_.size();
-    const auto ranked = rank(index, tiny, options_.method, shortlist);
+    const auto ranked = find_alike(index, picture, shortlist, options_.search);
     if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
-    return try_out(fuse(ranked, vote(index, view_, cells_, shortlist), tiny), before + shortlist);
+    const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
+    return try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist);
   }
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
 
@@ -188,27 +145,33 @@ class Inquiry {
   std::vector<Tried> tried_;
 };
 
+PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const TinyImage& tiny) {
+  PlaceAnswer result;
+  const Ranked nearest = find_nearest(index, tiny);
+  if (nearest.map == nullptr) {
+    result.reason = kNothingToCompare;
+    return result;
+  }
+  result.verdict = PlaceVerdict::kUnconfirmed;
+  result.candidates.push_back(guess(nearest, camera, tiny));
+  result.reason = result.candidates.front().reason;
+  return result;
+}
+
 }  // namespace
 
 PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
                        const RelocOptions& options, const SearchScope& scope) {
   const PlaceIndex first = index.only(scope.first);
   if (scope.only && !scope.first.empty()) return relocalize(first, camera, view, options);
+  const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
+  if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, picture.tiny);
   PlaceAnswer result;
-  const TinyImage tiny(view.small, kPlaceBlur);
-  if (options.method == RelocMethod::kPaper) {
-    if (const auto nearest = rank(index, tiny, options.method, 1); !nearest.empty()) {
-      result.verdict = PlaceVerdict::kUnconfirmed;
-      result.candidates.push_back(guess(nearest.front(), camera, tiny));
-      result.reason = result.candidates.front().reason;
-      return result;
-    }
-  }
   Inquiry inquiry(camera, view, options);
-  if (scope.first.empty() || !inquiry.search(first, tiny)) inquiry.search(index, tiny);
+  if (scope.first.empty() || !inquiry.search(first, picture)) inquiry.search(index, picture);
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {
-    result.reason = "there is no keyframe to compare with";
+    result.reason = kNothingToCompare;
   } else if (result.candidates.front().confirmed) {
     result.verdict = PlaceVerdict::kConfirmed;
   } else {

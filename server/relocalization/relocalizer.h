@@ -8,6 +8,7 @@
 #include "common/image/place.h"
 #include "common/map/place_answer.h"
 #include "server/relocalization/confirm.h"
+#include "server/relocalization/picture_search.h"
 #include "server/relocalization/place_index.h"
 
 /// Which map, where, and how sure. Pure and re-entrant: queries run on any threads at the
@@ -27,6 +28,10 @@ struct RelocOptions {
   /// Keyframes that geometry is asked about at most, those included. Neighbours in a map look alike: they are
   /// tried when the best of each place have failed.
   int shortlist = 12;
+  /// kScan: the answer is the same whenever and wherever these maps are asked.
+  PictureSearch search = PictureSearch::kForest;
+  /// Pictures that are scanned before a forest is planted.
+  size_t most_scanned = kMostScanned;
   ConfirmOptions confirm;
 };
 

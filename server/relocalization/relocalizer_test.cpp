@@ -114,6 +114,12 @@ double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map) {
   return (estimate.center() - truth.center()).norm() / map.nearest_keyframe(truth.center())->mean_depth;
 }
 
+std::vector<const IndexedMap*> all_maps(const PlaceIndex& index) {
+  std::vector<const IndexedMap*> maps;
+  for (const IndexedMapPtr& map : index.maps()) maps.push_back(map.get());
+  return maps;
+}
+
 /// Two mapped places; rendering them takes most of the time, so all tests share them.
 struct Places {
   Scene scene{11};
@@ -253,8 +259,8 @@ TEST_F(RelocalizerTest, TheOrderInWhichMapsCameDoesNotMatter) {
   for (const int step : {1, 5, 9}) {
     const PlaceView view = describe_image(scene().render(Scene::pose(step), 3)->view());
     const auto cells = probed_cells(view);
-    const auto votes = vote(index_, view, cells, 6);
-    const auto same = vote(other_order, view, cells, 6);
+    const auto votes = vote(index_, all_maps(index_), view, cells, 6);
+    const auto same = vote(other_order, all_maps(other_order), view, cells, 6);
     ASSERT_EQ(votes.size(), 6U);
     for (size_t i = 0; i < votes.size(); ++i) {
       EXPECT_EQ(votes[i].score, same[i].score);
@@ -283,6 +289,12 @@ TEST_F(RelocalizerTest, TheListsOfAMapSayWhatItsKeyframesSay) {
     for (const IndexedKeyframePtr& k : map->keyframes) shown += k->words.size();
     EXPECT_EQ(listed, shown);
   }
+  PlaceIndex changing = index_;
+  changing.put(map().index());  // the same again
+  changing.remove(places_->other_map.snapshot()->map);
+  const InvertedLists& lists = changing.maps().front()->lists;
+  for (size_t word = 0; word < kVocabularyWords; ++word)
+    ASSERT_EQ(changing.shown(static_cast<WordId>(word)), lists.of(static_cast<WordId>(word)).size());
 }
 
 TEST_F(RelocalizerTest, WordsVoteForTheMapThatIsSeen) {
@@ -290,7 +302,7 @@ TEST_F(RelocalizerTest, WordsVoteForTheMapThatIsSeen) {
     for (const auto& [scene, map] :
          {std::pair(&places_->scene, &places_->map), std::pair(&places_->other_scene, &places_->other_map)}) {
       const PlaceView view = describe_image(scene->render(Scene::pose(step), 4)->view());
-      const auto votes = vote(index_, view, probed_cells(view), 1);
+      const auto votes = vote(index_, all_maps(index_), view, probed_cells(view), 1);
       ASSERT_EQ(votes.size(), 1U);
       EXPECT_EQ(votes.front().map->snapshot->map, map->snapshot()->map) << step;
     }

@@ -39,9 +39,8 @@ std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> 
   std::vector<uint32_t> weights;
   weights.reserve(words.size());
   for (const WordCount& w : words) {
-    size_t shown = 0;
-    for (const IndexedMapPtr& map : index.maps()) shown += map->lists.of(w.word).size();
-    const double rarity = shown == 0 ? 0 : std::log(1 + keyframes / static_cast<double>(shown));
+    const uint32_t shown = index.shown(w.word);
+    const double rarity = shown == 0 ? 0 : std::log(1 + keyframes / shown);
     weights.push_back(
         static_cast<uint32_t>(std::lround(kVoteUnit * rarity * std::sqrt(static_cast<double>(w.corners)))));
   }
@@ -50,14 +49,13 @@ std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> 
 
 }  // namespace
 
-std::vector<Voted> vote(const PlaceIndex& index, const PlaceView& view, std::span<const CellList> cells,
-                        size_t count) {
+std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
+                        const PlaceView& view, std::span<const CellList> cells, size_t count) {
   const std::vector<WordCount> words = words_of(view, cells);
   const std::vector<uint32_t> weights = weigh(index, words);
   std::vector<Voted> voted;
-  voted.reserve(index.keyframe_count());
   std::vector<uint32_t> sums;
-  for (const IndexedMapPtr& map : index.maps()) {
+  for (const IndexedMap* map : maps) {
     sums.assign(map->keyframes.size(), 0);
     for (size_t i = 0; i < words.size(); ++i) {
       for (const uint32_t k : map->lists.of(words[i].word)) sums[k] += weights[i];
@@ -65,7 +63,7 @@ std::vector<Voted> vote(const PlaceIndex& index, const PlaceView& view, std::spa
     for (size_t k = 0; k < sums.size(); ++k) {
       if (sums[k] == 0) continue;
       const auto norm = std::sqrt(static_cast<float>(map->keyframes[k]->words.size()));
-      voted.push_back({static_cast<float>(sums[k]) / norm, map.get(), k});
+      voted.push_back({static_cast<float>(sums[k]) / norm, map, k});
     }
   }
   const auto end = voted.begin() + static_cast<ptrdiff_t>(std::min(count, voted.size()));

@@ -20,9 +20,9 @@ struct Voted {
 /// corner votes by the nearest words of several cells for every keyframe that shows one of them, with the
 /// logarithm of how few keyframes show it; a word that the query shows often counts by its root (Jegou et
 /// al., CVPR 2009), and a keyframe's sum is divided by the root of its number of words. `cells` of
-/// probed_cells(). Only the maps of the index count, not their order: sums are of integers and ties go by
-/// ids.
-[[nodiscard]] std::vector<Voted> vote(const PlaceIndex& index, const PlaceView& view,
-                                      std::span<const CellList> cells, size_t count);
+/// probed_cells(). `maps`: of the index, whose keyframes are voted for; how rare a word is all maps say. Sums
+/// are of integers and ties go by ids.
+[[nodiscard]] std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
+                                      const PlaceView& view, std::span<const CellList> cells, size_t count);
 
 }  // namespace cairn

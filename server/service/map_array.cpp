@@ -8,7 +8,7 @@ namespace cairn {
 namespace {
 
 constexpr size_t kIndexedKeyframeBytes =
-    100'000;  ///< IndexedKeyframe with a thousand points at two scales each
+    200'000;  ///< IndexedKeyframe and its part of IndexedMap, of a thousand points at two scales each
 
 std::mt19937_64 make_generator(uint64_t seed) {
   if (seed != 0) return std::mt19937_64(seed);

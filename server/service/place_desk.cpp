@@ -19,7 +19,7 @@ void PlaceDesk::note(const MapId& map, Reported reported) {
   const std::scoped_lock lock(mutex_);
   reported_.insert_or_assign(map, std::move(reported));
   if (std::exchange(scheduled_, true)) return;
-  indexers_.submit([self = shared_from_this()] {
+  lanes_.indexers.submit([self = shared_from_this()] {
     {
       const std::scoped_lock taken(self->mutex_);
       self->scheduled_ = false;
@@ -29,22 +29,55 @@ void PlaceDesk::note(const MapId& map, Reported reported) {
 }
 
 void PlaceDesk::catch_up() {
-  const std::scoped_lock one_at_a_time(catching_up_);
+  const std::scoped_lock one_at_a_time(changing_);
   std::map<MapId, Reported> waiting;
   {
     const std::scoped_lock lock(mutex_);
     waiting.swap(reported_);
   }
   for (auto& [map, reported] : waiting) {
-    auto next = std::make_shared<PlaceIndex>(*index());
+    PlaceIndex next = *index();
     if (reported.snapshot == nullptr) {
-      next->remove(map);
+      next.remove(map);
     } else {
-      next->put(index_map(next->find(map), std::move(reported.snapshot), reported.views));
+      next.put(index_map(next.find(map), std::move(reported.snapshot), reported.views));
     }
-    const std::scoped_lock lock(mutex_);
-    index_ = std::move(next);
+    publish(std::move(next));
   }
+  plant_if_needed();
+}
+
+void PlaceDesk::plant_if_needed() {
+  if (planting_ || !index()->needs_planting(options_.most_scanned)) return;
+  planting_ = true;
+  lanes_.planters.submit([self = shared_from_this()] { self->plant(); });
+}
+
+void PlaceDesk::plant() {
+  std::optional<PictureForestPtr> forest;
+  try {
+    forest = plant_forest(*index(), options_.most_scanned);
+  } catch (const std::exception& problem) {  // memory: the scan goes on, and the next change tries again
+    log_->error("no forest of the pictures: {}", problem.what());
+  }
+  // Not here: what waits for the index must not wait for a thread that stands back for all others.
+  lanes_.indexers.submit([self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });
+}
+
+void PlaceDesk::adopt(std::optional<PictureForestPtr> forest) {
+  const std::scoped_lock one_at_a_time(changing_);
+  planting_ = false;
+  if (!forest) return;
+  PlaceIndex next = *index();
+  next.set_forest(*std::move(forest));
+  publish(std::move(next));
+  plant_if_needed();  // what came meanwhile
+}
+
+void PlaceDesk::publish(PlaceIndex next) {
+  auto shared = std::make_shared<const PlaceIndex>(std::move(next));
+  const std::scoped_lock lock(mutex_);
+  index_.swap(shared);
 }
 
 std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
@@ -54,11 +87,15 @@ std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
 
 void PlaceDesk::ask(PlaceQuery query, Done done) {
   auto shared = std::make_shared<const PlaceQuery>(std::move(query));
-  answerers_.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
+  lanes_.answerers.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
     PlaceAnswer answer{PlaceVerdict::kNotKnown, {}, "internal error; the server's log says more"};
     try {
-      if (query->lockstep) self->catch_up();
-      answer = relocalize(*self->index(), *query->camera, query->view, self->options_, query->scope);
+      RelocOptions options = self->options_;
+      if (query->lockstep) {
+        self->catch_up();
+        options.search = PictureSearch::kScan;
+      }
+      answer = relocalize(*self->index(), *query->camera, query->view, options, query->scope);
     } catch (const std::exception& problem) {  // memory, a library: who has asked may ask again
       self->log_->error("internal error in a question: {}", problem.what());
     }

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <vector>
 
 #include "server/relocalization/relocalizer.h"
@@ -22,13 +23,20 @@ struct PlaceQuery {
 
 /// The relocalizer at work: keeps the index over all maps and answers questions, each on workers of its own
 /// lane and never on a map's queue: who is lost waits neither for map work nor for an index in the making.
-/// Queries read an immutable index; a new one is made beside them. Thread-safe; tasks keep it alive.
+/// Queries read an immutable index; a new one is made beside them, and where it has many pictures a forest of
+/// them on the background lane: until that is done, what it will have is scanned. Thread-safe; tasks keep it
+/// alive.
 class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
  public:
   using Done = std::function<void(PlaceAnswer answer)>;
 
-  PlaceDesk(WorkerPool& indexers, WorkerPool& answerers, const RelocOptions& options, Logger log)
-      : indexers_(indexers), answerers_(answerers), options_(options), log_(std::move(log)) {}
+  struct Lanes {
+    WorkerPool& indexers;
+    WorkerPool& answerers;
+    WorkerPool& planters;  ///< of forests: a second of work that nobody waits for
+  };
+  PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log)
+      : lanes_(lanes), options_(options), log_(std::move(log)) {}
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views);
@@ -36,6 +44,8 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void remove(const MapId& map);
   /// `done` is called on an answerer, whatever happens.
   void ask(PlaceQuery query, Done done);
+  /// As a question would be answered with now.
+  [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
 
  private:
   struct Reported {
@@ -45,14 +55,19 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
   void catch_up();
-  [[nodiscard]] std::shared_ptr<const PlaceIndex> index() const;
+  /// Has a forest planted unless the index is well served or one is on its way. With changing_ held.
+  void plant_if_needed();
+  void plant();
+  /// Nothing: planting failed.
+  void adopt(std::optional<PictureForestPtr> forest);
+  void publish(PlaceIndex next);
 
-  WorkerPool& indexers_;
-  WorkerPool& answerers_;
+  const Lanes lanes_;
   const RelocOptions options_;
   Logger log_;
 
-  std::mutex catching_up_;  ///< held while indexing; before mutex_
+  std::mutex changing_;    ///< held while a new index is made of the one there is; before mutex_
+  bool planting_ = false;  ///< under changing_
 
   mutable std::mutex mutex_;  ///< of what follows; held for moments
   std::map<MapId, Reported> reported_;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <future>
 
 namespace cairn {
@@ -31,28 +32,45 @@ MapSnapshotPtr snapshot_with(uint8_t id, size_t keyframes) {
   return snapshot;
 }
 
-PlaceQuery query_of(const KeyframeView& keyframe) {
+PlaceQuery query_of(const KeyframeView& keyframe, bool lockstep) {
   PlaceQuery query;
   query.camera = keyframe.camera;
   query.view.small.assign(keyframe.pyramid->level(kPyramidLevels - 1));
-  query.lockstep = true;
+  query.lockstep = lockstep;
   return query;
 }
 
 class PlaceDeskTest : public ::testing::Test {
  protected:
-  PlaceDeskTest() : indexers_(1, 0, make_logger("test")), answerers_(1, 0, make_logger("test")) {
+  PlaceDeskTest() {
     options_.method = RelocMethod::kPaper;  // answers by pictures alone
-    desk_ = std::make_shared<PlaceDesk>(indexers_, answerers_, options_, null_logger());
+    open_desk();
   }
-  PlaceAnswer ask(const KeyframeView& keyframe) {
+  void open_desk() {
+    desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Lanes{indexers_, answerers_, planters_}, options_,
+                                        null_logger());
+  }
+  PlaceAnswer ask(const KeyframeView& keyframe, bool lockstep = true) {
     std::promise<PlaceAnswer> answer;
-    desk_->ask(query_of(keyframe), [&](PlaceAnswer said) { answer.set_value(std::move(said)); });
+    desk_->ask(query_of(keyframe, lockstep), [&](PlaceAnswer said) { answer.set_value(std::move(said)); });
     return answer.get_future().get();
   }
 
-  WorkerPool indexers_;
-  WorkerPool answerers_;
+  /// Asks until the keyframe that looks most like this one is of that map, or it has taken too long.
+  [[nodiscard]] bool is_found_in(const MapId& map, const KeyframeView& keyframe) {
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (std::chrono::steady_clock::now() < deadline) {
+      const PlaceAnswer answer = ask(keyframe, false);
+      if (answer.candidates.empty()) continue;
+      const PlaceCandidate& best = answer.candidates.front();
+      if (best.map == map && best.keyframe == keyframe.id) return true;
+    }
+    return false;
+  }
+
+  WorkerPool indexers_{1, 0, make_logger("test")};
+  WorkerPool answerers_{1, 0, make_logger("test")};
+  WorkerPool planters_{1, 0, make_logger("test")};
   RelocOptions options_;
   std::shared_ptr<PlaceDesk> desk_;
 };
@@ -77,6 +95,40 @@ TEST_F(PlaceDeskTest, ARemovedMapIsNotAnswered) {
   EXPECT_EQ(ask(keyframe).candidates.front().map, snapshot_with(2, 1)->map);
   desk_->remove(snapshot_with(2, 1)->map);
   EXPECT_EQ(ask(keyframe).verdict, PlaceVerdict::kNotKnown);
+}
+
+TEST_F(PlaceDeskTest, AKeyframeIsFoundBeforeItIsInTheForestAndAfter) {
+  options_.method = RelocMethod::kImproved;
+  options_.most_scanned = 4;
+  open_desk();
+  std::promise<void> planting_may_begin;
+  planters_.submit([may_begin = planting_may_begin.get_future().share()] { may_begin.wait(); });
+  std::vector<KeyframeView> keyframes;
+  // Steps at which brightness wraps round: ramps alone are alike but for their gain.
+  for (uint64_t id = 1; id <= 9; ++id) keyframes.push_back(flat_keyframe(id, 7 + 2 * static_cast<int>(id)));
+  const MapId map = snapshot_with(1, 0)->map;
+  const std::vector<KeyframeView> early(keyframes.begin(), keyframes.begin() + 6);
+  desk_->report(snapshot_with(1, early.size()), early);
+  for (const KeyframeView& k : early) EXPECT_TRUE(is_found_in(map, k));
+  desk_->report(snapshot_with(1, keyframes.size()), keyframes);
+  for (const KeyframeView& k : keyframes) EXPECT_TRUE(is_found_in(map, k));
+  EXPECT_EQ(desk_->index()->forest(), nullptr);
+
+  planting_may_begin.set_value();
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  while (desk_->index()->forest() == nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  EXPECT_EQ(desk_->index()->planted().size(), keyframes.size());
+  for (const KeyframeView& k : keyframes) EXPECT_TRUE(is_found_in(map, k));
+  const KeyframeView elsewhere = flat_keyframe(1, 31);
+  desk_->report(snapshot_with(2, 1), {elsewhere});
+  EXPECT_TRUE(is_found_in(snapshot_with(2, 1)->map, elsewhere));
+  EXPECT_EQ(desk_->index()->planted().size(), keyframes.size());
+
+  desk_->remove(map);  // and with it the forest, as too little is left
+  while (desk_->index()->forest() != nullptr) ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+  EXPECT_TRUE(is_found_in(snapshot_with(2, 1)->map, elsewhere));
+  for (const KeyframeView& k : keyframes)
+    for (const PlaceCandidate& c : ask(k, false).candidates) EXPECT_NE(c.map, map);
 }
 
 }  // namespace

@@ -81,7 +81,8 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       readers_(std::move(readers)),
       log_(std::move(log)),
       maps_(options.seed),
-      places_(std::make_shared<PlaceDesk>(lanes.urgent, lanes.questions, options.relocalization, log_)),
+      places_(std::make_shared<PlaceDesk>(PlaceDesk::Lanes{lanes.urgent, lanes.questions, lanes.background},
+                                          options.relocalization, log_)),
       wearers_(options.wearers),
       next_tick_(steady_clock::now()) {
   if (store_ == nullptr) return;

@@ -124,6 +124,32 @@ class Judge {
   Tally in_view_, elsewhere_;
 };
 
+/// How long answers take, by what they needed.
+class AnswerTimes {
+ public:
+  explicit AnswerTimes(const RelocOptions& options) : by_picture_alone_(options.by_picture_alone) {}
+
+  void add(const PlaceAnswer& answer, double ms) {
+    const bool is_early = answer.candidates.size() <= static_cast<size_t>(by_picture_alone_);
+    (is_early ? by_picture_ : by_words_).push_back(ms);
+  }
+  [[nodiscard]] std::string text() const {
+    std::vector<double> all = by_picture_;
+    all.insert(all.end(), by_words_.begin(), by_words_.end());
+    const auto row = [](const char* what, const std::vector<double>& ms) {
+      return fmt::format("{} {} p50 {:.2f} p95 {:.2f} ms", what, ms.size(), percentile(ms, 0.5),
+                         percentile(ms, 0.95));
+    };
+    return fmt::format("{}; {}; {}", row("answers", all), row("by pictures", by_picture_),
+                       row("with words", by_words_));
+  }
+
+ private:
+  int by_picture_alone_;
+  std::vector<double> by_picture_;
+  std::vector<double> by_words_;
+};
+
 /// Asks for every few frames of a recording of somewhere else: whatever is answered is wrong.
 Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
                    bool verbose) {
@@ -134,7 +160,7 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
   if (!source) return tl::unexpected(source.error());
   int asked = 0;
   int answered = 0;
-  std::vector<double> query_ms;
+  AnswerTimes times(options);
   for (;;) {
     const auto next = (*source)->next();
     if (!next) continue;
@@ -147,14 +173,14 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
     const PlaceView view = describe_place(images.pyramid, images.corners);
     const double begin = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, **camera, view, options);
-    query_ms.push_back(thread_cpu_ms() - begin);
+    times.add(result, thread_cpu_ms() - begin);
     ++asked;
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     ++answered;
     if (verbose) std::printf("%s %lu: WRONG\n", foreign.c_str(), static_cast<unsigned long>(frame.index));
   }
-  std::printf("%s, never mapped: asked %d answered %d; answer p50 %.2f p95 %.2f ms\n", foreign.c_str(), asked,
-              answered, percentile(query_ms, 0.5), percentile(query_ms, 0.95));
+  std::printf("%s, never mapped: asked %d answered %d; %s\n", foreign.c_str(), asked, answered,
+              times.text().c_str());
   return {};
 }
 
@@ -170,7 +196,7 @@ constexpr uint64_t kProofFrames = 3;  // as the peers were judged
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
          const Mapping& mapping, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
   std::vector<double> describe_ms;
-  std::vector<double> query_ms;
+  AnswerTimes times(options);
   Proof proof;
   TrackerOptions told;
   told.make_maps = false;
@@ -197,7 +223,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     const double described = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, *camera, view, options);
     describe_ms.push_back(described - begin);
-    query_ms.push_back(thread_cpu_ms() - described);
+    times.add(result, thread_cpu_ms() - described);
     judge->judge(frame, query->second, *mapping.snapshot(), result);
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
@@ -206,9 +232,8 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     proof.tracker->place_answered(
         PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
-  std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; answer p50 %.2f p95 %.2f ms\n",
-              index.maps().size(), index.keyframe_count(), percentile(describe_ms, 0.5),
-              percentile(query_ms, 0.5), percentile(query_ms, 0.95));
+  std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; %s\n", index.maps().size(),
+              index.keyframe_count(), percentile(describe_ms, 0.5), times.text().c_str());
 }
 
 Status run(const Arguments& arguments) {

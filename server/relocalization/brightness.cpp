@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/brightness.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/image/patch.h"
+#include "common/image/pyramid.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kWindow = 2;    ///< [px of level 3] on each side: 40 px of the picture
+constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to count
+
+}  // namespace
+
+std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0) {
+  constexpr int kLevel = kPyramidLevels - 1;
+  const float x = to_level(level0.x(), kLevel);
+  const float y = to_level(level0.y(), kLevel);
+  if (!small.contains(x, y) || x >= static_cast<float>(small.width - 1) ||
+      y >= static_cast<float>(small.height - 1))
+    return std::nullopt;
+  const auto column = static_cast<int>(std::lround(x));
+  const auto row = static_cast<int>(std::lround(y));
+  const int left = std::max(0, column - kWindow);
+  const int right = std::min(small.width - 1, column + kWindow);
+  const int top = std::max(0, row - kWindow);
+  const int bottom = std::min(small.height - 1, row + kWindow);
+  int sum = 0;
+  int squares = 0;
+  for (int v = top; v <= bottom; ++v) {
+    for (int u = left; u <= right; ++u) {
+      const int grey = small.row(v)[u];
+      sum += grey;
+      squares += grey * grey;
+    }
+  }
+  const double n = (right - left + 1) * (bottom - top + 1);
+  const double mean = sum / n;
+  const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
+  const auto grey = static_cast<double>(sample_bilinear(small, x, y));
+  return Brightness{static_cast<float>(grey), static_cast<float>((grey - mean) / (deviation + kNoise))};
+}
+
+}  // namespace cairn

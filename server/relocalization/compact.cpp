@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/compact.h"
+
+#include <xmmintrin.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+namespace cairn {
+namespace {
+
+/// Frequencies, in half periods: below kAcross along rows, kDown along columns.
+constexpr size_t kAcross = 12;
+constexpr size_t kDown = 9;
+
+struct Frequency {
+  uint8_t across = 0;
+  uint8_t down = 0;
+  /// Squared, in periods per pixel of a 4:3 picture.
+  [[nodiscard]] constexpr int squared() const { return 9 * across * across + 16 * down * down; }
+};
+
+constexpr std::array<Frequency, kCompactSize> lowest_frequencies() {
+  std::array<Frequency, kAcross * kDown> all{};
+  for (size_t i = 0; i < all.size(); ++i)
+    all[i] = {static_cast<uint8_t>(i % kAcross), static_cast<uint8_t>(i / kAcross)};
+  std::sort(all.begin(), all.end(), [](Frequency a, Frequency b) {
+    return a.squared() != b.squared() ? a.squared() < b.squared() : a.across < b.across;
+  });
+  std::array<Frequency, kCompactSize> lowest{};
+  std::copy_n(all.begin() + 1, kCompactSize, lowest.begin());
+  return lowest;
+}
+constexpr std::array<Frequency, kCompactSize> kFrequencies = lowest_frequencies();
+static_assert(kFrequencies.back().squared() < Frequency{kAcross, 0}.squared() &&
+                  kFrequencies.back().squared() < Frequency{0, kDown}.squared(),
+              "what lies outside the table is higher");
+
+/// Row i: the values of `count` cosines of the orthonormal transform of `size` values at i. Those that it
+/// does not have are 0.
+std::vector<float> make_cosines(size_t count, size_t size) {
+  std::vector<float> table(count * size);
+  for (size_t k = 0; k < std::min(count, size); ++k) {
+    const double scale = std::sqrt((k == 0 ? 1.0 : 2.0) / static_cast<double>(size));
+    const double step = std::numbers::pi * static_cast<double>(k) / static_cast<double>(size);
+    for (size_t i = 0; i < size; ++i)
+      table[i * count + k] = static_cast<float>(scale * std::cos(step * (static_cast<double>(i) + 0.5)));
+  }
+  return table;
+}
+
+}  // namespace
+
+float contrast_of(const TinyImage& tiny) {
+  double sum = 0;
+  for (const float v : tiny.values()) sum += static_cast<double>(v) * static_cast<double>(v);
+  return tiny.empty() ? 0 : static_cast<float>(std::sqrt(sum / static_cast<double>(tiny.values().size())));
+}
+
+CompactPicture make_compact(const TinyImage& tiny) {
+  CompactPicture compact;
+  compact.width = static_cast<uint16_t>(tiny.width());
+  compact.height = static_cast<uint16_t>(tiny.height());
+  const float contrast = contrast_of(tiny);
+  if (!(contrast > 0)) return compact;
+  const std::vector<float> across = make_cosines(kAcross, compact.width);
+  const std::vector<float> down = make_cosines(kDown, compact.height);
+  std::array<float, kAcross * kDown> transformed{};
+  for (size_t y = 0; y < compact.height; ++y) {
+    const float* row = tiny.values().data() + y * compact.width;
+    std::array<float, kAcross> along{};
+    for (size_t x = 0; x < compact.width; ++x) {
+      for (size_t k = 0; k < kAcross; ++k) along[k] += row[x] * across[x * kAcross + k];
+    }
+    for (size_t l = 0; l < kDown; ++l) {
+      for (size_t k = 0; k < kAcross; ++k) transformed[l * kAcross + k] += along[k] * down[y * kDown + l];
+    }
+  }
+  const float scale = 1 / (contrast * std::sqrt(static_cast<float>(tiny.values().size())));
+  for (size_t i = 0; i < kCompactSize; ++i)
+    compact.values[i] = scale * transformed[kFrequencies[i].down * kAcross + kFrequencies[i].across];
+  return compact;
+}
+
+float compact_distance(const float* a, const float* b, float limit) {
+  constexpr size_t kLanes = 4;   // SSE, part of x86-64: the same sums on every machine
+  constexpr size_t kChunk = 16;  // values between two looks at the limit
+  static_assert(kCompactSize % kChunk == 0);
+  float sum = 0;
+  for (size_t begin = 0; begin < kCompactSize && sum <= limit; begin += kChunk) {
+    __m128 sums = _mm_setzero_ps();
+    for (size_t i = begin; i < begin + kChunk; i += kLanes) {
+      const __m128 d = _mm_sub_ps(_mm_loadu_ps(a + i), _mm_loadu_ps(b + i));
+      sums = _mm_add_ps(sums, _mm_mul_ps(d, d));
+    }
+    alignas(16) float lanes[kLanes];
+    _mm_store_ps(lanes, sums);
+    sum += (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]);
+  }
+  return sum;
+}
+
+float compact_distance(const CompactPicture& a, const CompactPicture& b, float limit) {
+  if (a.width != b.width || a.height != b.height) return std::numeric_limits<float>::infinity();
+  return compact_distance(a.values.data(), b.values.data(), limit);
+}
+
+}  // namespace cairn

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "common/image/tiny_image.h"
+
+namespace cairn {
+
+constexpr size_t kCompactSize = 80;
+
+/// Root mean square [grey levels] of an image of zero mean.
+[[nodiscard]] float contrast_of(const TinyImage& tiny);
+
+/// What is left of a tiny image for a first comparison: the lowest frequencies of its cosine transform
+/// (orthonormal DCT-II), of the image scaled to unit length: indifferent to gain. Their mean is zero, so the
+/// constant is not among them. Lowest first, in units of the frequency across a picture of 4:3, as the blur
+/// takes away what is high of these. Where the image is too small to have a frequency: 0.
+struct CompactPicture {
+  std::array<float, kCompactSize> values{};  ///< all 0: an image without contrast
+  uint16_t width = 0;                        ///< of the tiny image
+  uint16_t height = 0;
+};
+
+[[nodiscard]] CompactPicture make_compact(const TinyImage& tiny);
+
+/// Squared distance. Never more than 2 (1 - correlation) of the two tiny images (Parseval), and little less:
+/// the blur has taken the other frequencies. Infinite for images of other sizes. Where it exceeds `limit` the
+/// result is only some value above that.
+[[nodiscard]] float compact_distance(const CompactPicture& a, const CompactPicture& b,
+                                     float limit = std::numeric_limits<float>::infinity());
+
+/// The same of values alone.
+[[nodiscard]] float compact_distance(const float* a, const float* b, float limit);
+
+}  // namespace cairn

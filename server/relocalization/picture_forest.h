@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "common/map/ids.h"
+#include "server/relocalization/compact.h"
+
+namespace cairn {
+
+/// The nearest of many compact pictures, by FLANN's randomised kd-trees (Muja and Lowe, PAMI 2014):
+/// approximate, so more are asked for than are wanted and compared exactly afterwards. Immutable; any number
+/// of threads may ask. The trees are drawn from the machine's entropy (FLANN 1.9.2 takes no seed), so what is
+/// left out differs from one planting to the next.
+class PictureForest {
+ public:
+  struct Picture {
+    MapId map;
+    KeyframeId keyframe;
+    CompactPicture compact;
+  };
+  /// Of whom a slot was made.
+  struct Slot {
+    MapId map;
+    KeyframeId keyframe;
+    friend auto operator<=>(const Slot&, const Slot&) = default;
+  };
+  struct Found {
+    float distance = 0;  ///< compact_distance()
+    uint32_t slot = 0;
+  };
+
+  /// Plants trees for the pictures of each size. Ascending by map and keyframe, each once. A second for 100
+  /// 000: not for a thread that anybody waits for.
+  explicit PictureForest(std::span<const Picture> pictures);
+  ~PictureForest();
+  PictureForest(const PictureForest&) = delete;
+  PictureForest& operator=(const PictureForest&) = delete;
+
+  /// By index of the pictures it was made of.
+  [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
+  /// At most `count` slots near the query, of its size and for which `is_there` holds, ascending by distance.
+  [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
+                                        const std::function<bool(uint32_t slot)>& is_there) const;
+  [[nodiscard]] size_t bytes() const;
+
+ private:
+  class Trees;
+  std::vector<Slot> slots_;
+  std::vector<std::unique_ptr<const Trees>> trees_;  ///< one for each size of picture
+};
+using PictureForestPtr = std::shared_ptr<const PictureForest>;
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "server/relocalization/place_index.h"
+
+/// Which keyframes look most like a query, by the tiny images: the relocalizer's first stage.
+namespace cairn {
+
+/// A keyframe in the order of merit. Smaller cost is better.
+struct Ranked {
+  float cost = 0;
+  const IndexedMap* map = nullptr;
+  size_t keyframe = 0;  ///< index into those of the map
+
+  [[nodiscard]] const IndexedKeyframe& indexed() const { return *map->keyframes[keyframe]; }
+};
+
+/// The tiny image of a query and what is derived of it once.
+struct QueryPicture {
+  explicit QueryPicture(TinyImage of);
+
+  TinyImage tiny;
+  float contrast = 0;  ///< as IndexedKeyframe::contrast
+  CompactPicture compact;
+};
+
+/// 1 - Pearson's correlation of the tiny images, which gain and bias do not change: 0 = alike, 1 = nothing in
+/// common. 2 without contrast; infinite for a keyframe whose tiny image has another size.
+[[nodiscard]] float unlikeness(const IndexedKeyframe& keyframe, const QueryPicture& query);
+
+/// How all pictures are gone through.
+enum class PictureSearch : uint8_t {
+  kForest,  ///< those in the index's forest by it, the others by a scan: approximate where there is a forest
+  kScan,    ///< all by a scan: exact, so an answer depends on the maps alone
+};
+
+/// The `count` keyframes of the lowest unlikeness(), best first; ties go by ids. Pictures of another size,
+/// and those of a query without contrast, are not among them. By compact pictures, and what is near by these
+/// exactly: their distance is a bound of the unlikeness, so a scan leaves out nothing.
+[[nodiscard]] std::vector<Ranked> find_alike(const PlaceIndex& index, const QueryPicture& query, size_t count,
+                                             PictureSearch search);
+
+/// The maps of the `pictures` keyframes that are nearest by their compact pictures, ascending by id: all
+/// where there are not more keyframes, or the query has no contrast.
+[[nodiscard]] std::vector<const IndexedMap*> find_maps_alike(const PlaceIndex& index,
+                                                             const QueryPicture& query, size_t pictures,
+                                                             PictureSearch search);
+
+/// As Castle et al. 2008: the keyframe with the smallest mean squared difference, which is the cost. Null
+/// map: there is none of the query's size.
+[[nodiscard]] Ranked find_nearest(const PlaceIndex& index, const TinyImage& tiny);
+
+}  // namespace cairn

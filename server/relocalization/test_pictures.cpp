@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/test_pictures.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <utility>
+
+namespace cairn::testing {
+namespace {
+
+constexpr int kWidth = 80;  // of level 3 of a picture
+constexpr int kHeight = 60;
+
+}  // namespace
+
+LeafPlace::LeafPlace(uint64_t seed) : canvas_(kWidth + 2 * kMargin, kHeight + 2 * kMargin) {
+  constexpr int kLeaves = 150;
+  constexpr float kSmallest = 3;  // px
+  constexpr float kLargest = 60;
+  std::mt19937_64 random(seed);
+  const auto below = [&](int n) { return static_cast<int>(random() % static_cast<uint64_t>(n)); };
+  for (int leaf = 0; leaf < kLeaves; ++leaf) {
+    // Radii fall with the third power: then no scale is preferred.
+    const float u = static_cast<float>(below(1 << 20)) / (1 << 20);
+    const float radius = kSmallest / std::sqrt(1 - u * (1 - kSmallest * kSmallest / (kLargest * kLargest)));
+    const int reach = static_cast<int>(radius);
+    const int cx = below(canvas_.width());
+    const int cy = below(canvas_.height());
+    const auto grey = static_cast<uint8_t>(below(256));
+    for (int y = std::max(0, cy - reach); y <= std::min(canvas_.height() - 1, cy + reach); ++y) {
+      for (int x = std::max(0, cx - reach); x <= std::min(canvas_.width() - 1, cx + reach); ++x) {
+        if (std::hypot(x - cx, y - cy) <= static_cast<double>(radius)) canvas_.row(y)[x] = grey;
+      }
+    }
+  }
+}
+
+TinyImage LeafPlace::view(int dx, int dy, float gain) const {
+  GrayImage level3(kWidth, kHeight);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x)
+      level3.row(y)[x] = static_cast<uint8_t>(
+          std::lround(gain * static_cast<float>(canvas_.row(y + kMargin + dy)[x + kMargin + dx])));
+  }
+  return {level3, kPlaceBlur};
+}
+
+MapId map_id(uint32_t number) {
+  MapId id;
+  for (size_t i = 0; i < sizeof number; ++i) id.bytes[i] = static_cast<uint8_t>(number >> (24 - 8 * i));
+  return id;
+}
+
+IndexedMapPtr picture_map(const MapId& id, std::vector<TinyImage> pictures,
+                          std::vector<std::vector<WordId>> words) {
+  words.resize(pictures.size());
+  auto snapshot = std::make_shared<MapSnapshot>();
+  snapshot->map = id;
+  auto map = std::make_shared<IndexedMap>();
+  for (size_t i = 0; i < pictures.size(); ++i) {
+    auto keyframe = std::make_shared<IndexedKeyframe>();
+    keyframe->id = KeyframeId{i + 1};
+    keyframe->contrast = contrast_of(pictures[i]);
+    keyframe->tiny = std::move(pictures[i]);
+    keyframe->words = std::move(words[i]);
+    map->pictures.push_back(make_compact(keyframe->tiny));
+    map->keyframes.push_back(std::move(keyframe));
+  }
+  map->lists = invert(map->keyframes);
+  map->positions.resize(map->keyframes.size());
+  map->snapshot = std::move(snapshot);
+  return map;
+}
+
+}  // namespace cairn::testing

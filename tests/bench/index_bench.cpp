@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// The relocalizer's first stage over 100 to 100 000 keyframes: linear scan beside forest. The pictures are
+// drawn with the statistics of recorded ones.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <limits>
+
+#include "client/tracking/frame_images.h"
+#include "server/relocalization/relocalizer.h"
+#include "server/relocalization/test_pictures.h"
+#include "tests/bench/picture_statistics.h"
+#include "tests/bench/recorded_map.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kKeyframesOfMap = 20;
+constexpr size_t kWanted = 10;     ///< recall@10
+constexpr size_t kShortlist = 12;  ///< what the relocalizer asks for
+
+struct Arguments {
+  std::vector<std::string> sources;
+  std::vector<size_t> sizes = {100, 1000, 10'000, 100'000};
+  std::string map;
+  size_t map_frames = 0;
+  size_t every = 5;
+  size_t apart = 20;
+  size_t queries = 400;
+  uint64_t seed = 1;
+};
+
+double us_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
+}
+
+/// A picture as it comes with a question, and whether its place is mapped.
+struct Question {
+  TinyImage tiny;
+  bool is_mapped = false;
+};
+
+/// A place that was recorded, and questions about it.
+struct RecordedPlace {
+  CameraPtr camera;
+  IndexedMapPtr map;
+  std::vector<PlaceView> views;
+};
+
+Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, size_t views) {
+  auto source = open_source(uri);
+  if (!source) return tl::unexpected(source.error());
+  const auto camera = choose_camera(uri, "");
+  if (!camera) return tl::unexpected(camera.error());
+  Mapping mapping(*camera, testing::map_id(std::numeric_limits<uint32_t>::max()), 1);
+  auto map = map_beginning(source->get(), map_frames, &mapping);
+  if (!map) return tl::unexpected(map.error());
+  RecordedPlace place{*camera, std::move(*map), {}};
+  const size_t left = (*source)->frame_count().value_or(map_frames + views) - map_frames;
+  const size_t step = std::max<size_t>(1, left / std::max<size_t>(1, views));
+  FrameImages images;
+  for (;;) {
+    const auto next = (*source)->next();
+    if (!next) continue;
+    if (!*next) return place;
+    if ((*next)->index % step != 0) continue;
+    images.build_pyramid((*next)->image->view());
+    images.find_corners();
+    place.views.push_back(describe_place(images.pyramid, images.corners));
+  }
+}
+
+/// Maps of kKeyframesOfMap pictures each, as many as are asked for, and questions about them.
+class World {
+ public:
+  /// `recorded`: null, or a place that is mapped besides, whose words those of the others are made of.
+  World(const PictureStatistics& statistics, const RecordedPlace* recorded, uint64_t seed)
+      : statistics_(statistics), recorded_(recorded), random_(seed) {
+    if (recorded_ != nullptr) index.put(recorded_->map);
+  }
+
+  void grow_to(size_t keyframes) {
+    while (index.keyframe_count() < keyframes) {
+      places_.push_back(statistics_.draw_place(&random_));
+      std::vector<TinyImage> pictures;
+      std::vector<std::vector<WordId>> words;
+      const auto renaming = static_cast<size_t>(random_() % kVocabularyWords);
+      for (size_t i = 0; i < kKeyframesOfMap; ++i) {
+        pictures.push_back(statistics_.draw_picture(places_.back(), &random_));
+        words.push_back(draw_words(renaming));
+      }
+      index.put(testing::picture_map(testing::map_id(static_cast<uint32_t>(places_.size())),
+                                     std::move(pictures), std::move(words)));
+    }
+  }
+  /// Every second one of a place that is mapped.
+  std::vector<Question> ask(size_t count) {
+    std::vector<Question> questions;
+    for (size_t i = 0; i < count; ++i) {
+      const bool is_mapped = i % 2 == 0;
+      const Eigen::VectorXf place =
+          is_mapped ? places_[random_() % places_.size()] : statistics_.draw_place(&random_);
+      questions.push_back({statistics_.draw_picture(place, &random_), is_mapped});
+    }
+    return questions;
+  }
+
+  PlaceIndex index;
+
+ private:
+  /// As many as a recorded keyframe has and as scattered over cells, but others in each map.
+  std::vector<WordId> draw_words(size_t renaming) {
+    if (recorded_ == nullptr) return {};
+    const auto& keyframes = recorded_->map->keyframes;
+    std::vector<WordId> words = keyframes[random_() % keyframes.size()]->words;
+    for (WordId& word : words) word = static_cast<WordId>((word + renaming) % kVocabularyWords);
+    std::sort(words.begin(), words.end());
+    return words;
+  }
+
+  const PictureStatistics& statistics_;
+  const RecordedPlace* recorded_;
+  std::mt19937_64 random_;
+  std::vector<Eigen::VectorXf> places_;
+};
+
+/// Every tiny image compared.
+std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryPicture& query, size_t count) {
+  std::vector<Ranked> ranked;
+  ranked.reserve(index.keyframe_count());
+  for (const IndexedMapPtr& map : index.maps()) {
+    for (size_t k = 0; k < map->keyframes.size(); ++k)
+      ranked.push_back({unlikeness(*map->keyframes[k], query), map.get(), k});
+  }
+  const auto end = ranked.begin() + static_cast<ptrdiff_t>(std::min(count, ranked.size()));
+  std::partial_sort(ranked.begin(), end, ranked.end(),
+                    [](const Ranked& a, const Ranked& b) { return a.cost < b.cost; });
+  ranked.erase(end, ranked.end());
+  return ranked;
+}
+
+using Search = std::function<std::vector<Ranked>(const QueryPicture& query)>;
+
+struct Measured {
+  std::vector<double> us;
+  size_t wanted_mapped = 0, found_mapped = 0, wanted_else = 0, found_else = 0;
+};
+
+Measured measure(const std::vector<Question>& questions, const std::vector<std::vector<Ranked>>& exact,
+                 const Search& search) {
+  Measured measured;
+  for (size_t q = 0; q < questions.size(); ++q) {
+    TinyImage tiny = questions[q].tiny;
+    const auto begin = std::chrono::steady_clock::now();
+    const std::vector<Ranked> found = search(QueryPicture(std::move(tiny)));
+    measured.us.push_back(us_since(begin));
+    const size_t wanted = std::min(kWanted, exact[q].size());
+    const auto first = std::count_if(
+        exact[q].begin(), exact[q].begin() + static_cast<ptrdiff_t>(wanted), [&](const Ranked& e) {
+          return std::any_of(found.begin(), found.end(),
+                             [&](const Ranked& f) { return f.map == e.map && f.keyframe == e.keyframe; });
+        });
+    (questions[q].is_mapped ? measured.wanted_mapped : measured.wanted_else) += wanted;
+    (questions[q].is_mapped ? measured.found_mapped : measured.found_else) += static_cast<size_t>(first);
+  }
+  return measured;
+}
+
+void report(size_t keyframes, const char* what, const Measured& m, const std::string& note) {
+  std::printf("| %zu | %s | %.0f / %.0f | %.3f, %.3f | %s |\n", keyframes, what, percentile(m.us, 0.5),
+              percentile(m.us, 0.95),
+              static_cast<double>(m.found_mapped) / static_cast<double>(m.wanted_mapped),
+              static_cast<double>(m.found_else) / static_cast<double>(m.wanted_else), note.c_str());
+  std::fflush(stdout);
+}
+
+/// What a new keyframe costs before it can be found: a version of the index with that map changed.
+double time_change(const PlaceIndex& index) {
+  constexpr int kTimes = 20;
+  std::vector<double> us;
+  for (int i = 0; i < kTimes; ++i) {
+    const IndexedMapPtr map = index.maps()[static_cast<size_t>(i) * index.maps().size() / kTimes];
+    const auto begin = std::chrono::steady_clock::now();
+    PlaceIndex next = index;
+    next.put(map);
+    us.push_back(us_since(begin));
+  }
+  return percentile(us, 0.95);
+}
+
+/// Whole questions about the recorded place.
+void time_answers(const PlaceIndex& index, const RecordedPlace& place, const char* what) {
+  std::vector<double> by_picture;
+  std::vector<double> with_words;
+  size_t right = 0;
+  for (const PlaceView& view : place.views) {
+    const auto begin = std::chrono::steady_clock::now();
+    const PlaceAnswer answer = relocalize(index, *place.camera, view);
+    const double us = us_since(begin);
+    const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_picture_alone);
+    (is_early ? by_picture : with_words).push_back(us);
+    if (answer.verdict == PlaceVerdict::kConfirmed &&
+        answer.candidates.front().map == place.map->snapshot->map)
+      ++right;
+  }
+  std::printf("| %zu | %s | %zu of %zu | %zu: %.1f / %.1f | %zu: %.1f / %.1f |\n", index.keyframe_count(),
+              what, right, place.views.size(), by_picture.size(), percentile(by_picture, 0.5) * 1e-3,
+              percentile(by_picture, 0.95) * 1e-3, with_words.size(), percentile(with_words, 0.5) * 1e-3,
+              percentile(with_words, 0.95) * 1e-3);
+  std::fflush(stdout);
+}
+
+void run_answers(World* world, const RecordedPlace& place, size_t keyframes) {
+  world->grow_to(keyframes);
+  time_answers(world->index, place, "scan");
+  world->index.set_forest(plant_forest(world->index, 0));
+  time_answers(world->index, place, "forest");
+  world->index.set_forest(nullptr);
+}
+
+void run_size(World* world, size_t keyframes, size_t count) {
+  world->grow_to(keyframes);
+  const std::vector<Question> questions = world->ask(count);
+  std::vector<std::vector<Ranked>> exact;
+  for (const Question& q : questions)
+    exact.push_back(compare_all(world->index, QueryPicture(q.tiny), kShortlist));
+  PlaceIndex& index = world->index;
+  report(keyframes, "all tiny images",
+         measure(questions, exact, [&](const auto& query) { return compare_all(index, query, kShortlist); }),
+         fmt::format("change {:.0f} us", time_change(index)));
+  report(
+      keyframes, "scan of compact pictures",
+      measure(questions, exact,
+              [&](const auto& query) { return find_alike(index, query, kShortlist, PictureSearch::kScan); }),
+      fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactPicture)) * 1e-6));
+  const auto begin = std::chrono::steady_clock::now();
+  PictureForestPtr forest = plant_forest(index, 0);
+  const double planted_us = us_since(begin);
+  const size_t bytes = forest->bytes();
+  const auto adopted = std::chrono::steady_clock::now();
+  index.set_forest(std::move(forest));
+  const double adopted_us = us_since(adopted);
+  report(keyframes, "forest",
+         measure(
+             questions, exact,
+             [&](const auto& query) { return find_alike(index, query, kShortlist, PictureSearch::kForest); }),
+         fmt::format("planted in {:.0f} ms, {:.1f} MB; adopted in {:.1f} ms; change {:.0f} us",
+                     planted_us * 1e-3, static_cast<double>(bytes) * 1e-6, adopted_us * 1e-3,
+                     time_change(index)));
+  index.set_forest(nullptr);
+}
+
+Status run(const Arguments& arguments) {
+  const auto statistics = PictureStatistics::measure(arguments.sources, arguments.every, arguments.apart);
+  if (!statistics) return tl::unexpected(statistics.error());
+  std::printf("%zu pictures; %zu dimensions hold 0.999 of the variance; %.2f of it is within a place\n",
+              statistics->frames(), statistics->dimensions(), statistics->share_within());
+  std::printf(
+      "| keyframes | search | us p50 / p95 | recall@%zu: mapped place, elsewhere | "
+      "|\n|---|---|---|---|---|\n",
+      kWanted);
+  {
+    World world(*statistics, nullptr, arguments.seed);
+    for (const size_t keyframes : arguments.sizes) run_size(&world, keyframes, arguments.queries);
+  }
+  if (arguments.map.empty()) return {};
+  const auto recorded = record_place(arguments.map, arguments.map_frames, arguments.queries);
+  if (!recorded) return tl::unexpected(recorded.error());
+  std::printf(
+      "| keyframes | search | confirmed in their map | by pictures: ms p50 / p95 | with words |\n"
+      "|---|---|---|---|---|\n");
+  World world(*statistics, &*recorded, arguments.seed);
+  for (const size_t keyframes : arguments.sizes) run_answers(&world, *recorded, keyframes);
+  return {};
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  CLI::App app("Finding the most alike of many keyframes: linear scan beside forest");
+  cairn::Arguments arguments;
+  app.add_option("--source", arguments.sources, "recordings of 640x480 whose statistics the pictures have")
+      ->required();
+  app.add_option("--every", arguments.every, "of their frames is looked at")->check(CLI::PositiveNumber);
+  app.add_option("--apart", arguments.apart, "frames between two pictures of one place")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--map", arguments.map, "a recording: whole questions about its place are timed, too");
+  app.add_option("--map-frames", arguments.map_frames,
+                 "frames that its map is made of; the others are asked about");
+  app.add_option("--keyframes", arguments.sizes, "ascending");
+  app.add_option("--queries", arguments.queries, "for each number of keyframes");
+  app.add_option("--seed", arguments.seed, "of the pictures");
+  CLI11_PARSE(app, argc, argv);
+  if (const auto done = cairn::run(arguments); !done) {
+    std::fprintf(stderr, "cairn-index-bench: %s\n", done.error().message.c_str());
+    return cairn::exit_code(done.error().code);
+  }
+  return 0;
+}
