@@ -34,6 +34,7 @@ class PlaceQuestion {
   /// It did: the camera is where the map says.
   void prove() {
     taken_.reset();
+    suggestion_.reset();
     refuted_.forget();
   }
   void drop_suggestion() { suggestion_.reset(); }

@@ -29,6 +29,9 @@ constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive
 // A camera that has been lost for longer may have been carried elsewhere, to a place that looks the same from
 // where it was [s].
 constexpr double kStillHere = 1.0;
+// Correlation of the tiny images of two frames, the motion between them undone: below, they show different
+// things. A moving hand and blur stay above (README.md).
+constexpr float kSameView = 0.5F;
 
 }  // namespace
 
@@ -59,7 +62,8 @@ struct Tracker::State {
   std::array<FrameImages, 2> frames;
   size_t current = 0;
   bool has_previous = false;
-  TinyMotion seen;  ///< how the tiny image moved since the previous frame
+  TinyMotion seen;      ///< how the tiny image moved since the previous frame
+  bool is_cut = false;  ///< it has nothing in common with it
 
   bool starting = true;
   bool insists = false;  ///< a new map, whatever is known of the place
@@ -91,6 +95,13 @@ struct Tracker::State {
   [[nodiscard]] bool is_looking() const {
     return starting ? !trails.is_undecided() && !awaited && !insists : is_lost();
   }
+  /// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
+  /// first of many.
+  [[nodiscard]] bool is_asking() const { return starting ? is_looking() : bad_frames > 0; }
+  /// The map in use is left for another only when lost.
+  [[nodiscard]] bool wants(const PoseSuggestion& place) const {
+    return is_looking() || (is_asking() && place.map == map->map);
+  }
 
   void clear_result();
   void prepare(const GrayImagePtr& image);
@@ -102,6 +113,7 @@ struct Tracker::State {
   void adopt_revision(const MapSnapshotPtr& snapshot);
 
   void track_map(Timestamp time);
+  [[nodiscard]] bool found_as_suggested(Timestamp time);
   void recover(Timestamp time);
   [[nodiscard]] bool found_from(const SE3& start, const SearchEffort& effort, float quality, Timestamp time);
   [[nodiscard]] bool holds_proof() const {
@@ -138,6 +150,7 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
+  is_cut = has_previous && !(tiny_correlation(previous().tiny, now().tiny, seen) >= kSameView);
 }
 
 void Tracker::State::ask_place(Timestamp time) {
@@ -213,6 +226,7 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerd
   }
   if (unproven > 0 && --unproven > 0) {
     result.state = TrackingState::kLost;
+    result.on_trial = true;
     result.note = "proving a pose that was found";
     return;
   }
@@ -265,8 +279,9 @@ void Tracker::State::track_map(Timestamp time) {
     pose = finder.locate(now(), turn * model.last(), wide_effort(options), probe);
     verdict = pose ? finder.judge() : PoseVerdict::kBad;
   }
-  // After a frame that failed the start is a guess: what is found from there must look right to be believed.
-  if (verdict == PoseVerdict::kPoor && bad_frames > 0) verdict = PoseVerdict::kBad;
+  // After a frame that failed or that showed something else the start is a guess: what is found from there
+  // must look right to be believed.
+  if (verdict == PoseVerdict::kPoor && (bad_frames > 0 || is_cut)) verdict = PoseVerdict::kBad;
   const bool is_refuted = unproven > 0 && !(pose && holds_proof());
   if (verdict != PoseVerdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);
@@ -274,13 +289,26 @@ void Tracker::State::track_map(Timestamp time) {
   }
   model.missed();
   ++bad_frames;
+  result.state = TrackingState::kLost;
+  result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
   if (unproven > 0) {
     unproven = 0;
     bad_frames = options.lost_after_bad_frames;
     question.refute(time);
+  } else if (is_cut) {
+    bad_frames = options.lost_after_bad_frames;  // what it is waited for is that the next frame goes on
+  } else {
+    static_cast<void>(found_as_suggested(time));
   }
-  result.state = TrackingState::kLost;
-  result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
+}
+
+/// Tries the place that others say, if they say one of this map.
+bool Tracker::State::found_as_suggested(Timestamp time) {
+  const auto place = question.take(now(), *camera, *map);
+  if (!place) return false;
+  if (found_from(*place, wide_effort(options), kSuggestedQuality, time)) return true;
+  question.refute(time);
+  return false;
 }
 
 /// Tries, in this order, what others say, what the tracker remembers while it cannot have gone far, and, if
@@ -294,10 +322,7 @@ void Tracker::State::recover(Timestamp time) {
                     ? "looking from where it was before; nobody answers, more cannot be done"
                     : "asking where this is";
   const SearchEffort wide = wide_effort(options);
-  if (const auto place = question.take(now(), *camera, *map)) {
-    if (found_from(*place, wide, kSuggestedQuality, time)) return;
-    question.refute(time);
-  }
+  if (found_as_suggested(time)) return;
   if (may_be_elsewhere(time) && !question.nobody_answers()) return;
   if (const auto place = places.recall(now(), *camera, *map, lost_frames++ % kMemoriesTried)) {
     if (found_from(*place, wide, kRecoveredQuality, time)) return;
@@ -370,7 +395,7 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
     }
     s.report_search();
   }
-  if (s.is_looking()) s.ask_place(time);
+  if (s.is_asking()) s.ask_place(time);
   s.result.camera_from_map = s.model.last();
   s.has_previous = true;
   return s.result;
@@ -385,7 +410,7 @@ void Tracker::seed_refused(const std::string& reason) {
 }
 
 bool Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
-  const bool is_wanted = state_->question.answered(suggestion) && suggestion && state_->is_looking();
+  const bool is_wanted = state_->question.answered(suggestion) && suggestion && state_->wants(*suggestion);
   if (!is_wanted) state_->question.drop_suggestion();
   return is_wanted;
 }

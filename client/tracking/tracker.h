@@ -89,6 +89,9 @@ struct TrailLine {
 struct FrameResult {
   TrackingState state = TrackingState::kStarting;
   bool pose_measured = false;  ///< the pose comes from points measured in this frame
+  /// It was measured, but found by looking for it, and has still to hold in the next frames: for statistics,
+  /// not to be shown.
+  bool on_trial = false;
   SE3 camera_from_map;
   MapId map;
   Epoch epoch;

@@ -182,6 +182,79 @@ TEST_F(OnMap, ASuggestedPlaceIsBelievedWhenThreeFramesProveIt) {
   }
 }
 
+TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsProven) {
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  const test::PlaneScene elsewhere(99, camera);
+  auto other = std::make_shared<MapSnapshot>(*elsewhere.make_map(looking_down(0, 0)));
+  other->map.bytes[0] = 99;
+  const SE3 truth = looking_down(0.05, 0.01);
+  const auto image = elsewhere.render(truth);
+  const auto show = [&](const MapSnapshotPtr& held) -> const FrameResult& {
+    return tracker.track(image, {++frame * kFrame}, held);
+  };
+  const FrameResult& carried = show(map);
+  EXPECT_FALSE(carried.pose_measured);
+  ASSERT_TRUE(carried.place_question) << "in the first frame";
+  ASSERT_TRUE(
+      tracker.place_answered(PoseSuggestion{other->map, other->epoch, KeyframeId{1},
+                                            truth * other->find(KeyframeId{1})->camera_from_map.inverse()}));
+  for (int i = 0; i < 3; ++i) {
+    const FrameResult& result = show(other);
+    EXPECT_EQ(result.on_trial, i < 2) << "frame " << i << " " << result.note;
+    EXPECT_EQ(result.pose_measured, i == 2);
+    EXPECT_EQ(result.map, other->map);
+    EXPECT_LT(center_distance(result.camera_from_map, truth), 2e-3);
+  }
+}
+
+/// What hides the corners and leaves the picture as it is: blur.
+GrayImagePtr blurred(const GrayImage& image) {
+  constexpr int kRadius = 12;
+  auto out = std::make_shared<GrayImage>(image.width(), image.height());
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      int sum = 0;
+      int count = 0;
+      for (int v = std::max(0, y - kRadius); v <= std::min(image.height() - 1, y + kRadius); v += 2) {
+        for (int u = std::max(0, x - kRadius); u <= std::min(image.width() - 1, x + kRadius); u += 2) {
+          sum += image.row(v)[u];
+          ++count;
+        }
+      }
+      out->row(y)[x] = static_cast<uint8_t>(sum / count);
+    }
+  }
+  return out;
+}
+
+TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  const SE3 truth = looking_down(0.03, 0);
+  const auto image = scene.render(truth);
+  const FrameResult& bad = tracker.track(blurred(*image), {++frame * kFrame}, map);
+  EXPECT_FALSE(bad.pose_measured);
+  ASSERT_TRUE(bad.place_question);
+  const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
+  MapId other;
+  other.bytes[0] = 99;
+  EXPECT_FALSE(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, there}));
+  EXPECT_TRUE(tracker.track(image, {++frame * kFrame}, map).pose_measured) << "it holds: no proof needed";
+  EXPECT_FALSE(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}))
+      << "nothing is wanted by who is not in need";
+}
+
+TEST_F(OnMap, WhatIsSuggestedInTheSameMapIsTriedBeforeItIsLost) {
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  // Aside by more than any search reaches.
+  const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0);
+  const auto image = scene.render(truth);
+  ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).place_question);
+  const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
+  ASSERT_TRUE(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}));
+  for (int i = 0; i < 3; ++i)
+    EXPECT_EQ(tracker.track(image, {++frame * kFrame}, map).pose_measured, i == 2) << "frame " << i;
+}
+
 TEST_F(OnMap, AWrongSuggestionChangesNothing) {
   const SE3 truth = looking_down(0.05, 0.01);
   const SE3& keyframe = map->find(KeyframeId{1})->camera_from_map;

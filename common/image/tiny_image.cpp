@@ -303,6 +303,19 @@ float tiny_difference(const TinyImage& a, const TinyImage& b) {
   return (sum_of_lanes(sum) + rest) / static_cast<float>(n);
 }
 
+float tiny_correlation(const TinyImage& reference, const TinyImage& current, const TinyMotion& motion) {
+  const auto mean_square = [](const TinyImage& image) {
+    float sum = 0;
+    for (const float v : image.values()) sum += v * v;
+    return sum / static_cast<float>(std::max<size_t>(1, image.values().size()));
+  };
+  const float a = mean_square(reference);
+  const float b = mean_square(current);
+  const float product = 2 * std::sqrt(a * b);
+  if (!std::isfinite(motion.score) || !(product > 0)) return -1;
+  return std::clamp((a + b - motion.score) / product, -1.0F, 1.0F);
+}
+
 TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations) {
   constexpr double kMinOverlap = 0.25;  // of the image
   constexpr double kConverged = 1e-3;   // tiny px

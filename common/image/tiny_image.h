@@ -47,6 +47,11 @@ struct TinyMotion {
 /// over (x, y, angle, mean offset). PTAM r114.
 [[nodiscard]] TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int iterations = 6);
 
+/// How alike two tiny images are, the motion between them undone: Pearson's correlation, indifferent to gain
+/// and bias; -1 where one of them shows nothing, and for images of other sizes.
+[[nodiscard]] float tiny_correlation(const TinyImage& reference, const TinyImage& current,
+                                     const TinyMotion& motion);
+
 /// The camera rotation (current_from_reference) that explains a tiny motion, by aligning two points +-5 tiny
 /// px from the image centre. `camera` is the full-size camera of both images.
 [[nodiscard]] SE3 rotation_from_tiny(const TinyMotion& motion, const Camera& camera, int tiny_width);

@@ -126,6 +126,23 @@ TEST(AlignTinyTest, FindsTheMotionItIsDefinedBy) {
   }
 }
 
+TEST(TinyCorrelationTest, ToldApartAreTheSameViewInOtherLightAndAnotherView) {
+  for (uint32_t seed = 0; seed < 30; ++seed) {
+    const MovedPair pair = moved_pair(seed, {1.2, -0.7}, 0.03, 25);
+    const TinyMotion motion = align_tiny(pair.reference, pair.current);
+    EXPECT_GT(tiny_correlation(pair.reference, pair.current, motion), 0.9F) << "seed " << seed;
+    const TinyImage other = moved_pair(seed + 1000, {0, 0}, 0).current;
+    const TinyMotion by_chance = align_tiny(pair.reference, other);
+    EXPECT_LT(tiny_correlation(pair.reference, other, by_chance), 0.5F) << "seed " << seed;
+  }
+}
+
+TEST(TinyCorrelationTest, WhatShowsNothingIsLikeNothing) {
+  const TinyImage blank(TightImage(16, 12).view(), 0.75F);
+  EXPECT_EQ(tiny_correlation(blank, blank, align_tiny(blank, blank)), -1);
+  EXPECT_EQ(tiny_correlation(TinyImage(), blank, align_tiny(TinyImage(), blank)), -1);
+}
+
 TEST(AlignTinyTest, SwappingTheImagesInvertsTheMotion) {
   const MovedPair pair = moved_pair(5, {1.2, -0.7}, 0.05);
   const TinyMotion forth = align_tiny(pair.reference, pair.current, 10);

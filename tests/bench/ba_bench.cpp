@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 #include <functional>
 #include <numbers>
@@ -16,6 +15,7 @@
 #include "server/mapping/adjustment.h"
 #include "server/mapping/bundle_ceres.h"
 #include "tests/bench/bundle_file.h"
+#include "tests/bench/timing.h"
 
 namespace cairn {
 namespace {
@@ -24,12 +24,6 @@ constexpr double kGoal = 1.01;  ///< times the converged cost
 constexpr int kMostIterations = 64;
 constexpr int kUntilConverged = 200;
 constexpr const char* kSynthetic = "synthetic";
-
-double thread_cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
-}
 
 struct Variant {
   const char* name;

@@ -6,29 +6,21 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdio>
-#include <ctime>
 #include <map>
+#include <optional>
 #include <vector>
 
 #include "client/capture/frame_source.h"
-#include "client/tracking/tracker.h"
-#include "common/io/calibration.h"
 #include "common/io/trajectory.h"
 #include "server/mapping/adjustment.h"
-#include "server/mapping/map_maker.h"
-#include "server/relocalization/relocalizer.h"
 #include "tests/bench/bundle_file.h"
+#include "tests/bench/mapping_loop.h"
+#include "tests/bench/recorded_map.h"
+#include "tests/bench/timing.h"
 
 namespace cairn {
 namespace {
-
-double thread_cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
-}
 
 class CpuProbe final : public StageProbe {
  public:
@@ -48,12 +40,6 @@ class CpuProbe final : public StageProbe {
   std::array<double, kStages> frame_{};
   std::array<std::vector<double>, kStages> all_;
 };
-
-double percentile(std::vector<double> values, double p) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[static_cast<size_t>(p * static_cast<double>(values.size() - 1))];
-}
 
 struct Arguments {
   std::string source;
@@ -96,40 +82,40 @@ struct Totals {
   AdjustmentTotals local, global;
 };
 
-class EngineRun {
- public:
-  EngineRun(const Arguments& arguments, CameraPtr camera)
-      : arguments_(arguments), camera_(std::move(camera)) {
-    tracker_options_.seed = arguments.seed;
-    maker_options_.seed = arguments.seed;
-    if (arguments.ceres) maker_options_.adjuster = Adjuster::kCeres;
-    tracker_ = std::make_unique<Tracker>(camera_, tracker_options_);
-  }
+MappingOptions mapping_options(const Arguments& arguments, StageProbe* probe, MappingObserver* observer) {
+  MappingOptions options;
+  options.map.bytes[0] = 1;
+  options.seed = arguments.seed;
+  options.adjuster = arguments.ceres ? Adjuster::kCeres : Adjuster::kOwn;
+  options.local_only = arguments.local_only;
+  options.ask = arguments.ask;
+  options.probe = probe;
+  options.observer = observer;
+  return options;
+}
 
-  void frame(const Frame& frame, TrajectoryWriter* trajectory) {
-    const double before = thread_cpu_ms();
-    const bool hidden = is_hidden(frame.index);
-    const FrameResult& result =
-        tracker_->track(hidden ? black(*frame.image) : frame.image, frame.time, snapshot_, &probe_);
-    totals_.cpu_ms.push_back(thread_cpu_ms() - before);
-    probe_.finish_frame();
-    ++totals_.frames;
-    if (snapshot_) count(frame, result, trajectory);
-    // Alone, a tracker is told no more than that there is no map yet.
-    if (result.place_question && (arguments_.ask || !snapshot_)) answer(*result.place_question);
-    note_recovery(frame.index, hidden, result.pose_measured);
-    if (result.seed) seed(*result.seed, frame);
-    if (result.keyframe) offer(*result.keyframe, frame);
-    if (arguments_.verbose) print_frame(frame, result);
+class EngineRun final : public MappingObserver {
+ public:
+  EngineRun(const Arguments& arguments, CameraPtr camera, TrajectoryWriter* trajectory)
+      : arguments_(arguments),
+        trajectory_(trajectory),
+        mapping_(std::move(camera), mapping_options(arguments, &probe_, this)) {}
+  EngineRun(const EngineRun&) = delete;
+  EngineRun& operator=(const EngineRun&) = delete;
+
+  void frame(const Frame& frame) {
+    Frame shown = frame;
+    if (is_hidden(frame.index)) shown.image = black(*frame.image);
+    mapping_.frame(shown);
   }
 
   /// Keyframes as they are after the run.
   Status write_keyframes(TrajectoryWriter* file) const {
+    const MapSnapshotPtr& map = mapping_.snapshot();
     for (const auto& [id, time] : keyframe_times_) {
-      const KeyframePose* keyframe = snapshot_ ? snapshot_->find(id) : nullptr;
+      const KeyframePose* keyframe = map ? map->find(id) : nullptr;
       if (keyframe == nullptr) continue;
-      auto written =
-          file->append(snapshot_->map, snapshot_->name, {time, keyframe->camera_from_map.inverse()});
+      auto written = file->append(map->map, map->name, {time, keyframe->camera_from_map.inverse()});
       if (!written) return written;
     }
     return {};
@@ -140,8 +126,8 @@ class EngineRun {
 
   /// The problem of a global adjustment of the map as it is now.
   [[nodiscard]] Status write_global_problem(const std::string& path) const {
-    if (!maker_) return fail(ErrorCode::kNotFound, path + ": no map was made");
-    return write_bundle(path, maker_->prepare_global_adjustment()->problem.bundle);
+    if (mapping_.maker() == nullptr) return fail(ErrorCode::kNotFound, path + ": no map was made");
+    return write_bundle(path, mapping_.maker()->prepare_global_adjustment()->problem.bundle);
   }
 
   void report() const {
@@ -163,25 +149,71 @@ class EngineRun {
     t.global.print("global");
     std::printf("questions %zu, places found %zu\n", t.questions, t.places);
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
-    if (maker_) {
-      const MapStatistics m = maker_->statistics();
+    if (const MapMaker* maker = mapping_.maker()) {
+      const MapStatistics m = maker->statistics();
       std::printf("map: %zu keyframes %zu points %zu measurements, %.2f MB, reprojection %.3f px\n",
                   m.keyframes, m.points, m.measurements, static_cast<double>(m.bytes) / 1e6,
-                  maker_->reprojection_rms());
+                  maker->reprojection_rms());
     }
   }
 
+  void on_frame(const Frame& frame, const FrameResult& result, double ms) override {
+    totals_.cpu_ms.push_back(ms);
+    probe_.finish_frame();
+    ++totals_.frames;
+    if (mapping_.snapshot()) count(frame, result);
+    note_recovery(frame.index, result.pose_measured);
+    if (arguments_.verbose) print_frame(frame, result);
+  }
+
+  void on_answer(const PlaceAnswer& answer) override {
+    ++totals_.questions;
+    if (answer.verdict == PlaceVerdict::kConfirmed) ++totals_.places;
+  }
+
+  void on_seed(const Frame& frame, const SeedProposal& proposal, const Result<SeedResult>& started,
+               double ms) override {
+    if (!started) {
+      std::printf("frame %lu: seed refused: %s\n", static_cast<unsigned long>(frame.index),
+                  started.error().message.c_str());
+      return;
+    }
+    keyframe_times_ = {{started->first_keyframe, proposal.first_time},
+                       {started->second_keyframe, proposal.second_time}};
+    totals_.first_map_frame = static_cast<long>(frame.index);
+    std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n",
+                static_cast<unsigned long>(frame.index), started->points.size(), proposal.trails.size(), ms,
+                started->plane_aligned, mapping_.maker()->statistics().points);
+    if (arguments_.verbose) print_start(*started, proposal);
+  }
+
+  void on_keyframe(const Frame& frame, const KeyframeDecision& decision, double ms) override {
+    totals_.keyframe_ms.push_back(ms);
+    if (decision.verdict != KeyframeVerdict::kAccepted) {
+      ++totals_.refused;
+      ++refusals_[decision.reason.substr(0, 40)];
+      return;
+    }
+    ++totals_.accepted;
+    keyframe_times_[decision.keyframe] = frame.time;
+  }
+
+  void on_work(const StepReport& report, double ms) override {
+    if (report.work == MapWork::kLocalAdjustment) totals_.local.add(ms, report);
+    if (report.work == MapWork::kGlobalAdjustment) totals_.global.add(ms, report);
+  }
+
  private:
-  void count(const Frame& frame, const FrameResult& result, TrajectoryWriter* trajectory) {
+  void count(const Frame& frame, const FrameResult& result) {
     ++totals_.with_map;
     if (result.state == TrackingState::kLost) ++totals_.lost;
     if (!result.pose_measured) return;
     ++totals_.tracked;
     totals_.attempted.push_back(result.attempted);
     totals_.found.push_back(result.found);
-    if (trajectory != nullptr) {
-      static_cast<void>(trajectory->append(snapshot_->map, snapshot_->name,
-                                           {frame.time, result.camera_from_map.inverse()}));
+    if (trajectory_ != nullptr) {
+      static_cast<void>(trajectory_->append(mapping_.snapshot()->map, mapping_.snapshot()->name,
+                                            {frame.time, result.camera_from_map.inverse()}));
     }
   }
 
@@ -199,8 +231,8 @@ class EngineRun {
   }
 
   /// How many frames after the view is free again the first pose comes.
-  void note_recovery(size_t index, bool hidden, bool posed) {
-    if (hidden) {
+  void note_recovery(size_t index, bool posed) {
+    if (is_hidden(index)) {
       free_since_ = index + 1;
     } else if (free_since_ > 0 && posed) {
       std::printf("frame %zu: hidden before, tracked again after %zu frames\n", index,
@@ -209,64 +241,15 @@ class EngineRun {
     }
   }
 
-  /// The relocalizer's answer, there before the next frame as in lockstep.
-  void answer(const PlaceView& view) {
-    const PlaceAnswer said = relocalize(index_, *camera_, view);
-    ++totals_.questions;
-    std::optional<PoseSuggestion> place;
-    if (said.verdict == PlaceVerdict::kConfirmed) {
-      ++totals_.places;
-      const PlaceCandidate& best = said.candidates.front();
-      place = PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
-    }
-    tracker_->place_answered(place);
-  }
-
-  void print_frame(const Frame& frame, const FrameResult& result) const {
+  static void print_frame(const Frame& frame, const FrameResult& result) {
     std::printf("%5lu state %d found %d/%d rms %.2f depth %.2f %s\n", static_cast<unsigned long>(frame.index),
                 static_cast<int>(result.state), result.found, result.attempted, result.reprojection_rms,
                 result.mean_depth, result.note.c_str());
   }
 
-  void seed(const SeedProposal& proposal, const Frame& frame) {
-    SeedInput input;
-    input.map.bytes[0] = 1;
-    input.map_name = "map-1";
-    input.epoch = Epoch{1};
-    input.camera = camera_;
-    input.first_time = proposal.first_time;
-    input.second_time = proposal.second_time;
-    input.first_image = proposal.first_image;
-    input.second_image = proposal.second_image;
-    input.trails = proposal.trails;
-    input.second_from_first = proposal.second_from_first;
-    const double before = thread_cpu_ms();
-    auto started = MapMaker::start(input, maker_options_);
-    totals_.seed_ms.push_back(thread_cpu_ms() - before);
-    if (!started) {
-      std::printf("frame %lu: seed refused: %s\n", static_cast<unsigned long>(frame.index),
-                  started.error().message.c_str());
-      tracker_->seed_refused(started.error().message);
-      return;
-    }
-    maker_ = std::move(started->first);
-    keyframe_times_ = {{started->second.first_keyframe, proposal.first_time},
-                       {started->second.second_keyframe, proposal.second_time}};
-    work();
-    totals_.first_map_frame = static_cast<long>(frame.index);
-    std::printf("frame %lu: map started, %zu trails of %zu, %.0f ms, plane %d, %zu points\n",
-                static_cast<unsigned long>(frame.index), started->second.points.size(),
-                proposal.trails.size(), totals_.seed_ms.back(), started->second.plane_aligned,
-                maker_->statistics().points);
-    if (arguments_.verbose) print_start(*started, proposal);
-    tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision,
-                             started->second.second_keyframe, started->second.points});
-  }
-
-  void print_start(const std::pair<std::unique_ptr<MapMaker>, SeedResult>& started,
-                   const SeedProposal& proposal) {
-    const KeyframePose* first = snapshot_->find(started.second.first_keyframe);
-    const KeyframePose* second = snapshot_->find(started.second.second_keyframe);
+  void print_start(const SeedResult& started, const SeedProposal& proposal) const {
+    const KeyframePose* first = mapping_.snapshot()->find(started.first_keyframe);
+    const KeyframePose* second = mapping_.snapshot()->find(started.second_keyframe);
     if (first == nullptr || second == nullptr) return;
     const SE3 step = second->camera_from_map * first->camera_from_map.inverse();
     const Eigen::Vector3d t = step.translation();
@@ -276,66 +259,20 @@ class EngineRun {
                 static_cast<double>(first->mean_depth), t.x(), t.y(), t.z(), r.x(), r.y(), r.z());
   }
 
-  void offer(const KeyframeProposal& proposal, const Frame& frame) {
-    const double before = thread_cpu_ms();
-    const KeyframeDecision decision =
-        maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
-                              proposal.camera_from_reference, proposal.measurements});
-    totals_.keyframe_ms.push_back(thread_cpu_ms() - before);
-    if (decision.verdict != KeyframeVerdict::kAccepted) {
-      ++totals_.refused;
-      ++refusals_[decision.reason.substr(0, 40)];
-      return;
-    }
-    ++totals_.accepted;
-    keyframe_times_[decision.keyframe] = frame.time;
-    work();
-  }
-
-  void work() {
-    for (;;) {
-      const double before = thread_cpu_ms();
-      const StepReport report = maker_->step([] { return false; });
-      if (report.work == MapWork::kLocalAdjustment) totals_.local.add(thread_cpu_ms() - before, report);
-      if (report.work != MapWork::kNone) continue;
-      if (arguments_.local_only || !maker_->wants_global_adjustment()) break;
-      const auto problem = maker_->prepare_global_adjustment();
-      solve(problem.get(), [] { return false; });
-      const StepReport adopted = maker_->adopt(*problem);
-      totals_.global.add(thread_cpu_ms() - before, adopted);
-    }
-    snapshot_ = maker_->snapshot();
-    index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
-  }
-
-  Arguments arguments_;
-  CameraPtr camera_;
-  TrackerOptions tracker_options_;
-  MapMakerOptions maker_options_;
-  std::unique_ptr<Tracker> tracker_;
-  std::unique_ptr<MapMaker> maker_;
-  MapSnapshotPtr snapshot_;
-  PlaceIndex index_;
-  size_t free_since_ = 0;
+  const Arguments& arguments_;
+  TrajectoryWriter* trajectory_;  ///< null: none
   CpuProbe probe_;
+  MappingLoop mapping_;
+  size_t free_since_ = 0;
   Totals totals_;
   std::map<std::string, size_t> refusals_;
   std::map<KeyframeId, Timestamp> keyframe_times_;
 };
 
-Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& source) {
-  if (!arguments.calibration.empty()) return read_calibration(arguments.calibration).and_then(make_camera);
-  if (const auto known = source.builtin_calibration()) return make_camera(*known);
-  if (const auto file = find_calibration(arguments.source))
-    return read_calibration(*file).and_then(make_camera);
-  return fail(ErrorCode::kConfiguration,
-              arguments.source + ": no camera.txt beside it; pass --calibration FILE");
-}
-
 Status run(const Arguments& arguments) {
   auto source = open_source(arguments.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = choose_camera(arguments, **source);
+  auto camera = choose_camera(**source, arguments.source, arguments.calibration);
   if (!camera) return tl::unexpected(camera.error());
   std::optional<TrajectoryWriter> trajectory;
   if (!arguments.trajectory.empty()) {
@@ -343,7 +280,7 @@ Status run(const Arguments& arguments) {
     if (!opened) return tl::unexpected(opened.error());
     trajectory.emplace(std::move(*opened));
   }
-  EngineRun engine(arguments, *camera);
+  EngineRun engine(arguments, *camera, trajectory ? &*trajectory : nullptr);
   for (size_t i = 0; i < arguments.frames;) {
     auto next = (*source)->next();
     if (!next) {
@@ -352,7 +289,7 @@ Status run(const Arguments& arguments) {
     }
     if (!*next) break;
     if (i++ < arguments.skip) continue;
-    engine.frame(**next, trajectory ? &*trajectory : nullptr);
+    engine.frame(**next);
     if (engine.done()) break;
   }
   engine.report();

@@ -14,6 +14,8 @@
 #include "client/tracking/frame_images.h"
 #include "server/relocalization/relocalizer.h"
 #include "tests/bench/recorded_map.h"
+#include "tests/bench/timing.h"
+#include "tests/bench/truth.h"
 
 namespace cairn {
 namespace {
@@ -154,10 +156,10 @@ class AnswerTimes {
 Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
                    bool verbose) {
   constexpr uint64_t kEvery = 5;
-  const auto camera = choose_camera(foreign, "");
-  if (!camera) return tl::unexpected(camera.error());
   auto source = open_source(foreign);
   if (!source) return tl::unexpected(source.error());
+  const auto camera = choose_camera(**source, foreign, "");
+  if (!camera) return tl::unexpected(camera.error());
   int asked = 0;
   int answered = 0;
   AnswerTimes times(options);
@@ -194,7 +196,7 @@ constexpr uint64_t kProofFrames = 3;  // as the peers were judged
 
 /// Asks for the listed frames among those that are left in the source.
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
-         const Mapping& mapping, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
+         const MapSnapshotPtr& map, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
   std::vector<double> describe_ms;
   AnswerTimes times(options);
   Proof proof;
@@ -207,7 +209,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     if (!*next) break;
     const Frame& frame = **next;
     if (proof.tracker) {
-      const FrameResult& tracked = proof.tracker->track(frame.image, frame.time, mapping.snapshot());
+      const FrameResult& tracked = proof.tracker->track(frame.image, frame.time, map);
       const auto pose = tracked.pose_measured ? std::optional(tracked.camera_from_map) : std::nullopt;
       if (frame.index - proof.asked >= kProofFrames && judge->judge_proof(frame, proof.in_view, pose)) {
         proof.tracker.reset();
@@ -224,10 +226,10 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     const PlaceAnswer result = relocalize(index, *camera, view, options);
     describe_ms.push_back(described - begin);
     times.add(result, thread_cpu_ms() - described);
-    judge->judge(frame, query->second, *mapping.snapshot(), result);
+    judge->judge(frame, query->second, *map, result);
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
-    if (best.map != mapping.snapshot()->map) continue;
+    if (best.map != map->map) continue;
     proof = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
     proof.tracker->place_answered(
         PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
@@ -239,7 +241,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
 Status run(const Arguments& arguments) {
   auto source = open_source(arguments.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = choose_camera(arguments.source, arguments.calibration);
+  auto camera = choose_camera(**source, arguments.source, arguments.calibration);
   if (!camera) return tl::unexpected(camera.error());
   const auto queries = read_queries(arguments);
   if (!queries) return tl::unexpected(queries.error());
@@ -247,20 +249,19 @@ Status run(const Arguments& arguments) {
   if (!exact) return tl::unexpected(exact.error());
   const Truth truth(*exact);
 
-  MapId map;
-  map.bytes[0] = 1;
-  Mapping mapping(*camera, map, arguments.seed);
-  const auto mapped = map_beginning(source->get(), arguments.map_frames, &mapping);
+  MapId id;
+  id.bytes[0] = 1;
+  const auto mapped = map_beginning(source->get(), arguments.map_frames, *camera, id, arguments.seed);
   if (!mapped) return tl::unexpected(mapped.error());
   PlaceIndex index;
-  index.put(*mapped);
+  index.put(mapped->map);
   if (const Status done = map_others(arguments.others, 2, arguments.seed, &index); !done) return done;
-  const auto truth_from_map = align(mapping.live(), truth);
+  const auto truth_from_map = align(mapped->live, truth);
   if (!truth_from_map) return tl::unexpected(truth_from_map.error());
   RelocOptions options;
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;
   Judge judge(arguments, truth, *truth_from_map);
-  ask(source->get(), *queries, *camera, mapping, index, options, &judge);
+  ask(source->get(), *queries, *camera, mapped->map->snapshot, index, options, &judge);
   judge.report();
   for (const std::string& foreign : arguments.foreign) {
     if (const Status done = ask_foreign(foreign, index, options, arguments.verbose); !done) return done;

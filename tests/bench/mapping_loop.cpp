@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "tests/bench/mapping_loop.h"
+
+#include <optional>
+#include <utility>
+
+#include "server/relocalization/relocalizer.h"
+#include "tests/bench/timing.h"
+
+namespace cairn {
+namespace {
+
+bool never() {
+  return false;
+}
+
+}  // namespace
+
+void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer) {
+  for (;;) {
+    const double before = thread_cpu_ms();
+    const StepReport report = maker->step(never);
+    if (report.work != MapWork::kNone) {
+      observer->on_work(report, thread_cpu_ms() - before);
+      continue;
+    }
+    if (local_only || !maker->wants_global_adjustment()) return;
+    const auto problem = maker->prepare_global_adjustment();
+    solve(problem.get(), never);
+    const StepReport adopted = maker->adopt(*problem);
+    observer->on_work(adopted, thread_cpu_ms() - before);
+  }
+}
+
+MappingLoop::MappingLoop(CameraPtr camera, const MappingOptions& options)
+    : camera_(std::move(camera)),
+      options_(options),
+      observer_(options.observer != nullptr ? *options.observer : silent_) {
+  TrackerOptions tracking;
+  tracking.seed = options.seed;
+  tracker_ = std::make_unique<Tracker>(camera_, tracking);
+  maker_options_.seed = options.seed;
+  maker_options_.adjuster = options.adjuster;
+}
+
+void MappingLoop::frame(const Frame& frame) {
+  const double before = thread_cpu_ms();
+  const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, options_.probe);
+  observer_.on_frame(frame, result, thread_cpu_ms() - before);
+  // Alone, a tracker is told no more than that there is no map yet.
+  if (result.place_question && (options_.ask || !snapshot_)) answer(*result.place_question);
+  if (result.seed) seed(*result.seed, frame);
+  if (result.keyframe) offer(*result.keyframe, frame);
+}
+
+void MappingLoop::answer(const PlaceView& view) {
+  const PlaceAnswer said = relocalize(index_, *camera_, view);
+  observer_.on_answer(said);
+  std::optional<PoseSuggestion> place;
+  if (said.verdict == PlaceVerdict::kConfirmed) {
+    const PlaceCandidate& best = said.candidates.front();
+    place = PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
+  }
+  static_cast<void>(tracker_->place_answered(place));
+}
+
+void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
+  SeedInput input;
+  input.map = options_.map;
+  input.map_name = "map-1";
+  input.epoch = Epoch{1};
+  input.camera = camera_;
+  input.first_time = proposal.first_time;
+  input.second_time = proposal.second_time;
+  input.first_image = proposal.first_image;
+  input.second_image = proposal.second_image;
+  input.trails = proposal.trails;
+  input.second_from_first = proposal.second_from_first;
+  const double before = thread_cpu_ms();
+  auto started = MapMaker::start(input, maker_options_);
+  const double took = thread_cpu_ms() - before;
+  if (!started) {
+    observer_.on_seed(frame, proposal, tl::unexpected(started.error()), took);
+    return tracker_->seed_refused(started.error().message);
+  }
+  maker_ = std::move(started->first);
+  work();
+  observer_.on_seed(frame, proposal, started->second, took);
+  tracker_->seed_accepted({snapshot_->map, snapshot_->epoch, snapshot_->revision,
+                           started->second.second_keyframe, started->second.points});
+}
+
+void MappingLoop::offer(const KeyframeProposal& proposal, const Frame& frame) {
+  const double before = thread_cpu_ms();
+  const KeyframeDecision decision =
+      maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
+                            proposal.camera_from_reference, proposal.measurements});
+  observer_.on_keyframe(frame, decision, thread_cpu_ms() - before);
+  if (decision.verdict == KeyframeVerdict::kAccepted) work();
+}
+
+void MappingLoop::work() {
+  finish_work(maker_.get(), options_.local_only, &observer_);
+  snapshot_ = maker_->snapshot();
+  index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
+}
+
+}  // namespace cairn

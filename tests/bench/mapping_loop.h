@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "client/capture/frame_source.h"
+#include "client/tracking/tracker.h"
+#include "common/map/place_answer.h"
+#include "server/mapping/map_maker.h"
+#include "server/relocalization/place_index.h"
+
+namespace cairn {
+
+/// Hears what happens while a map is made, in order. Times are CPU time of the thread [ms].
+class MappingObserver {
+ public:
+  virtual ~MappingObserver() = default;
+  /// Before anything is done about the result.
+  virtual void on_frame(const Frame&, const FrameResult&, double /*ms*/) {}
+  virtual void on_answer(const PlaceAnswer&) {}
+  /// When the map's first work is done; `ms`: of the start alone.
+  virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
+  virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
+  virtual void on_work(const StepReport&, double /*ms*/) {}
+};
+
+/// All work that a map has left, to its end; nothing stops or yields.
+void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer);
+
+struct MappingOptions {
+  MapId map;
+  uint64_t seed = 1;  ///< of every random choice
+  Adjuster adjuster = Adjuster::kOwn;
+  bool local_only = false;              ///< no global adjustment
+  bool ask = true;                      ///< a tracker that is lost in the map may ask the relocalizer
+  StageProbe* probe = nullptr;          ///< outlives the loop, as does
+  MappingObserver* observer = nullptr;  ///< none
+};
+
+/// Tracker, map maker and relocalizer in one thread without DDS: every unit of map work is finished and every
+/// question answered before the next frame, as in lockstep.
+class MappingLoop {
+ public:
+  MappingLoop(CameraPtr camera, const MappingOptions& options);
+
+  void frame(const Frame& frame);
+
+  /// Null without a map.
+  [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
+  [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
+  /// The map as the relocalizer has it; null without one.
+  [[nodiscard]] IndexedMapPtr indexed() const {
+    return index_.maps().empty() ? nullptr : index_.maps().front();
+  }
+
+ private:
+  void answer(const PlaceView& view);
+  void seed(const SeedProposal& proposal, const Frame& frame);
+  void offer(const KeyframeProposal& proposal, const Frame& frame);
+  void work();
+
+  CameraPtr camera_;
+  MappingOptions options_;
+  MapMakerOptions maker_options_;
+  MappingObserver silent_;
+  MappingObserver& observer_;
+  std::unique_ptr<Tracker> tracker_;
+  std::unique_ptr<MapMaker> maker_;
+  MapSnapshotPtr snapshot_;
+  PlaceIndex index_;  ///< of this map alone
+};
+
+}  // namespace cairn

@@ -1,0 +1,434 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Many recordings as separate maps in one index, and pictures of each that were not mapped: which map, and
+// where? Asked again under other light, of an index that lacks the place's own map (whatever is answered then
+// is wrong), and of the baselines. Without DDS.
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "client/tracking/frame_images.h"
+#include "server/relocalization/confirm.h"
+#include "server/relocalization/relocalizer.h"
+#include "server/relocalization/votes.h"
+#include "tests/bench/light.h"
+#include "tests/bench/posed_map.h"
+#include "tests/bench/recall.h"
+#include "tests/bench/recorded_map.h"
+#include "tests/bench/timing.h"
+#include "tests/bench/truth.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kMostQueries = 50;  // of one recording
+constexpr double kReach = 0.25;      // [m], or of the depth where the truth has no unit
+
+struct Arguments {
+  std::vector<std::string> videos, stills, unmapped;
+  uint64_t seed = 1;
+  bool verbose = false;
+};
+constexpr size_t kVideoFields = 6;
+constexpr size_t kStillsFields = 4;
+constexpr size_t kUnmappedFields = 3;
+const std::string kNone = "-";
+
+struct Query {
+  uint64_t frame = 0;
+  GrayImagePtr image;
+  std::optional<SE3> exact;  ///< truth_from_camera
+};
+
+/// A recording, mapped or not.
+struct Place {
+  std::string name;
+  std::string how;  ///< it was mapped
+  CameraPtr camera;
+  IndexedMapPtr map = {};  ///< null: none
+  Similarity3 truth_from_map = {};
+  double depth = 0;                                        ///< mean of its keyframes [of the truth]
+  double reach = std::numeric_limits<double>::infinity();  ///< of a mapped view [of the truth]
+  std::vector<SE3> mapped = {};                            ///< views, truth_from_camera
+  std::vector<Query> queries = {};
+};
+
+MapId map_id(size_t number) {
+  MapId id;
+  id.bytes[0] = static_cast<uint8_t>(number + 1);
+  return id;
+}
+
+std::string given(const std::string& field) {
+  return field == kNone ? std::string() : field;
+}
+
+/// A source, its camera and its truth, if any.
+struct Recording {
+  std::unique_ptr<FrameSource> source;
+  CameraPtr camera;
+  Truth truth;
+};
+
+Result<Recording> open_recording(const std::string& uri, const std::string& calibration,
+                                 const std::string& truth) {
+  auto source = open_source(uri);
+  if (!source) return tl::unexpected(source.error());
+  const auto camera = choose_camera(**source, uri, given(calibration));
+  if (!camera) return tl::unexpected(camera.error());
+  Recording recording{std::move(*source), *camera, {}};
+  if (truth == kNone) return recording;
+  const auto exact = read_trajectory(truth);
+  if (!exact) return tl::unexpected(exact.error());
+  recording.truth = Truth(*exact);
+  return recording;
+}
+
+/// All that are left. A frame that cannot be decoded is passed over.
+std::vector<Frame> read_all(FrameSource* source) {
+  std::vector<Frame> frames;
+  for (auto next = source->next(); !next || *next; next = source->next()) {
+    if (next) frames.push_back(**next);
+  }
+  return frames;
+}
+
+/// Evenly spread over the frames; where there is truth, over those that have it.
+std::vector<Query> choose_queries(const std::vector<Frame>& frames, const Truth& truth) {
+  std::vector<Query> all;
+  for (const Frame& frame : frames) {
+    const SE3* exact = truth.at(frame.time);
+    if (exact == nullptr && !truth.empty()) continue;
+    all.push_back({frame.index, frame.image, exact != nullptr ? std::optional(*exact) : std::nullopt});
+  }
+  const size_t step = (all.size() + kMostQueries - 1) / kMostQueries;
+  std::vector<Query> chosen;
+  for (size_t i = 0; i < all.size(); i += step) chosen.push_back(std::move(all[i]));
+  return chosen;
+}
+
+/// What is known of the map by the truth.
+Status measure_map(const std::vector<StampedPose>& poses, const Truth& truth, bool is_metric, Place* place) {
+  if (truth.empty()) return {};
+  const auto aligned = align(poses, truth);
+  if (!aligned) return tl::unexpected(aligned.error());
+  place->truth_from_map = *aligned;
+  double sum = 0;
+  for (const IndexedKeyframePtr& k : place->map->keyframes)
+    sum += static_cast<double>(place->map->snapshot->find(k->id)->mean_depth);
+  place->depth = aligned->scale() * sum / static_cast<double>(place->map->keyframes.size());
+  place->reach = is_metric ? kReach : kReach * place->depth;
+  for (const StampedPose& p : poses) {
+    if (const SE3* exact = truth.at(p.time)) place->mapped.push_back(*exact);
+  }
+  return {};
+}
+
+/// NAME SOURCE CALIBRATION TRUTH UNIT FRAMES
+Result<Place> make_video(std::span<const std::string> fields, MapId id, uint64_t seed) {
+  auto recording = open_recording(fields[1], fields[2], fields[3]);
+  if (!recording) return tl::unexpected(recording.error());
+  const auto recorded =
+      map_beginning(recording->source.get(), std::stoul(fields[5]), recording->camera, id, seed);
+  if (!recorded) return tl::unexpected(recorded.error());
+  Place place{.name = fields[0], .how = "video", .camera = recording->camera, .map = recorded->map};
+  if (const Status done = measure_map(recorded->live, recording->truth, fields[4] == "m", &place); !done)
+    return tl::unexpected(done.error());
+  place.queries = choose_queries(read_all(recording->source.get()), recording->truth);
+  return place;
+}
+
+/// NAME SOURCE TRUTH UNIT: every other still is mapped, the others are asked about.
+Result<Place> make_stills(std::span<const std::string> fields, MapId id, uint64_t seed) {
+  auto recording = open_recording(fields[1], kNone, fields[2]);
+  if (!recording) return tl::unexpected(recording.error());
+  std::vector<PosedStill> posed;
+  std::vector<Frame> others;
+  for (const Frame& frame : read_all(recording->source.get())) {
+    const SE3* exact = recording->truth.at(frame.time);
+    if (exact == nullptr) continue;
+    if (frame.index % 2 == 0) {
+      posed.push_back({frame.time, frame.image, exact->inverse()});
+    } else {
+      others.push_back(frame);
+    }
+  }
+  const auto mapped = map_posed_stills(recording->camera, posed, id, seed);
+  if (!mapped) return tl::unexpected(mapped.error());
+  Place place{.name = fields[0], .how = "stills, posed", .camera = recording->camera, .map = mapped->map};
+  if (const Status done = measure_map(mapped->keyframes, recording->truth, fields[3] == "m", &place); !done)
+    return tl::unexpected(done.error());
+  place.queries = choose_queries(others, recording->truth);
+  return place;
+}
+
+/// NAME SOURCE CALIBRATION
+Result<Place> make_unmapped(std::span<const std::string> fields) {
+  auto recording = open_recording(fields[1], fields[2], kNone);
+  if (!recording) return tl::unexpected(recording.error());
+  Place place{.name = fields[0], .how = "not mapped", .camera = recording->camera};
+  place.queries = choose_queries(read_all(recording->source.get()), {});
+  return place;
+}
+
+template <typename Make>
+Status make_each(const std::vector<std::string>& arguments, size_t fields, const Make& make,
+                 std::vector<Place>* places) {
+  if (arguments.size() % fields != 0) return fail(ErrorCode::kUsage, "fields are missing; see --help");
+  for (size_t i = 0; i < arguments.size(); i += fields) {
+    auto place = make(std::span(arguments).subspan(i, fields), map_id(places->size()));
+    if (!place) return fail(place.error().code, arguments[i] + ": " + place.error().message);
+    places->push_back(std::move(*place));
+  }
+  return {};
+}
+
+Result<std::vector<Place>> make_places(const Arguments& a) {
+  std::vector<Place> places;
+  const auto video = [&](auto fields, MapId id) { return make_video(fields, id, a.seed); };
+  const auto stills = [&](auto fields, MapId id) { return make_stills(fields, id, a.seed); };
+  const auto unmapped = [](auto fields, MapId /*id*/) { return make_unmapped(fields); };
+  Status done = make_each(a.videos, kVideoFields, video, &places);
+  if (done) done = make_each(a.stills, kStillsFields, stills, &places);
+  if (done) done = make_each(a.unmapped, kUnmappedFields, unmapped, &places);
+  if (!done) return tl::unexpected(done.error());
+  return places;
+}
+
+enum class Method : uint8_t { kOurs, kPaper, kWords, kWordsConfirmed, kCount };
+constexpr size_t kMethods = static_cast<size_t>(Method::kCount);
+constexpr std::array<const char*, kMethods> kMethodNames = {"ours", "paper", "words", "words+geometry"};
+
+/// What was answered: a pose near a keyframe of a map.
+struct Said {
+  MapId map;
+  KeyframeId keyframe;
+  SE3 camera_from_keyframe;
+};
+
+std::optional<Said> ask_relocalizer(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
+                                    RelocMethod method) {
+  RelocOptions options;
+  options.method = method;
+  const PlaceAnswer answer = relocalize(index, camera, view, options);
+  if (answer.verdict == PlaceVerdict::kNotKnown) return std::nullopt;
+  const PlaceCandidate& best = answer.candidates.front();
+  return Said{best.map, best.keyframe, best.camera_from_keyframe};
+}
+
+/// The keyframe with the most votes of the words: always an answer, at that keyframe's own pose. 10 240
+/// words, learned from made pictures.
+std::optional<Said> ask_words(const PlaceIndex& index, const PlaceView& view) {
+  const auto voted = vote(index, view, probed_cells(view), 1);
+  if (voted.empty()) return std::nullopt;
+  const IndexedMap& map = *voted.front().map;
+  return Said{map.snapshot->map, map.keyframes[voted.front().keyframe]->id, SE3()};
+}
+
+/// The first keyframe in the order of votes that geometry confirms, of as many as ours may try.
+std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& camera,
+                                        const PlaceView& view) {
+  const RelocOptions options;
+  const auto cells = probed_cells(view);
+  const CornerGrid grid(view, camera);
+  for (const Voted& v : vote(index, view, cells, static_cast<size_t>(options.shortlist))) {
+    const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe, options.confirm);
+    if (!said.confirmed) continue;
+    const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
+    return Said{v.map->snapshot->map, k->id, said.camera_from_map * k->camera_from_map.inverse()};
+  }
+  return std::nullopt;
+}
+
+std::optional<Said> ask(Method method, const PlaceIndex& index, const Camera& camera, const PlaceView& view) {
+  switch (method) {
+    case Method::kOurs:
+      return ask_relocalizer(index, camera, view, RelocMethod::kImproved);
+    case Method::kPaper:
+      return ask_relocalizer(index, camera, view, RelocMethod::kPaper);
+    case Method::kWords:
+      return ask_words(index, view);
+    default:
+      return ask_words_confirmed(index, camera, view);
+  }
+}
+
+Judged judge(const Place& place, const Query& query, const std::optional<Said>& said) {
+  Judged judged;
+  judged.in_view = place.map && (!query.exact || overlaps_a_view(*query.exact, place.mapped, place.reach));
+  judged.answered = said.has_value();
+  judged.right_map = said && place.map && said->map == place.map->snapshot->map;
+  judged.depth = place.depth;
+  if (judged.right_map && query.exact) {
+    const SE3 pose = said->camera_from_keyframe * place.map->snapshot->find(said->keyframe)->camera_from_map;
+    judged.off = compare(place.truth_from_map, pose, *query.exact);
+  }
+  return judged;
+}
+
+/// Of one method under one light.
+struct Score {
+  Recall recall;       ///< with all maps
+  size_t foreign = 0;  ///< questions to an index without the place's own map
+  size_t claimed = 0;  ///< of these, answered
+  std::vector<double> ms;
+
+  void add(const Score& other) {
+    recall.add(other.recall);
+    foreign += other.foreign;
+    claimed += other.claimed;
+    ms.insert(ms.end(), other.ms.begin(), other.ms.end());
+  }
+};
+using Scores = std::array<Score, kMethods>;
+
+class Examination {
+ public:
+  Examination(const std::vector<Place>& places, bool verbose) : places_(places), verbose_(verbose) {
+    for (const Place& place : places) {
+      if (place.map) all_.put(place.map);
+    }
+  }
+
+  [[nodiscard]] Scores examine(const Place& place, const Light& light) const {
+    PlaceIndex others = all_;
+    if (place.map) others.remove(place.map->snapshot->map);
+    Scores scores;
+    for (const Query& query : place.queries) {
+      FrameImages images;
+      images.build_pyramid(relight(*query.image, light).view());
+      images.find_corners();
+      const PlaceView view = describe_place(images.pyramid, images.corners);
+      for (size_t m = 0; m < kMethods; ++m) {
+        const auto method = static_cast<Method>(m);
+        const double before = thread_cpu_ms();
+        const auto said = ask(method, all_, *place.camera, view);
+        scores[m].ms.push_back(thread_cpu_ms() - before);
+        const Judged judged = judge(place, query, said);
+        scores[m].recall.add(judged);
+        const auto claim = place.map ? ask(method, others, *place.camera, view) : said;
+        ++scores[m].foreign;
+        scores[m].claimed += claim ? 1 : 0;
+        if (method == Method::kOurs && verbose_) tell(place, light, query, judged, claim, view);
+      }
+    }
+    return scores;
+  }
+  [[nodiscard]] const PlaceIndex& index() const { return all_; }
+
+ private:
+  [[nodiscard]] std::string name_of(const MapId& map) const {
+    for (const Place& place : places_) {
+      if (place.map && place.map->snapshot->map == map) return place.name;
+    }
+    return "?";
+  }
+
+  /// What went wrong.
+  void tell(const Place& place, const Light& light, const Query& query, const Judged& judged,
+            const std::optional<Said>& claim, const PlaceView& view) const {
+    const auto say = [&](const std::string& what) {
+      std::printf("%s %lu, %s: %s\n", place.name.c_str(), static_cast<unsigned long>(query.frame),
+                  to_string(light).c_str(), what.c_str());
+    };
+    if (claim) say("claimed to be in " + name_of(claim->map));
+    if (judged.answered && place.map && !judged.right_map) say("WRONG MAP");
+    if (judged.off && !is_right_pose(judged))
+      say(fmt::format("WRONG POSE {:.3f} of depth {:.3f}, {:.1f} deg", judged.off->metres, judged.depth,
+                      judged.off->degrees));
+    if (judged.answered || !judged.in_view) return;
+    const PlaceAnswer answer = relocalize(all_, *place.camera, view);
+    const bool has_one = !answer.candidates.empty();
+    const PlaceCandidate* best = has_one ? &answer.candidates.front() : nullptr;
+    for (const PlaceCandidate& c : answer.candidates) {
+      if (c.map == place.map->snapshot->map && (best->map != c.map || c.inliers > best->inliers)) best = &c;
+    }
+    say(fmt::format("not found, {} corners; best: {} inliers {} of {}: {}", view.corners.size(),
+                    has_one ? name_of(best->map) : "-", has_one ? best->inliers : 0,
+                    has_one ? best->expected : 0, has_one ? best->reason : answer.reason));
+  }
+
+  const std::vector<Place>& places_;
+  bool verbose_;
+  PlaceIndex all_;
+};
+
+double percent(size_t part, size_t whole) {
+  return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+void print_place(const Place& place, const Score& s) {
+  const Recall& r = s.recall;
+  std::printf(
+      "%-22s %-14s %5zu | %4zu %4zu %5.1f%% | %4zu %4zu | %4zu %4zu | %4zu %4zu | %5.2f %5.2f | %5.1f "
+      "%5.1f\n",
+      place.name.c_str(), place.how.c_str(), place.map ? place.map->keyframes.size() : 0, r.in_view, r.right,
+      100 * r.share(), r.elsewhere, r.answered_else, r.wrong_map, r.wrong_pose, s.foreign, s.claimed,
+      100 * percentile(r.off, 0.5), 100 * percentile(r.off, 0.95), percentile(s.ms, 0.5),
+      percentile(s.ms, 0.95));
+}
+
+void print_total(const char* method, const std::string& light, const Score& s) {
+  const Recall& r = s.recall;
+  std::printf("%-15s %-12s | %4zu %4zu %5.1f%% | %4zu %4zu | %4zu %5.1f%% | %4zu | %4zu %4zu | %5.1f %5.1f\n",
+              method, light.c_str(), r.in_view, r.right, 100 * r.share(), r.elsewhere, r.answered_else,
+              r.wrong_map, percent(r.wrong_map, r.in_view + r.elsewhere), r.wrong_pose, s.foreign, s.claimed,
+              percentile(s.ms, 0.5), percentile(s.ms, 0.95));
+}
+
+Status run(const Arguments& arguments) {
+  const auto places = make_places(arguments);
+  if (!places) return tl::unexpected(places.error());
+  const Examination examination(*places, arguments.verbose);
+  std::printf("maps %zu keyframes %zu\n", examination.index().maps().size(),
+              examination.index().keyframe_count());
+  std::printf(
+      "as recorded, ours\n%-22s %-14s %5s | in view, right | elsewhere, answered | wrong map, pose | "
+      "own map taken away: asked, claimed | off [%% of depth] p50 p95 | ms p50 p95\n",
+      "place", "mapped from", "keyfr");
+  std::vector<Scores> totals;
+  for (const Light& light : lights_to_stand()) {
+    Scores& total = totals.emplace_back();
+    for (const Place& place : *places) {
+      const Scores scores = examination.examine(place, light);
+      if (totals.size() == 1) print_place(place, scores[0]);
+      for (size_t m = 0; m < kMethods; ++m) total[m].add(scores[m]);
+    }
+  }
+  std::printf(
+      "%-15s %-12s | in view, right | elsewhere, answered | wrong map, of all | wrong pose | "
+      "own map taken away: asked, claimed | ms p50 p95\n",
+      "method", "light");
+  for (size_t m = 0; m < kMethods; ++m) {
+    for (size_t l = 0; l < totals.size(); ++l)
+      print_total(kMethodNames[m], to_string(lights_to_stand()[l]), totals[l][m]);
+  }
+  return {};
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  CLI::App app(
+      "Which of many maps shows a picture, and from where: ours, the paper's, words; in other light");
+  cairn::Arguments arguments;
+  app.add_option("--video", arguments.videos,
+                 "NAME SOURCE CALIBRATION TRUTH UNIT FRAMES: mapped from its first FRAMES by tracker and map "
+                 "maker; `-` for what is not known; UNIT `m` or `-`");
+  app.add_option("--stills", arguments.stills,
+                 "NAME SOURCE TRUTH UNIT: every other one is mapped, from its given pose");
+  app.add_option("--unmapped", arguments.unmapped, "NAME SOURCE CALIBRATION: asked about only");
+  app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_flag("-v,--verbose", arguments.verbose, "a line for each of our mistakes");
+  CLI11_PARSE(app, argc, argv);
+  if (const auto done = cairn::run(arguments); !done) {
+    std::fprintf(stderr, "cairn-places-run: %s\n", done.error().message.c_str());
+    return cairn::exit_code(done.error().code);
+  }
+  return 0;
+}
