@@ -48,12 +48,13 @@ bool is_ipv4_address(const std::string& text) {
 
 /// The middleware resolves names too, but says nothing when it cannot.
 Result<std::string> resolve(const std::string& host) {
+  if (host == "localhost") return std::string("127.0.0.1");  // also where /etc/hosts is missing (RFC 6761)
   addrinfo hints{};
   hints.ai_family = AF_INET;
   hints.ai_socktype = SOCK_DGRAM;
   addrinfo* found = nullptr;
   if (const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found); error != 0) {
-    return fail(ErrorCode::kNoServer, "server '" + host + "': " + gai_strerror(error));
+    return fail(ErrorCode::kNoServer, "server '" + host + "': " + gai_strerror(error) + "; pass its address");
   }
   const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(found, &freeaddrinfo);
   char text[INET_ADDRSTRLEN] = "";
