@@ -62,8 +62,9 @@ struct Tracker::State {
   std::array<FrameImages, 2> frames;
   size_t current = 0;
   bool has_previous = false;
-  TinyMotion seen;      ///< how the tiny image moved since the previous frame
-  bool is_cut = false;  ///< it has nothing in common with it
+  TinyMotion seen;             ///< how the tiny image moved since the previous frame
+  bool is_cut = false;         ///< it has nothing in common with it
+  bool failed_at_cut = false;  ///< the first of the bad frames had not
 
   bool starting = true;
   bool insists = false;  ///< a new map, whatever is known of the place
@@ -98,9 +99,9 @@ struct Tracker::State {
   /// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
   /// first of many.
   [[nodiscard]] bool is_asking() const { return starting ? is_looking() : bad_frames > 0; }
-  /// The map in use is left for another only when lost.
+  /// The map in use is left for another only when lost, or when the picture changed as no hand can move.
   [[nodiscard]] bool wants(const PoseSuggestion& place) const {
-    return is_looking() || (is_asking() && place.map == map->map);
+    return is_looking() || (is_asking() && (failed_at_cut || place.map == map->map));
   }
 
   void clear_result();
@@ -288,15 +289,13 @@ void Tracker::State::track_map(Timestamp time) {
     return;
   }
   model.missed();
-  ++bad_frames;
+  if (bad_frames++ == 0) failed_at_cut = is_cut;
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
   if (unproven > 0) {
     unproven = 0;
     bad_frames = options.lost_after_bad_frames;
     question.refute(time);
-  } else if (is_cut) {
-    bad_frames = options.lost_after_bad_frames;  // what it is waited for is that the next frame goes on
   } else {
     static_cast<void>(found_as_suggested(time));
   }

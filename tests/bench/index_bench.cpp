@@ -15,6 +15,7 @@
 #include "server/relocalization/test_pictures.h"
 #include "tests/bench/picture_statistics.h"
 #include "tests/bench/recorded_map.h"
+#include "tests/bench/timing.h"
 
 namespace cairn {
 namespace {
@@ -54,12 +55,12 @@ struct RecordedPlace {
 Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, size_t views) {
   auto source = open_source(uri);
   if (!source) return tl::unexpected(source.error());
-  const auto camera = choose_camera(uri, "");
+  const auto camera = choose_camera(**source, uri, "");
   if (!camera) return tl::unexpected(camera.error());
-  Mapping mapping(*camera, testing::map_id(std::numeric_limits<uint32_t>::max()), 1);
-  auto map = map_beginning(source->get(), map_frames, &mapping);
-  if (!map) return tl::unexpected(map.error());
-  RecordedPlace place{*camera, std::move(*map), {}};
+  auto recorded = map_beginning(source->get(), map_frames, *camera,
+                                testing::map_id(std::numeric_limits<uint32_t>::max()), 1);
+  if (!recorded) return tl::unexpected(recorded.error());
+  RecordedPlace place{*camera, std::move(recorded->map), {}};
   const size_t left = (*source)->frame_count().value_or(map_frames + views) - map_frames;
   const size_t step = std::max<size_t>(1, left / std::max<size_t>(1, views));
   FrameImages images;

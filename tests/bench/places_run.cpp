@@ -220,10 +220,18 @@ std::optional<Said> ask_relocalizer(const PlaceIndex& index, const Camera& camer
   return Said{best.map, best.keyframe, best.camera_from_keyframe};
 }
 
+/// Voted for by the words alone: every map may be it.
+std::vector<Voted> vote_everywhere(const PlaceIndex& index, const PlaceView& view,
+                                   std::span<const CellList> cells, size_t count) {
+  std::vector<const IndexedMap*> maps;
+  for (const IndexedMapPtr& map : index.maps()) maps.push_back(map.get());
+  return vote(index, maps, view, cells, count);
+}
+
 /// The keyframe with the most votes of the words: always an answer, at that keyframe's own pose. 10 240
 /// words, learned from made pictures.
 std::optional<Said> ask_words(const PlaceIndex& index, const PlaceView& view) {
-  const auto voted = vote(index, view, probed_cells(view), 1);
+  const auto voted = vote_everywhere(index, view, probed_cells(view), 1);
   if (voted.empty()) return std::nullopt;
   const IndexedMap& map = *voted.front().map;
   return Said{map.snapshot->map, map.keyframes[voted.front().keyframe]->id, SE3()};
@@ -235,7 +243,7 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
   const RelocOptions options;
   const auto cells = probed_cells(view);
   const CornerGrid grid(view, camera);
-  for (const Voted& v : vote(index, view, cells, static_cast<size_t>(options.shortlist))) {
+  for (const Voted& v : vote_everywhere(index, view, cells, static_cast<size_t>(options.shortlist))) {
     const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe, options.confirm);
     if (!said.confirmed) continue;
     const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
