@@ -30,7 +30,7 @@ constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive
 // where it was [s].
 constexpr double kStillHere = 1.0;
 // Correlation of the tiny images of two frames, the motion between them undone: below, they show different
-// things. A moving hand and blur stay above (README.md).
+// things, most likely; strangers are above now and then, and cost two frames more.
 constexpr float kSameView = 0.5F;
 
 }  // namespace
