@@ -25,7 +25,6 @@ struct ConfirmOptions {
   };
   Witnesses by_picture = {0.69, 0.35, 0};    ///< looks the same
   Witnesses by_points = {0.50, 0.45, 0.36};  ///< in other light or partly hidden: most of its points are seen
-  Witnesses by_corners = {0.55, 0.53, 0};    ///< a part of the view has moved away: the rest agrees
   /// So many agreeing corners, and as alike as most right answers are: no other keyframe is tried.
   int clear_agreeing = 25;
   double clear_alikeness = 0.75;

@@ -156,6 +156,12 @@ std::vector<const IndexedMap*> find_maps_alike(const PlaceIndex& index, const Qu
   NearestFew few = is_asked(index, search) ? ask_forest(index, query.compact, pictures)
                                            : scan_all(index, query.compact, pictures);
   for (const Near& near : few.take_sorted()) maps.push_back(near.place.map);
+  const auto is_of_other_size = [&query](const CompactPicture& picture) {
+    return picture.width != query.compact.width || picture.height != query.compact.height;
+  };
+  for (const IndexedMapPtr& map : index.maps()) {
+    if (std::ranges::any_of(map->pictures, is_of_other_size)) maps.push_back(map.get());
+  }
   std::sort(maps.begin(), maps.end(),
             [](const IndexedMap* a, const IndexedMap* b) { return a->snapshot->map < b->snapshot->map; });
   maps.erase(std::unique(maps.begin(), maps.end()), maps.end());

@@ -43,7 +43,8 @@ enum class PictureSearch : uint8_t {
                                              PictureSearch search);
 
 /// The maps of the `pictures` keyframes that are nearest by their compact pictures, ascending by id: all
-/// where there are not more keyframes, or the query has no contrast.
+/// where there are not more keyframes, or the query has no contrast. A map with pictures of another size,
+/// which cannot be compared, is always one of them.
 [[nodiscard]] std::vector<const IndexedMap*> find_maps_alike(const PlaceIndex& index,
                                                              const QueryPicture& query, size_t pictures,
                                                              PictureSearch search);

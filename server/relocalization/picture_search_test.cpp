@@ -223,6 +223,21 @@ TEST(FindAlike, TheMapOfThePlaceIsAmongTheMapsAlike) {
   }
 }
 
+TEST(FindAlike, AMapWithPicturesOfAnotherSizeMayBeIt) {
+  const PlaceIndex index = make_index(30);
+  const TinyImage wide(GrayImage(90, 60), kPlaceBlur);
+  GrayImage striped(90, 60);
+  for (int x = 0; x < 90; ++x) striped.row(20)[x] = 255;
+  const auto maps =
+      find_maps_alike(index, QueryPicture(TinyImage(striped, kPlaceBlur)), 100, PictureSearch::kScan);
+  EXPECT_EQ(maps.size(), 30U) << "its words may be there";
+  PlaceIndex mixed = index;
+  mixed.put(picture_map(map_id(99), {wide}));
+  const auto with_it = find_maps_alike(mixed, make_query(3, 53), 100, PictureSearch::kScan);
+  EXPECT_EQ(std::count(with_it.begin(), with_it.end(), mixed.find(map_id(99))), 1);
+  EXPECT_LT(with_it.size(), 31U);
+}
+
 TEST(FindAlike, PicturesOfSeveralSizesHaveTheirOwnTrees) {
   PlaceIndex index = make_index(3);
   std::vector<TinyImage> wide;

@@ -385,7 +385,10 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
   }
   if (const auto process = readers_.states.peer_of(publication)) client.cameras.set_holder(*process);
   const bool is_proven = message.state == TrackingState::kTracking || message.state == TrackingState::kPoor;
-  wearers_.heard(client.name, {message.wearer, is_proven ? message.map : MapId{}, message.frame_time}, now);
+  // A replica outlives its map, and anybody may name one that never was: neither narrows the answers to
+  // others.
+  const bool is_here = is_proven && maps_.find(message.map) != nullptr;
+  wearers_.heard(client.name, {message.wearer, is_here ? message.map : MapId{}, message.frame_time}, now);
   const auto feed = client.feeds.find(message.map);
   if (feed != client.feeds.end()) feed->second.client_has(message.epoch, message.revision);
 }

@@ -44,6 +44,7 @@ void WearerRule::heard(const std::string& client, const Word& word, MonotonicTim
   if (!word.proven_in || !is_new_frame) return;
   camera.proven_in = word.proven_in;
   camera.proven_at = now;
+  camera.missed = 0;  // what was not found before it was found does not count in its next loss
 }
 
 std::string WearerRule::wearer_of(const std::string& client) const {

@@ -131,6 +131,16 @@ TEST_F(WearerRuleTest, NotConfirmedThereInTwoQuestionsInARowAllMapsCount) {
   }
 }
 
+TEST_F(WearerRuleTest, TheCountBeginsAnewWithEachLoss) {
+  wear();
+  const PlaceAnswer elsewhere = answer({place(kBench, 50), place(kDesk, 40, false)});
+  EXPECT_THAT(maps_in(told(elsewhere)), ElementsAre(kDesk));
+  EXPECT_THAT(maps_in(told(elsewhere)), ElementsAre(kBench, kDesk));
+  see("hand", "anna", kBench);
+  see("hand", "anna", {});
+  EXPECT_THAT(maps_in(told(elsewhere)), ElementsAre(kDesk));
+}
+
 TEST_F(WearerRuleTest, TheCountBeginsAnewWithTheMapOfTheOther) {
   wear();
   (void)told(answer({place(kBench, 45), place(kDesk, 25, false)}));

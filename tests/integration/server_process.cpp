@@ -43,6 +43,7 @@ bool ServerProcess::start(int domain) {
   pid_ = fork();
   if (pid_ == 0) {
     dup2(pipe_ends[1], STDERR_FILENO);
+    signal(SIGHUP, SIG_DFL);  // the tests may run under nohup
     execv(CAIRN_SERVER_PROGRAM, argv.data());
     _exit(127);
   }
