@@ -10,10 +10,12 @@
 #include <cstdio>
 #include <ctime>
 #include <map>
+#include <string_view>
 #include <vector>
 
 #include "client/capture/frame_source.h"
 #include "client/tracking/tracker.h"
+#include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
 #include "common/io/trajectory.h"
 #include "server/mapping/adjustment.h"
@@ -62,6 +64,7 @@ struct Arguments {
   std::string keyframes;
   uint64_t seed = 1;
   bool ceres = false;
+  double start_focal = 1;
   size_t skip = 0;
   std::string bundle;
   size_t frames = SIZE_MAX;
@@ -98,8 +101,8 @@ struct Totals {
 
 class EngineRun {
  public:
-  EngineRun(const Arguments& arguments, CameraPtr camera)
-      : arguments_(arguments), camera_(std::move(camera)) {
+  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraDoubt> doubt)
+      : arguments_(arguments), camera_(std::move(camera)), doubt_(std::move(doubt)) {
     tracker_options_.seed = arguments.seed;
     maker_options_.seed = arguments.seed;
     if (arguments.ceres) maker_options_.adjuster = Adjuster::kCeres;
@@ -234,6 +237,7 @@ class EngineRun {
     input.map_name = "map-1";
     input.epoch = Epoch{1};
     input.camera = camera_;
+    input.doubt = doubt_;
     input.first_time = proposal.first_time;
     input.second_time = proposal.second_time;
     input.first_image = proposal.first_image;
@@ -280,7 +284,7 @@ class EngineRun {
     const double before = thread_cpu_ms();
     const KeyframeDecision decision =
         maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
-                              proposal.camera_from_reference, proposal.measurements});
+                              proposal.camera_from_reference, proposal.measurements, doubt_});
     totals_.keyframe_ms.push_back(thread_cpu_ms() - before);
     if (decision.verdict != KeyframeVerdict::kAccepted) {
       ++totals_.refused;
@@ -306,10 +310,26 @@ class EngineRun {
     }
     snapshot_ = maker_->snapshot();
     index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
+    for (const CameraEstimate& estimate : maker_->statistics().cameras) use(estimate);
+  }
+
+  void use(const CameraEstimate& estimate) {
+    if (!doubt_ || estimate.version == doubt_->version) return;
+    camera_ = estimate.camera;
+    doubt_ = estimate.frozen ? std::nullopt : std::optional(CameraDoubt{estimate.version, estimate.sigma});
+    tracker_->use_camera(camera_);
+    const auto& values = camera_->parameters().values;
+    std::printf("frame %zu: camera version %u: f %.2f +- %.2f, k1 %.4f +- %.4f, %zu keyframes%s\n",
+                totals_.frames, estimate.version.version, values[0], estimate.sigma[0] * values[0], values[4],
+                estimate.sigma[1], snapshot_->keyframe_count(),
+                estimate.frozen            ? ", frozen"
+                : estimate.cannot_be_known ? ", cannot be known"
+                                           : "");
   }
 
   Arguments arguments_;
   CameraPtr camera_;
+  std::optional<CameraDoubt> doubt_;
   TrackerOptions tracker_options_;
   MapMakerOptions maker_options_;
   std::unique_ptr<Tracker> tracker_;
@@ -323,6 +343,30 @@ class EngineRun {
   std::map<KeyframeId, Timestamp> keyframe_times_;
 };
 
+constexpr std::string_view kAuto = "auto";
+constexpr std::string_view kAutoFrom = "auto:";
+
+struct ChosenCamera {
+  CameraPtr camera;
+  std::optional<CameraDoubt> doubt;
+};
+
+/// `auto` and the like: what is known of a camera that is found out.
+Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Frame& first) {
+  const PictureSize size{first.image->width(), first.image->height()};
+  DoubtfulCamera guess = guess_camera(size);
+  if (arguments.calibration != kAuto) {
+    const auto rough =
+        read_calibration(arguments.calibration.substr(kAutoFrom.size()), size).and_then(doubt_camera);
+    if (!rough) return tl::unexpected(rough.error());
+    guess = *rough;
+  }
+  for (const size_t i : {0, 1}) guess.parameters.values[i] *= arguments.start_focal;
+  const auto camera = make_camera(guess.parameters);
+  if (!camera) return tl::unexpected(camera.error());
+  return ChosenCamera{*camera, CameraDoubt{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
+}
+
 Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& source) {
   if (!arguments.calibration.empty()) return read_calibration(arguments.calibration).and_then(make_camera);
   if (const auto known = source.builtin_calibration()) return make_camera(*known);
@@ -335,15 +379,13 @@ Result<CameraPtr> choose_camera(const Arguments& arguments, const FrameSource& s
 Status run(const Arguments& arguments) {
   auto source = open_source(arguments.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = choose_camera(arguments, **source);
-  if (!camera) return tl::unexpected(camera.error());
   std::optional<TrajectoryWriter> trajectory;
   if (!arguments.trajectory.empty()) {
     auto opened = TrajectoryWriter::open(arguments.trajectory);
     if (!opened) return tl::unexpected(opened.error());
     trajectory.emplace(std::move(*opened));
   }
-  EngineRun engine(arguments, *camera);
+  std::optional<EngineRun> engine;
   for (size_t i = 0; i < arguments.frames;) {
     auto next = (*source)->next();
     if (!next) {
@@ -352,16 +394,26 @@ Status run(const Arguments& arguments) {
     }
     if (!*next) break;
     if (i++ < arguments.skip) continue;
-    engine.frame(**next, trajectory ? &*trajectory : nullptr);
-    if (engine.done()) break;
+    if (!engine) {
+      const bool is_doubtful = arguments.calibration == kAuto || arguments.calibration.starts_with(kAutoFrom);
+      const auto chosen = is_doubtful ? choose_doubtful_camera(arguments, **next)
+                                      : choose_camera(arguments, **source).map([](const CameraPtr& camera) {
+                                          return ChosenCamera{camera, {}};
+                                        });
+      if (!chosen) return tl::unexpected(chosen.error());
+      engine.emplace(arguments, chosen->camera, chosen->doubt);
+    }
+    engine->frame(**next, trajectory ? &*trajectory : nullptr);
+    if (engine->done()) break;
   }
-  engine.report();
+  if (!engine) return fail(ErrorCode::kDamaged, arguments.source + ": no frame could be read");
+  engine->report();
   if (!arguments.keyframes.empty()) {
     auto file = TrajectoryWriter::open(arguments.keyframes);
     if (!file) return tl::unexpected(file.error());
-    if (const auto written = engine.write_keyframes(&*file); !written) return written;
+    if (const auto written = engine->write_keyframes(&*file); !written) return written;
   }
-  if (!arguments.bundle.empty()) return engine.write_global_problem(arguments.bundle);
+  if (!arguments.bundle.empty()) return engine->write_global_problem(arguments.bundle);
   return {};
 }
 
@@ -373,7 +425,10 @@ int main(int argc, char** argv) {
   cairn::Arguments arguments;
   app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")
       ->required();
-  app.add_option("--calibration", arguments.calibration, "camera file; default: beside the source");
+  app.add_option("--calibration", arguments.calibration,
+                 "camera file, auto or auto:FILE; default: beside the source");
+  app.add_option("--start-focal", arguments.start_focal,
+                 "with --calibration auto: factor on the focal length that it starts from");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
   app.add_option("--keyframes", arguments.keyframes,
                  "TUM rows of the keyframes after the run are written here");
