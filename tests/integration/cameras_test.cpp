@@ -93,6 +93,7 @@ class FakeServer {
   static wire::Participant join(int domain) {
     wire::ParticipantOptions options;
     options.domain = static_cast<uint32_t>(domain);
+    options.role = wire::Role::kServer;
     return value_of(wire::Participant::create(options));
   }
   static std::string partition() { return wire::client_partition(kName); }
@@ -114,7 +115,7 @@ class CameraSession : public ::testing::Test {
     options.domain = domain_;
     options.name = kName;
     session_ = open_doubting_session(options, doubtful(testing::test_camera()));
-    if (!eventually([&] { return server_.announced().version == 1; }))
+    if (!eventually([&] { return server_.announced().client == client_id_from_name(kName); }))
       throw std::runtime_error("no camera is announced");
     for (const MapId map : {kMapB, kMapA}) {
       session_->use_map(map);
