@@ -205,7 +205,7 @@ SessionStatus Session::status() const {
     status.text = shared.refusal;
   } else if (!status.map_known) {
     status.link = ServerLink::kRestarted;
-    status.text = kRestartedText;
+    status.text = std::string(kRestartedText) + ": it begins a new one when lost, or asked to";
   } else {
     status.text = "connected to " + shared.options.server;
   }
