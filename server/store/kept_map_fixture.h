@@ -2,8 +2,8 @@
 #pragma once
 
 #include <unistd.h>
-#include <algorithm>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
