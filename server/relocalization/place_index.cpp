@@ -215,6 +215,7 @@ void PlaceIndex::remove(const MapId& map) {
 
 void PlaceIndex::count(const IndexedMap& map, int sign) {
   keyframe_count_ += static_cast<size_t>(sign) * map.keyframes.size();
+  shown_in_all_ += static_cast<uint64_t>(sign) * map.lists.begin.back();
   for (size_t word = 0; word < kVocabularyWords; ++word)
     shown_[word] += static_cast<uint32_t>(sign) * (map.lists.begin[word + 1] - map.lists.begin[word]);
 }

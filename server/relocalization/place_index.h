@@ -118,6 +118,8 @@ class PlaceIndex {
   [[nodiscard]] size_t keyframe_count() const { return keyframe_count_; }
   /// Keyframes that show a word.
   [[nodiscard]] uint32_t shown(WordId word) const { return shown_[word]; }
+  /// Words that keyframes show, summed over these.
+  [[nodiscard]] uint64_t shown_in_all() const { return shown_in_all_; }
 
   /// Whether plant_forest() would be of use: more than `most_scanned` pictures are in no forest, or more than
   /// half of those in the forest are gone.
@@ -139,6 +141,7 @@ class PlaceIndex {
   std::vector<IndexedMapPtr> maps_;
   size_t keyframe_count_ = 0;
   std::vector<uint32_t> shown_ = std::vector<uint32_t>(kVocabularyWords);  ///< by word
+  uint64_t shown_in_all_ = 0;
   PictureForestPtr forest_;
   std::vector<KeyframePlace> planted_;
   std::vector<KeyframePlace> unplanted_;

@@ -47,12 +47,21 @@ std::vector<uint32_t> weigh(const PlaceIndex& index, std::span<const WordCount> 
   return weights;
 }
 
+/// What one word that a keyframe shows is worth to it by chance: the mean over all that keyframes show.
+float chance_of(const PlaceIndex& index, std::span<const WordCount> words,
+                std::span<const uint32_t> weights) {
+  uint64_t sum = 0;
+  for (size_t i = 0; i < words.size(); ++i) sum += uint64_t{weights[i]} * index.shown(words[i].word);
+  return static_cast<float>(sum) / static_cast<float>(std::max<uint64_t>(1, index.shown_in_all()));
+}
+
 }  // namespace
 
 std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* const> maps,
                         const PlaceView& view, std::span<const CellList> cells, size_t count) {
   const std::vector<WordCount> words = words_of(view, cells);
   const std::vector<uint32_t> weights = weigh(index, words);
+  const float chance = chance_of(index, words, weights);
   std::vector<Voted> voted;
   std::vector<uint32_t> sums;
   for (const IndexedMap* map : maps) {
@@ -62,8 +71,8 @@ std::vector<Voted> vote(const PlaceIndex& index, std::span<const IndexedMap* con
     }
     for (size_t k = 0; k < sums.size(); ++k) {
       if (sums[k] == 0) continue;
-      const auto norm = std::sqrt(static_cast<float>(map->keyframes[k]->words.size()));
-      voted.push_back({static_cast<float>(sums[k]) / norm, map, k});
+      const auto shown = static_cast<float>(map->keyframes[k]->words.size());
+      voted.push_back({(static_cast<float>(sums[k]) - chance * shown) / std::sqrt(shown), map, k});
     }
   }
   const auto end = voted.begin() + static_cast<ptrdiff_t>(std::min(count, voted.size()));
