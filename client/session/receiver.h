@@ -43,6 +43,7 @@ class Receiver {
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
     wire::Reader<wire::RelocAnswer> places;
+    wire::Reader<wire::CameraEstimate> cameras;
     wire::Reader<wire::ClientReply> replies;
   };
   /// The topics of one map and what has come of them.
@@ -53,6 +54,7 @@ class Receiver {
     wire::Reader<wire::MapCommit> commits;
     wire::Reader<wire::LabelMessage> labels;
     Replica replica;
+    bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
     LabelReplica label_replica;
   };
 
@@ -71,6 +73,7 @@ class Receiver {
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);
   void act_on(wire::RelocAnswer&& answer);
+  void act_on(const wire::CameraEstimate& estimate);
 
   SessionState& state_;
   wire::Participant participant_;

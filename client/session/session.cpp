@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/session/session.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "client/session/receiver.h"
 #include "client/session/sender.h"
 #include "client/session/session_state.h"
+#include "common/geometry/camera_guess.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -29,7 +32,18 @@ Result<wire::Participant> join(const SessionOptions& options, const std::string&
   return wire::Participant::create(participant);
 }
 
+/// A camera that is found out is known to the maps by the client's name and this number. Pictures of another
+/// size come from another camera.
+uint32_t number_by_size(const Camera& camera) {
+  return static_cast<uint32_t>(camera.width()) << 16 | static_cast<uint32_t>(camera.height());
+}
+
 }  // namespace
+
+std::string describe(const CameraNews& news) {
+  return fmt::format("focal length {:.1f} px +- {:.1f} %, k1 {:.3f} +- {:.3f}", news.camera->focal_length(),
+                     100 * news.focal_sigma, news.camera->parameters().values.at(4), news.k1_sigma);
+}
 
 /// In order of construction: the threads go first, the participant last.
 struct Session::State {
@@ -64,12 +78,17 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   Result<wire::Participant> participant = join(options, profile, log);
   if (!participant) return tl::unexpected(participant.error());
   auto state = std::make_unique<State>(options, std::move(*participant));
+  wire::CameraMessage& announced = state->shared.camera;
+  if (!options.camera_sigma.empty()) announced.camera = number_by_size(*camera);
+  announced.parameters = camera->parameters();
+  announced.sigma = options.camera_sigma;
+  announced.frozen = options.camera_sigma.empty();
   auto receiver = Receiver::start(state->shared, state->participant, options.name, log);
   if (!receiver) return tl::unexpected(receiver.error());
   state->receiver = std::move(*receiver);
   const auto encoding = profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
   auto sender = Sender::start(state->shared, state->participant, wire::client_partition(options.name),
-                              camera->parameters(), encoding, std::move(log));
+                              encoding, std::move(log));
   if (!sender) return tl::unexpected(sender.error());
   state->sender = std::move(*sender);
   return std::unique_ptr<Session>(new Session(std::move(state)));
@@ -181,6 +200,25 @@ std::vector<OfferReply> Session::take_offer_replies() {
 std::optional<PlaceAnswer> Session::take_place_answer() {
   const std::scoped_lock lock(state_->shared.mutex);
   return std::exchange(state_->shared.place_answer, std::nullopt);
+}
+
+std::optional<CameraNews> Session::take_camera(const MapSnapshot& snapshot) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  const auto other = shared.other_camera_of(snapshot);
+  const CameraNews* there = other ? shared.find_camera(*other) : nullptr;
+  if (there == nullptr) return std::nullopt;
+  const auto& [epoch, news] = shared.found_out.at(snapshot.map);
+  const SessionState::CameraSource source{snapshot.map, epoch, news.version};
+  if (source == shared.camera_source) return std::nullopt;
+  shared.camera_source = source;
+  ++shared.camera.version;
+  shared.camera.parameters = news.camera->parameters();
+  shared.camera.sigma = sigma_of_values({shared.camera.parameters, news.focal_sigma, news.k1_sigma});
+  shared.camera.frozen = news.frozen;
+  shared.camera_due = true;
+  shared.for_sender.notify_one();
+  return news;
 }
 
 SessionStatus Session::status() const {

@@ -34,6 +34,9 @@ class PointSearch {
  public:
   explicit PointSearch(CameraPtr camera);
 
+  /// Other values of the same camera, from now on.
+  void use_camera(CameraPtr camera);
+
   /// From now on this revision. Templates survive revisions of one epoch (patches never change in it).
   void use_map(const MapSnapshotPtr& map);
 

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "common/map/limits.h"
+#include "server/mapping/patch_view.h"
+
 namespace cairn {
 namespace {
 
@@ -57,8 +60,9 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   return images;
 }
 
-MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points)
-    : keyframes_(std::move(keyframes)), points_(std::move(points)) {
+MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points,
+                   std::vector<MapCamera> cameras)
+    : cameras_(std::move(cameras)), keyframes_(std::move(keyframes)), points_(std::move(points)) {
   for (MapPoint& p : points_) {
     p.observers.clear();
     if (p.live) live_points_.push_back(p.source.id);
@@ -71,6 +75,75 @@ MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> poi
 size_t MapState::live_keyframes() const {
   return static_cast<size_t>(
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
+}
+
+int MapState::camera_index(const CameraDoubt& doubt) const {
+  const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
+    return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
+  });
+  return known == cameras_.end() ? -1 : static_cast<int>(known - cameras_.begin());
+}
+
+int MapState::free_place() const {
+  const auto count = static_cast<int>(cameras_.size());
+  if (cameras_.size() < kMaxCamerasFoundOut) return count;
+  for (int i = 0; i < count; ++i) {
+    if (cameras_[static_cast<size_t>(i)].frozen || keyframes_of(i) == 0) return i;
+  }
+  return -1;
+}
+
+bool MapState::has_place_for_camera() const {
+  return free_place() >= 0;
+}
+
+int MapState::add_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
+  const int place = free_place();
+  if (static_cast<size_t>(place) == cameras_.size()) {
+    cameras_.push_back(make_map_camera(camera, doubt));
+    return place;
+  }
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == place) k.estimated_camera = -1;
+  }
+  cameras_[static_cast<size_t>(place)] = make_map_camera(camera, doubt);
+  return place;
+}
+
+bool MapState::has_known_camera(const MapKeyframe& keyframe) const {
+  return keyframe.estimated_camera < 0 || cameras_[static_cast<size_t>(keyframe.estimated_camera)].frozen;
+}
+
+size_t MapState::keyframes_of(int camera) const {
+  return static_cast<size_t>(std::count_if(keyframes_.begin(), keyframes_.end(), [&](const MapKeyframe& k) {
+    return k.live && k.estimated_camera == camera;
+  }));
+}
+
+void MapState::update_camera(int index, const FreeCamera& adjusted) {
+  MapCamera& camera = cameras_[static_cast<size_t>(index)];
+  update(&camera, adjusted, keyframes_of(index));
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == index) k.camera = camera.camera;
+  }
+}
+
+bool MapState::forget_given_up() {
+  bool moved = false;
+  for (MapCamera& c : cameras_) moved |= take_move(&c);
+  if (!moved) return false;
+  for (MapKeyframe& k : keyframes_) k.given_up.clear();
+  return true;
+}
+
+void MapState::publish_cameras() {
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    if (publish(&cameras_[i]) != Publication::kMoved) continue;
+    for (MapPoint& p : points_) {
+      const MapKeyframe& source = keyframe(p.source.keyframe);
+      if (source.estimated_camera == static_cast<int>(i)) aim_source(*source.camera, &p.source);
+    }
+  }
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

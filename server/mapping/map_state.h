@@ -13,6 +13,7 @@
 #include "common/image/pyramid.h"
 #include "common/map/ids.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/map_camera.h"
 
 /// The map as the map maker holds it: keyframes, points and the measurements that join them. Plain values
 /// with the invariants of the joins kept by MapState; no policy. One writer, no locks.
@@ -50,6 +51,7 @@ struct MapKeyframe {
   KeyframeId id;
   KeyframeId reference;  ///< whose corrections this keyframe rides on; none for the first
   CameraPtr camera;
+  int estimated_camera = -1;  ///< index in MapState::cameras(); -1: its values are exact
   Timestamp time;
   SE3 camera_from_map;
   std::shared_ptr<const KeyframeImages> images;  ///< null once the keyframe is removed
@@ -76,9 +78,9 @@ struct MapPoint {
 class MapState {
  public:
   MapState() = default;
-  /// From its parts: ids dense, measurements sound and of live points. Observers and what else can be derived
-  /// are set here.
-  MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points);
+  /// From its parts: ids dense, measurements sound and of live points, cameras that are found out as the
+  /// keyframes name them. Observers and what else can be derived are set here.
+  MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points, std::vector<MapCamera> cameras);
 
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
   [[nodiscard]] const std::vector<MapPoint>& points() const { return points_; }
@@ -90,9 +92,29 @@ class MapState {
     return id && id.value <= keyframes_.size() && keyframe(id).live;
   }
   [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
+  [[nodiscard]] const std::vector<MapCamera>& cameras() const { return cameras_; }  ///< that are found out
   [[nodiscard]] size_t live_keyframes() const;
   [[nodiscard]] size_t live_points() const { return live_points_.size(); }
   [[nodiscard]] const std::vector<PointId>& live_point_ids() const { return live_points_; }  ///< ascending
+
+  /// Index of a camera that is found out; -1 while no keyframe has come of it.
+  [[nodiscard]] int camera_index(const CameraDoubt& doubt) const;
+  /// Whether one more can be found out: a revision names kMaxCamerasFoundOut. One that is known, or of which
+  /// no keyframe is left, gives up its place; its keyframes keep their camera.
+  [[nodiscard]] bool has_place_for_camera() const;
+  /// Takes one in that has no index yet, as it comes. Its index. Precondition: has_place_for_camera().
+  int add_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+  /// Whether its camera is exact, or known by now.
+  [[nodiscard]] bool has_known_camera(const MapKeyframe& keyframe) const;
+  /// Live keyframes of a camera that is found out.
+  [[nodiscard]] size_t keyframes_of(int camera) const;
+  /// What an adjustment has found of a camera; its keyframes get it.
+  void update_camera(int index, const FreeCamera& adjusted);
+  /// True when the cameras have moved so far since the last time that points searched in vain may be found
+  /// now: nothing is given up any more.
+  bool forget_given_up();
+  /// Cameras as they are now become what is published; patches are described by them anew.
+  void publish_cameras();
 
   /// Takes in a keyframe without measurements; its id is set here.
   KeyframeId add_keyframe(MapKeyframe keyframe);
@@ -121,6 +143,10 @@ class MapState {
   void transform(const Similarity3& new_from_old);
 
  private:
+  /// A place in cameras_ that is free; -1 for none.
+  [[nodiscard]] int free_place() const;
+
+  std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<PointId> live_points_;  ///< ascending

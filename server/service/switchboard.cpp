@@ -317,6 +317,10 @@ void Switchboard::connect(Client& client) {
     if (entry.snapshot)
       report(client.writers->maps.write(make_map_info(options_.server, map, entry)), "MapInfo");
   }
+  client.cameras_told.clear();
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.snapshot) tell_cameras(map, entry);
+  }
 }
 
 void Switchboard::disconnect(Client& client) {

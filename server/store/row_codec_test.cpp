@@ -24,6 +24,7 @@ class RowCodecTest : public ::testing::Test {
 
   RowCodecTest() {
     cameras_[7] = *make_camera(camera_);
+    cameras_[found_camera_row(2)] = *make_camera(camera_);
     cameras_[8] = *make_camera({CameraModel::kFov, 320, 240, {200, 201, 160, 120, 0.9}});
   }
 
@@ -38,6 +39,15 @@ class RowCodecTest : public ::testing::Test {
   KeyframeRecord keyframe() {
     return {KeyframeId{9},      KeyframeId{4},       cameras_[8], Timestamp{-17}, pose(), number() + 3,
             1 / (number() + 4), 10 * (number() + 3), true};
+  }
+  MapCamera found_camera() {
+    MapCamera camera = make_map_camera(cameras_[found_camera_row(2)], {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
+    camera.judged = {number(), number()};
+    camera.searched = {number(), number()};
+    camera.judged_keyframes = 17;
+    camera.agreements = 2;
+    camera.frozen = true;
+    return camera;
   }
   MeasurementsRecord measurements() {
     MeasurementsRecord record{KeyframeId{9}, {}, {PointId{3}, PointId{5'000'000'000}}};
@@ -81,6 +91,11 @@ class RowCodecTest : public ::testing::Test {
     return {
         {"camera", encode_camera(camera_),
          [again](const Blob& row) { return again(decode_camera(row), encode_camera); }},
+        {"found camera", encode_found_camera(found_camera()),
+         [this, again](const Blob& row) {
+           return again(decode_found_camera(2, row, cameras_),
+                        [](const FoundCameraRecord& r) { return encode_found_camera(r.camera); });
+         }},
         {"keyframe", encode_keyframe(keyframe(), 8),
          [this, again](const Blob& row) {
            return again(decode_keyframe(KeyframeId{9}, row, cameras_), [this](const KeyframeRecord& k) {
@@ -115,6 +130,10 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(*again, kind.row);
   }
   const KeyframeRecord k = keyframe();
+  const auto by_found = decode_keyframe(k.id, encode_keyframe(k, found_camera_row(2)), cameras_);
+  ASSERT_TRUE(by_found);
+  EXPECT_EQ(by_found->estimated_camera, 2);
+  EXPECT_EQ(by_found->camera, cameras_[found_camera_row(2)]);
   const auto read = decode_keyframe(k.id, encode_keyframe(k, 8), cameras_);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->id, k.id);
