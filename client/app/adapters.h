@@ -21,7 +21,7 @@ class TrackerAdapter final : public TrackingEngine {
   }
   void seed_accepted(const SeedAnswer& answer) override { tracker_.seed_accepted(answer); }
   void seed_refused(const std::string& reason) override { tracker_.seed_refused(reason); }
-  bool place_answered(const std::optional<PoseSuggestion>& suggestion) override {
+  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
     return tracker_.place_answered(suggestion);
   }
   void place_left_open() override { tracker_.place_left_open(); }

@@ -154,9 +154,9 @@ void FrameLoop::deliver_place(const PlaceAnswer& answer) {
   const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
                                                                place->camera_from_keyframe})
                                 : std::nullopt;
-  const bool is_wanted = tracker_.place_answered(suggestion);
-  lost_.answered(is_wanted);
-  if (!is_wanted) return;
+  const PlaceUse use = tracker_.place_answered(suggestion);
+  if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kTried);
+  if (use != PlaceUse::kTried) return;
   link_.use_map(place->map, place->epoch, place->revision);
   on_trial_ = place->map;
 }

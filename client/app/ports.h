@@ -20,7 +20,7 @@ class TrackingEngine {
                                    StageProbe* probe) = 0;
   virtual void seed_accepted(const SeedAnswer& answer) = 0;
   virtual void seed_refused(const std::string& reason) = 0;
-  [[nodiscard]] virtual bool place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;
+  [[nodiscard]] virtual PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;
   virtual void place_left_open() = 0;
   virtual void start_over(NewMap wish) = 0;
   virtual void use_camera(const CameraPtr& camera) = 0;

@@ -83,9 +83,9 @@ class ScriptedTracker final : public TrackingEngine {
   }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
-  bool place_answered(const std::optional<PoseSuggestion>& suggestion) override {
+  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
     words.emplace_back(suggestion ? "try a place" : "place not known");
-    return suggestion && wants_places;
+    return suggestion ? use_of_places : PlaceUse::kNotKnown;
   }
   void place_left_open() override { words.emplace_back("left open"); }
   void start_over(NewMap wish) override {
@@ -96,7 +96,7 @@ class ScriptedTracker final : public TrackingEngine {
     words.push_back(fmt::format("camera of {:.0f} px at frame {}", camera->focal_length(), times.size()));
   }
 
-  bool wants_places = true;
+  PlaceUse use_of_places = PlaceUse::kTried;
 
   std::vector<Timestamp> times;
   std::vector<MapSnapshotPtr> snapshots;

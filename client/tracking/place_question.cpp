@@ -32,7 +32,7 @@ bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
   const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
   suggestion_ = is_news ? suggestion : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;
-  return is_news || !suggestion;
+  return is_news;
 }
 
 void PlaceQuestion::restart() {

@@ -21,8 +21,8 @@ class PlaceQuestion {
  public:
   /// The frame described, if a question may be asked now; null otherwise.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time);
-  /// The answer: a place to try, or that no place is known. A place that has been refuted again and again
-  /// counts as none; false then.
+  /// The answer: a place to try, or that no place is known. Whether there is one to try: a place that has
+  /// been refuted again and again counts as none.
   bool answered(const std::optional<PoseSuggestion>& suggestion);
   /// The answer: neither. What was known before holds; the next question may be asked.
   void left_open() {

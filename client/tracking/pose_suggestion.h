@@ -14,4 +14,11 @@ struct PoseSuggestion {
   SE3 camera_from_reference;  ///< of the frame that was asked about
 };
 
+/// What a tracker does with the answer to its question.
+enum class PlaceUse {
+  kTried,      ///< in the next frame that comes with the map
+  kNotNeeded,  ///< it knows where it is, or has not been lost for long enough to leave its map
+  kNotKnown,   ///< no place was suggested, or one that was tried in vain again and again
+};
+
 }  // namespace cairn

@@ -415,10 +415,11 @@ void Tracker::seed_refused(const std::string& reason) {
   state_->trails.refused(reason);
 }
 
-bool Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
-  const bool is_wanted = state_->question.answered(suggestion) && suggestion && state_->wants(*suggestion);
-  if (!is_wanted) state_->question.drop_suggestion();
-  return is_wanted;
+PlaceUse Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
+  if (!state_->question.answered(suggestion)) return PlaceUse::kNotKnown;
+  if (state_->wants(*suggestion)) return PlaceUse::kTried;
+  state_->question.drop_suggestion();
+  return PlaceUse::kNotNeeded;
 }
 
 void Tracker::place_left_open() {

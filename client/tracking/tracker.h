@@ -137,10 +137,9 @@ class Tracker {
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);
   /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
-  /// of which no seed is proposed. True: the suggestion is wanted, that is, it is tried in the next frame
-  /// that comes with the map it names, and its poses are published when three frames in a row have proven it.
-  /// A place that was tried in vain again and again is not wanted for a while and counts as not known.
-  bool place_answered(const std::optional<PoseSuggestion>& suggestion);
+  /// of which no seed is proposed. A place that is tried has its poses published when three frames in a row
+  /// have proven it; one that was tried in vain again and again counts as not known for a while.
+  PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion);
   /// The question was answered, and not whether the place is known: another may be asked.
   void place_left_open();
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.

@@ -44,7 +44,7 @@ TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
   for (int i = 0; i < 40 && !seed; ++i) {
     const SE3 pose = looking_down(0.006 * i, 0.001 * i);
     seed = tracker.track(world.scene.render(pose), {i * kFrame}, nullptr).seed;
-    EXPECT_FALSE(tracker.place_answered(std::nullopt));
+    EXPECT_EQ(tracker.place_answered(std::nullopt), PlaceUse::kNotKnown);
     if (!seed) continue;
     // Each trail must follow its place on the plane.
     const SE3 first = looking_down(0, 0);
@@ -237,9 +237,11 @@ TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
   MapId other;
   other.bytes[0] = 99;
-  EXPECT_FALSE(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, there}));
+  EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, there}),
+            PlaceUse::kNotNeeded);
   EXPECT_TRUE(tracker.track(image, {++frame * kFrame}, map).pose_measured) << "it holds: no proof needed";
-  EXPECT_FALSE(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}))
+  EXPECT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
+            PlaceUse::kNotNeeded)
       << "nothing is wanted by who is not in need";
 }
 
@@ -250,7 +252,8 @@ TEST_F(OnMap, WhatIsSuggestedInTheSameMapIsTriedBeforeItIsLost) {
   const auto image = scene.render(truth);
   ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).place_question);
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
-  ASSERT_TRUE(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}));
+  ASSERT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
+            PlaceUse::kTried);
   for (int i = 0; i < 3; ++i)
     EXPECT_EQ(tracker.track(image, {++frame * kFrame}, map).pose_measured, i == 2) << "frame " << i;
 }

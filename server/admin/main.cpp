@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 #include <ctime>
@@ -11,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/one_line.h"
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "server/admin/admin_client.h"
@@ -61,16 +63,21 @@ AdminClient::Progress progress_of(const std::string& what) {
   };
 }
 
+/// As a terminal may have it: archives and peers bring texts of strangers.
+std::string text_of(const json& object, const char* key) {
+  return one_line(object.value(key, ""));
+}
+
 void print_map(const json& map) {
-  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s\n", map.value("name", "").c_str(),
-              map.value("id", "").c_str(), map.value("keyframes", 0), map.value("points", 0),
+  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s\n", text_of(map, "name").c_str(),
+              text_of(map, "id").c_str(), map.value("keyframes", 0), map.value("points", 0),
               map.value("memory_bytes", 0.0) * 1e-6, map.contains("frozen") ? "  frozen" : "");
-  if (map.contains("frozen")) std::printf("%24s %s\n", "", map.value("frozen", "").c_str());
+  if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
 }
 
 void print_deleted(const json& map) {
-  std::printf("%-24s %s  deleted, %.1f MB on disk\n", map.value("name", "").c_str(),
-              map.value("id", "").c_str(), map.value("bytes", 0.0) * 1e-6);
+  std::printf("%-24s %s  deleted, %.1f MB on disk\n", text_of(map, "name").c_str(),
+              text_of(map, "id").c_str(), map.value("bytes", 0.0) * 1e-6);
 }
 
 void print_label(const json& label) {
@@ -80,9 +87,9 @@ void print_label(const json& label) {
   char when[32];
   std::strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &parts);
   const auto at = label.value("position", std::vector<double>(3));
-  std::printf("%-24s %4" PRIu64 "  %-32s by %s, %s UTC, at %.3f %.3f %.3f%s\n",
-              label.value("map", "").c_str(), label.value("id", uint64_t{0}), label.value("text", "").c_str(),
-              label.value("author", "").c_str(), when, at.at(0), at.at(1), at.at(2),
+  std::printf("%-24s %4" PRIu64 "  %-32s by %s, %s UTC, at %.3f %.3f %.3f%s\n", text_of(label, "map").c_str(),
+              label.value("id", uint64_t{0}), text_of(label, "text").c_str(),
+              text_of(label, "author").c_str(), when, at.at(0), at.at(1), at.at(2),
               label.value("kind", "") == "model" ? ", a model" : "");
 }
 
@@ -100,14 +107,14 @@ Status show_status(AdminClient* client, const Options& options) {
   const json& s = answer->content;
   print(options, s, [&s] {
     std::printf("server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %.1f MB\nclients ",
-                s.value("server", "").c_str(), s.value("version", "").c_str(), s.value("health", "").c_str(),
-                s.value("store", "").empty() ? "none: maps are in memory only" : s.value("store", "").c_str(),
+                text_of(s, "server").c_str(), text_of(s, "version").c_str(), text_of(s, "health").c_str(),
+                s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str(),
                 s.value("maps", 0), s.value("memory_bytes", 0.0) * 1e-6);
     const json wearers = s.value("wearers", json::object());
     for (const json& client : s.value("clients", json::array())) {
       const auto name = client.get<std::string>();
-      std::printf(" %s", name.c_str());
-      if (wearers.contains(name)) std::printf(" (worn by %s)", wearers.value(name, "").c_str());
+      std::printf(" %s", one_line(name).c_str());
+      if (wearers.contains(name)) std::printf(" (worn by %s)", text_of(wearers, name.c_str()).c_str());
     }
     std::printf("\n");
   });
@@ -133,6 +140,12 @@ Status change_map(AdminClient* client, const Options& options, json request) {
   return {};
 }
 
+bool is_gone(AdminClient* client, const std::string& map) {
+  const auto all = client->maps();
+  return all && std::none_of((*all)["maps"].begin(), (*all)["maps"].end(),
+                             [&map](const json& m) { return m.value("id", "") == map; });
+}
+
 Status list_labels(AdminClient* client, const Options& options) {
   std::vector<std::string> maps;
   if (!options.map.empty()) {
@@ -145,6 +158,7 @@ Status list_labels(AdminClient* client, const Options& options) {
   json labels = json::array();
   for (const std::string& map : maps) {
     const auto of_map = client->labels(map);
+    if (!of_map && options.map.empty() && is_gone(client, map)) continue;  // since the maps were listed
     if (!of_map) return tl::unexpected(of_map.error());
     labels.insert(labels.end(), of_map->begin(), of_map->end());
   }
@@ -239,7 +253,7 @@ Status purge_maps(AdminClient* client, const Options& options) {
     purged.push_back(std::move(answer->content));
   }
   print(options, purged, [&purged] {
-    for (const json& map : purged) std::printf("%s removed for good\n", map.value("name", "").c_str());
+    for (const json& map : purged) std::printf("%s removed for good\n", text_of(map, "name").c_str());
   });
   return {};
 }

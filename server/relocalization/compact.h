@@ -23,6 +23,8 @@ struct CompactPicture {
   std::array<float, kCompactSize> values{};  ///< all 0: an image without contrast
   uint16_t width = 0;                        ///< of the tiny image
   uint16_t height = 0;
+
+  friend bool operator==(const CompactPicture&, const CompactPicture&) = default;
 };
 
 [[nodiscard]] CompactPicture make_compact(const TinyImage& tiny);

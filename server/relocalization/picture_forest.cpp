@@ -85,6 +85,7 @@ class PictureForest::Trees {
                          flann::SearchParams(kChecksPerWanted * static_cast<int>(count)));
     return nearest.take();
   }
+  [[nodiscard]] const std::vector<CompactPicture>& pictures() const { return pictures_; }
   [[nodiscard]] size_t bytes() const {
     return pictures_.size() * (sizeof(CompactPicture) + sizeof(uint32_t)) +
            static_cast<size_t>(index_.usedMemory());
@@ -108,6 +109,7 @@ PictureForest::PictureForest(std::span<const Picture> pictures) {
   };
   std::stable_sort(by_size.begin(), by_size.end(),
                    [&](uint32_t a, uint32_t b) { return size_of(a) < size_of(b); });
+  rows_.resize(slots_.size());
   for (auto begin = by_size.begin(); begin != by_size.end();) {
     const auto end =
         std::find_if(begin, by_size.end(), [&](uint32_t slot) { return size_of(slot) != size_of(*begin); });
@@ -115,6 +117,8 @@ PictureForest::PictureForest(std::span<const Picture> pictures) {
     rows.reserve(static_cast<size_t>(end - begin));
     for (auto slot = begin; slot != end; ++slot) rows.push_back(pictures[*slot].compact);
     trees_.push_back(std::make_unique<const Trees>(std::move(rows), std::vector(begin, end)));
+    const CompactPicture* row = trees_.back()->pictures().data();
+    for (auto slot = begin; slot != end; ++slot) rows_[*slot] = row++;
     begin = end;
   }
 }
@@ -130,7 +134,7 @@ std::vector<PictureForest::Found> PictureForest::find(
 }
 
 size_t PictureForest::bytes() const {
-  size_t sum = slots_.size() * sizeof(Slot);
+  size_t sum = slots_.size() * (sizeof(Slot) + sizeof(const CompactPicture*));
   for (const auto& trees : trees_) sum += trees->bytes();
   return sum;
 }

@@ -43,6 +43,8 @@ class PictureForest {
 
   /// By index of the pictures it was made of.
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
+  /// The picture that a slot was made of.
+  [[nodiscard]] const CompactPicture& picture(size_t slot) const { return *rows_[slot]; }
   /// At most `count` slots near the query, of its size and for which `is_there` holds, ascending by distance.
   [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const;
@@ -51,6 +53,7 @@ class PictureForest {
  private:
   class Trees;
   std::vector<Slot> slots_;
+  std::vector<const CompactPicture*> rows_;          ///< of `trees_`, by slot
   std::vector<std::unique_ptr<const Trees>> trees_;  ///< one for each size of picture
 };
 using PictureForestPtr = std::shared_ptr<const PictureForest>;

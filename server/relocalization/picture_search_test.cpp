@@ -27,12 +27,16 @@ TinyImage random_view(const LeafPlace& place, std::mt19937_64* random) {
   return place.view(dx, dy, 0.5F + 0.5F * static_cast<float>((*random)() % 100) / 100);
 }
 
-IndexedMapPtr make_map(uint32_t number, size_t keyframes = kKeyframes) {
-  std::mt19937_64 random(number);
-  const LeafPlace place(number);
+std::vector<TinyImage> make_pictures(uint32_t place_number, size_t count) {
+  std::mt19937_64 random(place_number);
+  const LeafPlace place(place_number);
   std::vector<TinyImage> pictures;
-  for (size_t i = 0; i < keyframes; ++i) pictures.push_back(random_view(place, &random));
-  return picture_map(map_id(number), std::move(pictures));
+  for (size_t i = 0; i < count; ++i) pictures.push_back(random_view(place, &random));
+  return pictures;
+}
+
+IndexedMapPtr make_map(uint32_t number, size_t keyframes = kKeyframes) {
+  return picture_map(map_id(number), make_pictures(number, keyframes));
 }
 
 PlaceIndex make_index(uint32_t maps) {
@@ -304,6 +308,19 @@ TEST(PlaceIndex, WhatIsGoneIsNotFoundAndInNobodysWay) {
   EXPECT_EQ(find_alike(less, query, 12, PictureSearch::kForest).front().map, less.find(map_id(5)));
   EXPECT_EQ(find_alike(index, query, 12, PictureSearch::kForest).front().map, index.find(map_id(5)))
       << "copies are values";
+}
+
+/// As when it is purged and comes back from an archive older than the last of its keyframes.
+TEST(PlaceIndex, AMapThatComesBackWithOtherPicturesIsFoundByThose) {
+  PlaceIndex index = make_index(20);
+  index.set_forest(plant_forest(index, 0));
+  index.remove(map_id(5));
+  index.put(picture_map(map_id(5), make_pictures(50, kKeyframes)));
+  expect_consistent(index);
+  EXPECT_EQ(index.unplanted().size(), kKeyframes);
+  const auto found = find_alike(index, make_query(50, 3), 1, PictureSearch::kForest);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_EQ(found.front().map, index.find(map_id(5)));
 }
 
 TEST(PlaceIndex, SaysWhenItNeedsPlanting) {

@@ -227,7 +227,10 @@ void PlaceIndex::locate(const MapId& id, const IndexedMap* map) {
                                         [](const auto& slot, const MapId& key) { return slot.map < key; });
     for (auto slot = begin; slot != slots.end() && slot->map == id; ++slot) {
       KeyframePlace& place = planted_[static_cast<size_t>(slot - slots.begin())];
-      const auto keyframe = map != nullptr ? find_keyframe(*map, slot->keyframe) : std::nullopt;
+      auto keyframe = map != nullptr ? find_keyframe(*map, slot->keyframe) : std::nullopt;
+      // A map that was purged and comes back from an archive may have other pictures by the same names.
+      if (keyframe && map->pictures[*keyframe] != forest_->picture(static_cast<size_t>(slot - slots.begin())))
+        keyframe.reset();
       gone_ += static_cast<size_t>(!keyframe) - static_cast<size_t>(place.map == nullptr);
       place = keyframe ? KeyframePlace{map, *keyframe} : KeyframePlace{};
       if (keyframe) has_slot[*keyframe] = true;

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "server/service/one_line.h"
+#include "common/base/one_line.h"
 
 namespace cairn {
 

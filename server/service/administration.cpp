@@ -3,10 +3,10 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/one_line.h"
 #include "common/base/version.h"
 #include "common/wire/partition.h"
 #include "server/service/admin_reply.h"
-#include "server/service/one_line.h"
 #include "server/service/switchboard.h"
 
 /// What operators ask for (idl/README.md, AdminRequest).

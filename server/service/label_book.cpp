@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/service/one_line.h"
+#include "common/base/one_line.h"
 
 namespace cairn {
 namespace {

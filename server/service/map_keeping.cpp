@@ -3,8 +3,8 @@
 #include <chrono>
 #include <utility>
 
+#include "common/base/one_line.h"
 #include "server/service/map_runner.h"
-#include "server/service/one_line.h"
 #include "server/service/wall_clock.h"
 
 /// A map's way into the store.

@@ -6,9 +6,9 @@
 #include <exception>
 #include <utility>
 
+#include "common/base/one_line.h"
 #include "common/base/version.h"
 #include "common/wire/partition.h"
-#include "server/service/one_line.h"
 
 namespace cairn {
 namespace {
