@@ -196,180 +196,180 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
     return on_query_answered(client.name, message.command, {PlaceVerdict::kNotKnown, {}, "no such camera"});
   client.query_in_work = true;
   const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
-  lanes_.questions.submit([this, name = client.name, camera = announced->camera, message = std::move(message), scope]() mutable {
-    const wire::CommandId command = message.command;
-    try {
-      look_up(name, camera, std::move(message), scope);
-    } catch (const std::exception& problem) {  // memory, a library
-      post([this, name, command, why = std::string("internal error: ") + problem.what()] {
-        on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
-      });
-    }
-
-    void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
-                              const SearchScope& scope) {
-      const auto done = [this, client, command = message.command, scope](PlaceAnswer answer) {
-        post([this, client, command, scope, answer = std::move(answer)]() mutable {
-          const MonotonicTime now = steady_clock::now();
-          on_query_answered(client, command, wearers_.narrow(client, scope, std::move(answer), now));
-        });
-      };
-      const Result<GrayImagePtr> small = decode_image(message.small_image);
-      if (!small) return done({PlaceVerdict::kNotKnown, {}, small.error().message});
-      PlaceQuery query;
-      query.camera = camera;
-      query.view.small.assign(**small);
-      query.view.corners = std::move(message.corners);
-      query.scope = scope;
-      query.lockstep = message.lockstep;
-      places_->ask(std::move(query), done);
-    }
-
-    void Switchboard::on_query_answered(const std::string& client_name, wire::CommandId command,
-                                        const PlaceAnswer& answer) {
-      const auto found = clients_.find(client_name);
-      if (found == clients_.end()) return;
-      Client& client = found->second;
-      client.query_in_work = false;
-      log_->debug("{}: place {}: {}", client_name, to_string(answer.verdict), describe(answer));
-      if (client.writers) report(client.writers->places.write({client.id, command, answer}), "RelocAnswer");
-    }
-
-    std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
-      MapRunner::Listener listener;
-      listener.changed = [this, map](MapRevision revision) {
-        post([this, map, revision = std::move(revision)]() mutable {
-          on_map_changed(map, std::move(revision));
-        });
-      };
-      listener.frozen = [this, map](const std::string& why) {
-        post([this, map, why] {
-          if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
-        });
-      };
-      return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
-                                         store_, std::move(listener), log_);
-    }
-
-    void Switchboard::on_map_changed(MapId map, MapRevision revision) {
-      MapEntry* entry = maps_.find(map);
-      if (entry == nullptr) return;  // deleted meanwhile
-      if (entry->seeding) {
-        entry->undecided = std::move(revision);
-        return;
-      }
-      const MapSnapshotPtr snapshot = revision.snapshot;
-      entry->snapshot = snapshot;
-      entry->statistics = revision.statistics;
-      // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
-      if (entry->runner != nullptr) places_->report(snapshot, std::move(revision.views));
-      move_labels(map, *entry);
-      info_due_[map] = true;
-      {
-        const std::scoped_lock lock(mutex_);
-        published_[map] = snapshot;
-      }
-      tell_cameras(map, *entry);
-      for (auto& [name, client] : clients_) {
-        const auto feed = client.feeds.find(map);
-        if (feed != client.feeds.end()) {
-          feed->second.update(snapshot);
-        } else if (client.wanted.contains(map)) {
-          open_wanted_feeds(client);
+  lanes_.questions.submit(
+      [this, name = client.name, camera = announced->camera, message = std::move(message), scope]() mutable {
+        const wire::CommandId command = message.command;
+        try {
+          look_up(name, camera, std::move(message), scope);
+        } catch (const std::exception& problem) {  // memory, a library
+          post([this, name, command, why = std::string("internal error: ") + problem.what()] {
+            on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
+          });
         }
-      }
-    }
+      });
+}
 
-    void Switchboard::forget_map(MapId map) {
-      const MapEntry* entry = maps_.find(map);
-      if (entry == nullptr) return;
-      const bool was_told = entry->snapshot != nullptr;
-      maps_.remove(map);
-      if (!was_told) return;
-      places_->remove(map);
-      info_due_.erase(map);
-      {
-        const std::scoped_lock lock(mutex_);
-        published_.erase(map);
-      }
-      wire::MapInfo gone;
-      gone.map = map;
-      for (auto& [name, client] : clients_) {
-        client.feeds.erase(map);
-        if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
-        forget_cameras(map, client);
-      }
-    }
+void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
+                          const SearchScope& scope) {
+  const auto done = [this, client, command = message.command, scope](PlaceAnswer answer) {
+    post([this, client, command, scope, answer = std::move(answer)]() mutable {
+      const MonotonicTime now = steady_clock::now();
+      on_query_answered(client, command, wearers_.narrow(client, scope, std::move(answer), now));
+    });
+  };
+  const Result<GrayImagePtr> small = decode_image(message.small_image);
+  if (!small) return done({PlaceVerdict::kNotKnown, {}, small.error().message});
+  PlaceQuery query;
+  query.camera = camera;
+  query.view.small.assign(**small);
+  query.view.corners = std::move(message.corners);
+  query.scope = scope;
+  query.lockstep = message.lockstep;
+  places_->ask(std::move(query), done);
+}
 
-    /// Before the revision that names them.
-    void Switchboard::tell_cameras(MapId map, const MapEntry& entry) {
-      for (const CameraEstimate& estimate : entry.statistics.cameras) {
-        const auto name = names_.find(estimate.version.client);
-        const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
-        if (client != clients_.end() && client->second.writers)
-          tell_camera({map, entry.snapshot->epoch}, estimate, client->second);
-      }
-    }
+void Switchboard::on_query_answered(const std::string& client_name, wire::CommandId command,
+                                    const PlaceAnswer& answer) {
+  const auto found = clients_.find(client_name);
+  if (found == clients_.end()) return;
+  Client& client = found->second;
+  client.query_in_work = false;
+  log_->debug("{}: place {}: {}", client_name, to_string(answer.verdict), describe(answer));
+  if (client.writers) report(client.writers->places.write({client.id, command, answer}), "RelocAnswer");
+}
 
-    void Switchboard::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate,
-                                  Client& client) {
-      const auto& [map, epoch] = where;
-      const CameraVersion& version = estimate.version;
-      const std::pair now(epoch, version.version);
-      auto& told = client.cameras_told[{map, version.camera}];
-      if (told == now) return;
-      const CameraParameters& parameters = estimate.camera->parameters();
-      const Status written = client.writers->cameras.write(
-          {version.client, version.camera, map, epoch, version.version, parameters,
-           sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}), estimate.frozen,
-           estimate.cannot_be_known});
-      report(written, "CameraEstimate");
-      if (written) told = now;  // else with the next revision
-    }
+std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
+  MapRunner::Listener listener;
+  listener.changed = [this, map](MapRevision revision) {
+    post([this, map, revision = std::move(revision)]() mutable { on_map_changed(map, std::move(revision)); });
+  };
+  listener.frozen = [this, map](const std::string& why) {
+    post([this, map, why] {
+      if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
+    });
+  };
+  return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
+                                     store_, std::move(listener), log_);
+}
 
-    void Switchboard::forget_cameras(MapId map, Client & client) {
-      for (auto told = client.cameras_told.lower_bound({map, 0});
-           told != client.cameras_told.end() && told->first.first == map;
-           told = client.cameras_told.erase(told)) {
-        wire::CameraEstimate gone;
-        gone.client = client.id;
-        gone.camera = told->first.second;
-        gone.map = map;
-        if (client.writers) report(client.writers->cameras.dispose(gone), "CameraEstimate");
-      }
+void Switchboard::on_map_changed(MapId map, MapRevision revision) {
+  MapEntry* entry = maps_.find(map);
+  if (entry == nullptr) return;  // deleted meanwhile
+  if (entry->seeding) {
+    entry->undecided = std::move(revision);
+    return;
+  }
+  const MapSnapshotPtr snapshot = revision.snapshot;
+  entry->snapshot = snapshot;
+  entry->statistics = revision.statistics;
+  // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
+  if (entry->runner != nullptr) places_->report(snapshot, std::move(revision.views));
+  move_labels(map, *entry);
+  info_due_[map] = true;
+  {
+    const std::scoped_lock lock(mutex_);
+    published_[map] = snapshot;
+  }
+  tell_cameras(map, *entry);
+  for (auto& [name, client] : clients_) {
+    const auto feed = client.feeds.find(map);
+    if (feed != client.feeds.end()) {
+      feed->second.update(snapshot);
+    } else if (client.wanted.contains(map)) {
+      open_wanted_feeds(client);
     }
+  }
+}
 
-    std::string Switchboard::why_memory_is_full() const {
-      constexpr size_t kMegabyte = 1'000'000;
-      const size_t bytes = maps_.bytes();
-      if (bytes < options_.max_memory_bytes) return {};
-      return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
-    }
+void Switchboard::forget_map(MapId map) {
+  const MapEntry* entry = maps_.find(map);
+  if (entry == nullptr) return;
+  const bool was_told = entry->snapshot != nullptr;
+  maps_.remove(map);
+  if (!was_told) return;
+  places_->remove(map);
+  info_due_.erase(map);
+  {
+    const std::scoped_lock lock(mutex_);
+    published_.erase(map);
+  }
+  wire::MapInfo gone;
+  gone.map = map;
+  for (auto& [name, client] : clients_) {
+    client.feeds.erase(map);
+    if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
+    forget_cameras(map, client);
+  }
+}
 
-    std::string Switchboard::why_full() const {
-      if (maps_.all().size() >= options_.max_maps)
-        return "the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)";
-      return why_memory_is_full();
-    }
+/// Before the revision that names them.
+void Switchboard::tell_cameras(MapId map, const MapEntry& entry) {
+  for (const CameraEstimate& estimate : entry.statistics.cameras) {
+    const auto name = names_.find(estimate.version.client);
+    const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
+    if (client != clients_.end() && client->second.writers)
+      tell_camera({map, entry.snapshot->epoch}, estimate, client->second);
+  }
+}
 
-    void Switchboard::write_verdicts(Client & client) {
-      if (!client.writers || !client.offer_gate.session()) return;
-      report(client.writers->offers.write(client.offer_gate.verdict(client.id)), "OfferVerdict");
-      if (client.seed_gate.verdict().command.seq != 0) {
-        report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
-      }
-      report(client.writers->replies.write(client.request_gate.verdict(client.id)), "ClientReply");
-    }
+void Switchboard::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client) {
+  const auto& [map, epoch] = where;
+  const CameraVersion& version = estimate.version;
+  const std::pair now(epoch, version.version);
+  auto& told = client.cameras_told[{map, version.camera}];
+  if (told == now) return;
+  const CameraParameters& parameters = estimate.camera->parameters();
+  const Status written =
+      client.writers->cameras.write({version.client, version.camera, map, epoch, version.version, parameters,
+                                     sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
+                                     estimate.frozen, estimate.cannot_be_known});
+  report(written, "CameraEstimate");
+  if (written) told = now;  // else with the next revision
+}
 
-    void Switchboard::tell_all(const wire::MapInfo& info) {
-      info_due_.erase(info.map);
-      for (auto& [name, client] : clients_) {
-        if (client.writers) report(client.writers->maps.write(info), "MapInfo");
-      }
-    }
+void Switchboard::forget_cameras(MapId map, Client& client) {
+  for (auto told = client.cameras_told.lower_bound({map, 0});
+       told != client.cameras_told.end() && told->first.first == map;
+       told = client.cameras_told.erase(told)) {
+    wire::CameraEstimate gone;
+    gone.client = client.id;
+    gone.camera = told->first.second;
+    gone.map = map;
+    if (client.writers) report(client.writers->cameras.dispose(gone), "CameraEstimate");
+  }
+}
 
-    void Switchboard::report(const Status& written, const char* what) {
-      if (!written) log_->error("{} could not be written: {}", what, written.error().message);
-    }
+std::string Switchboard::why_memory_is_full() const {
+  constexpr size_t kMegabyte = 1'000'000;
+  const size_t bytes = maps_.bytes();
+  if (bytes < options_.max_memory_bytes) return {};
+  return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
+}
+
+std::string Switchboard::why_full() const {
+  if (maps_.all().size() >= options_.max_maps)
+    return "the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)";
+  return why_memory_is_full();
+}
+
+void Switchboard::write_verdicts(Client& client) {
+  if (!client.writers || !client.offer_gate.session()) return;
+  report(client.writers->offers.write(client.offer_gate.verdict(client.id)), "OfferVerdict");
+  if (client.seed_gate.verdict().command.seq != 0) {
+    report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
+  }
+  report(client.writers->replies.write(client.request_gate.verdict(client.id)), "ClientReply");
+}
+
+void Switchboard::tell_all(const wire::MapInfo& info) {
+  info_due_.erase(info.map);
+  for (auto& [name, client] : clients_) {
+    if (client.writers) report(client.writers->maps.write(info), "MapInfo");
+  }
+}
+
+void Switchboard::report(const Status& written, const char* what) {
+  if (!written) log_->error("{} could not be written: {}", what, written.error().message);
+}
 
 }  // namespace cairn
