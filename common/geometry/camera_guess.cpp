@@ -8,8 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kK1 = 4;      // of the values
-constexpr size_t kValues = 9;  // of pinhole-radtan
+constexpr size_t kK1 = 4;  // of the values
 constexpr double kUsualHalfView = 30 * std::numbers::pi / 180;
 constexpr double kUnknownFocal = 0.35;
 constexpr double kUnknownK1 = 0.1;  // ordinary lenses lie within two of it; wide-angle ones beyond
@@ -27,8 +26,8 @@ std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
 
 std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
                                               const std::vector<double>& sigma) {
-  if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() != kValues ||
-      sigma.size() != kValues)
+  if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() != kDoubtfulValues ||
+      sigma.size() != kDoubtfulValues)
     return std::nullopt;
   const double focal = parameters.values[0];
   const double focal_sigma = sigma[0] / focal;
@@ -60,7 +59,7 @@ Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters) {
                                                "is the focal length and k1 of pinhole-radtan");
   }
   DoubtfulCamera doubtful{parameters, kRoughFocal, kRoughK1};
-  doubtful.parameters.values.resize(kValues, 0.0);
+  doubtful.parameters.values.resize(kDoubtfulValues, 0.0);
   return doubtful;
 }
 

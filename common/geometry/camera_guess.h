@@ -11,6 +11,9 @@ namespace cairn {
 /// Sigmas of less are no doubt, and their squares no weights to calculate with.
 inline constexpr double kLeastDoubt = 1e-6;
 
+/// Of pinhole-radtan.
+inline constexpr size_t kDoubtfulValues = 9;
+
 /// A camera and how far its values are believed.
 struct DoubtfulCamera {
   CameraParameters parameters;  ///< pinhole-radtan, all nine values
@@ -18,7 +21,8 @@ struct DoubtfulCamera {
   double k1_sigma = 0;
 };
 
-/// One per value, 0 for those that are believed; and back. What the wire says of it.
+/// One per value, 0 for those that are believed; and back. What the wire says of it. Precondition:
+/// pinhole-radtan, all nine values.
 [[nodiscard]] std::vector<double> sigma_of_values(const DoubtfulCamera& camera);
 /// `sigma`: one per value. Nothing when all values are exact, when the model is another, or when they are
 /// none that a camera could have (focal length 0.1 to 20 times the longer side, nearly square pixels, sigmas

@@ -22,7 +22,8 @@ namespace cairn {
 constexpr int kBlockSlots =
     64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
 
-/// What never changes about a point: where its patch was cut.
+/// Where a point's patch was cut, and what it shows. Of this only the rays and the normal ever change: where
+/// the source camera was found out to be another than was believed.
 struct PointSource {
   PointId id;
   KeyframeId keyframe;  ///< the keyframe whose image gave the patch

@@ -48,6 +48,23 @@ MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const s
   return problem;
 }
 
+/// Judging takes several adjustments: only the cameras with most new keyframes, if it is worth it.
+void choose_judged(const MapState& map, MapProblem* problem) {
+  constexpr size_t kMostJudged = 2;
+  std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, place
+  for (size_t i = 0; i < problem->cameras.size(); ++i) {
+    const CutCamera& cut = problem->cameras[i];
+    const MapCamera& camera = map.cameras()[static_cast<size_t>(cut.index)];
+    problem->bundle.free_cameras[i].judge = false;
+    if (is_worth_judging(camera, cut.keyframes))
+      ranked.emplace_back(
+          static_cast<ptrdiff_t>(camera.judged_keyframes) - static_cast<ptrdiff_t>(cut.keyframes.made), i);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), kMostJudged));
+  for (const auto& [rank, i] : ranked) problem->bundle.free_cameras[i].judge = true;
+}
+
 void free_cameras(const MapState& map, MapProblem* problem) {
   constexpr size_t kFewestKeyframes = 3;
   constexpr size_t kFewestForDistortion = 6;
@@ -55,15 +72,15 @@ void free_cameras(const MapState& map, MapProblem* problem) {
   std::vector<int> free_index;
   for (size_t i = 0; i < map.cameras().size(); ++i) {
     const MapCamera& c = map.cameras()[i];
-    const size_t keyframes = map.keyframes_of(static_cast<int>(i));
-    const bool is_free = !c.frozen && keyframes >= kFewestKeyframes;
+    const CutCamera cut{static_cast<int>(i), c.version, map.keyframes_of(static_cast<int>(i))};
+    const bool is_free = !c.frozen && cut.keyframes.live >= kFewestKeyframes;
     free_index.push_back(is_free ? static_cast<int>(problem->cameras.size()) : -1);
     if (!is_free) continue;
-    problem->cameras.push_back(static_cast<int>(i));
+    problem->cameras.push_back(cut);
     Intrinsics prior_sigma = c.prior_sigma;
     // Over few views, most of all of a plane, distortion makes up for a wrong focal length: one after the
     // other.
-    if (keyframes < kFewestForDistortion) prior_sigma[1] = kHeld;
+    if (cut.keyframes.live < kFewestForDistortion) prior_sigma[1] = kHeld;
     problem->bundle.free_cameras.push_back({.camera = c.camera,
                                             .prior_mean = c.prior_mean,
                                             .prior_sigma = prior_sigma,
@@ -73,6 +90,7 @@ void free_cameras(const MapState& map, MapProblem* problem) {
     const int camera = map.keyframe(problem->keyframes[i]).estimated_camera;
     if (camera >= 0) problem->bundle.poses[i].free_camera = free_index[static_cast<size_t>(camera)];
   }
+  choose_judged(map, problem);
 }
 
 void fix_gauge(MapProblem* problem) {

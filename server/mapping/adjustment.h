@@ -17,7 +17,7 @@ struct MapProblem {
   BundleProblem bundle;
   std::vector<KeyframeId> keyframes;  ///< of bundle.poses, ascending
   std::vector<PointId> points;        ///< of bundle.points, ascending
-  std::vector<int> cameras;           ///< of bundle.free_cameras: index in MapState::cameras()
+  std::vector<CutCamera> cameras;     ///< of bundle.free_cameras
 };
 
 /// What fixes the unit of length. The baseline of the first two keyframes is known no better than their
@@ -44,7 +44,7 @@ class ScaleAnchor {
 /// their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
 /// All but the first keyframe move, and the cameras that are being found out, once there are three keyframes:
-/// two views hardly tell a focal length.
+/// two views hardly tell a focal length. Judged are at most two of these, those with most new keyframes.
 [[nodiscard]] MapProblem global_problem(const MapState& map);
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay

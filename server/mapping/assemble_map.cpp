@@ -3,7 +3,6 @@
 
 #include "common/map/limits.h"
 #include "server/mapping/map_record.h"
-#include "server/mapping/patch_view.h"
 
 namespace cairn {
 namespace {
@@ -59,7 +58,9 @@ class Assembly {
       if (cameras_[i].camera == nullptr) cameras_[i] = camera;
     };
     for (const FoundCameraRecord& r : record_.found_cameras) place(r.index, r.camera);
-    for (const KeyframeRecord& r : record_.keyframes) place(r.estimated_camera, known_camera(r.camera));
+    for (const KeyframeRecord& r : record_.keyframes) {
+      if (r.camera != nullptr) place(r.estimated_camera, known_camera(r.camera));
+    }
     for (MapCamera& c : cameras_) {
       if (c.camera == nullptr) c = known_camera(cameras_.back().camera);  // no keyframe has it
       count_as_published(&c);
@@ -68,6 +69,7 @@ class Assembly {
   static MapCamera known_camera(const CameraPtr& camera) {
     MapCamera known;
     known.camera = camera;
+    known.searched = intrinsics_of(*camera);
     known.frozen = true;
     return known;
   }
@@ -126,8 +128,6 @@ class Assembly {
         points_[i].source = r.points[s];
         points_[i].source.id = PointId{i + 1};
         has_source_[i] = true;
-        // Its rays were right for the camera as it was then known.
-        aim_source(*keyframe(r.points[s].keyframe).camera, &points_[i].source);
       }
     }
     std::vector<bool> has_position(points_.size());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "common/geometry/robust.h"
 
@@ -58,7 +59,8 @@ BundleReport solve_from_several(BundleProblem* problem, const BundleOptions& opt
   const BundleProblem start = *problem;
   BundleReport best = solve_bundle(problem, options);
   for (size_t camera = 0; camera < start.free_cameras.size(); ++camera) {
-    if (!may_be_wrong(start.free_cameras[camera])) continue;
+    const FreeCamera& before = start.free_cameras[camera];
+    if (!before.judge || !may_be_wrong(before)) continue;
     for (const double factor : kOtherStarts) {
       BundleProblem other = start;
       if (!stretch(camera, factor, &other)) continue;
@@ -185,6 +187,20 @@ Eigen::Matrix2d honest_covariance(const BundleProblem& problem, const Residuals&
   return (spread(0, 0) > camera.covariance(0, 0) ? spread : camera.covariance) + given;
 }
 
+/// Nothing when it could not be judged: a problem that could not be solved, or no more time.
+std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, const Residuals& residuals, size_t camera,
+                                     double squared_cutoff, const BundleOptions& options) {
+  const auto derivatives = intrinsic_derivatives(problem, residuals, camera, options);
+  const auto by_given = given_derivatives(problem, residuals, camera, options);
+  const auto is_there = [](const Residuals& d) { return !d.empty(); };
+  const bool known = std::all_of(derivatives.begin(), derivatives.end(), is_there) &&
+                     std::all_of(by_given.begin(), by_given.end(), is_there);
+  const bool was_stopped = options.should_stop && options.should_stop();
+  if (!known || was_stopped) return std::nullopt;
+  return honest_covariance(problem, residuals, derivatives, by_given, problem.free_cameras[camera],
+                           squared_cutoff);
+}
+
 }  // namespace
 
 BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) {
@@ -194,16 +210,10 @@ BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) 
   if (!report.usable) return report;
   const Residuals residuals = residuals_of(*problem);
   for (size_t c = 0; c < problem->free_cameras.size(); ++c) {
-    const auto derivatives = intrinsic_derivatives(*problem, residuals, c, options);
-    const auto by_given = given_derivatives(*problem, residuals, c, options);
-    const auto is_there = [](const Residuals& d) { return !d.empty(); };
-    const bool known = std::all_of(derivatives.begin(), derivatives.end(), is_there) &&
-                       std::all_of(by_given.begin(), by_given.end(), is_there);
-    const bool was_stopped = options.should_stop && options.should_stop();
     FreeCamera& camera = problem->free_cameras[c];
-    camera.covariance = known && !was_stopped ? honest_covariance(*problem, residuals, derivatives, by_given,
-                                                                  camera, report.squared_cutoff)
-                                              : before[c];
+    const auto judged = camera.judge ? judge(*problem, residuals, c, report.squared_cutoff, options)
+                                     : std::optional<Eigen::Matrix2d>();
+    camera.covariance = judged.value_or(before[c]);
   }
   return report;
 }

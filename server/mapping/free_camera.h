@@ -35,6 +35,8 @@ struct FreeCamera {
   Intrinsics prior_sigma = Intrinsics::Ones();
   /// Of the intrinsics, once adjusted: noise as large as the residuals say, and the prior.
   Eigen::Matrix<double, kIntrinsics, kIntrinsics> covariance = Eigen::Matrix2d::Zero();
+  /// Whether find_cameras() tries other focal lengths and judges the covariance; else that stays.
+  bool judge = true;
 };
 
 /// Moved to where the prior reaches.

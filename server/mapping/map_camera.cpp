@@ -16,6 +16,7 @@ constexpr double kAgreement = 0.01;       ///< of successive focal lengths
 constexpr int kEnoughAgreements = 3;
 constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
 constexpr size_t kManyKeyframes = 40;    ///< what these have not told, more of the same will not
+constexpr size_t kManyMore = 4;          ///< one to so many of these: worth another look
 constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where the picture ends
 
 }  // namespace
@@ -30,7 +31,12 @@ MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
   return result;
 }
 
-void update(MapCamera* camera, const FreeCamera& adjusted, size_t keyframes) {
+bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes) {
+  const size_t before = camera.judged_keyframes;
+  return !camera.frozen && keyframes.made > before + (cannot_be_known(camera) ? before / kManyMore : 0);
+}
+
+void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& keyframes) {
   camera->camera = adjusted.camera;
   // What was held closer than the prior would, or could not be judged, is known no better than before.
   for (int i = 0; i < kIntrinsics; ++i) {
@@ -38,13 +44,13 @@ void update(MapCamera* camera, const FreeCamera& adjusted, size_t keyframes) {
     const bool is_known = adjusted.prior_sigma[i] >= camera->prior_sigma[i] && found < camera->prior_sigma[i];
     camera->sigma[i] = is_known ? std::max(found, kLeastDoubt) : camera->prior_sigma[i];
   }
-  if (keyframes <= camera->judged_keyframes) return;
+  if (!adjusted.judge || keyframes.made <= camera->judged_keyframes) return;
   const Intrinsics values = intrinsics_of(*camera->camera);
   const bool agrees = std::abs(values[0] - camera->judged[0]) <= kAgreement;
   camera->agreements = agrees ? camera->agreements + 1 : 0;
   camera->judged = values;
-  camera->judged_keyframes = keyframes;
-  camera->frozen = keyframes >= kFewestKeyframes && !is_held_by_prior(adjusted) &&
+  camera->judged_keyframes = keyframes.made;
+  camera->frozen = keyframes.live >= kFewestKeyframes && !is_held_by_prior(adjusted) &&
                    camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }
@@ -53,11 +59,12 @@ bool cannot_be_known(const MapCamera& camera) {
   return !camera.frozen && camera.judged_keyframes >= kManyKeyframes;
 }
 
-bool take_move(MapCamera* camera) {
+CameraMove take_move(MapCamera* camera) {
   const Intrinsics values = intrinsics_of(*camera->camera);
-  if (std::abs(values[0] - camera->searched[0]) <= kFeltMove) return false;
+  const bool felt = std::abs(values[0] - camera->searched[0]) > kFeltMove;
+  if (!felt && (!camera->frozen || values == camera->searched)) return CameraMove::kNone;
   camera->searched = values;
-  return true;
+  return felt ? CameraMove::kFelt : CameraMove::kSettled;
 }
 
 void count_as_published(MapCamera* camera) {
@@ -67,18 +74,15 @@ void count_as_published(MapCamera* camera) {
   camera->published_unknown = cannot_be_known(*camera);
 }
 
-Publication publish(MapCamera* camera) {
+bool publish(MapCamera* camera) {
   const bool moved = camera->frozen != camera->published_frozen ||
                      largest_move(*camera->published, *camera->camera) > kVisibleMove;
   const bool better = (camera->sigma.array() < kNotablyBetter * camera->published_sigma.array()).any() ||
                       cannot_be_known(*camera) != camera->published_unknown;
-  if (!moved && !better) return Publication::kNone;
+  if (!moved && !better) return false;
   ++camera->version.version;
-  const CameraPtr before = camera->published;
   count_as_published(camera);
-  // What cannot be seen is left out, so that a version known better needs no new patches.
-  if (!moved) camera->published = before;
-  return moved ? Publication::kMoved : Publication::kKnownBetter;
+  return true;
 }
 
 }  // namespace cairn

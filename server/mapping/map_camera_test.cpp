@@ -34,30 +34,56 @@ FreeCamera found(const MapCamera& camera, double focal, double sigma) {
   return adjusted;
 }
 
+/// None of them removed.
+KeyframeCount all_of(size_t keyframes) {
+  return {keyframes, keyframes};
+}
+
 TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
   MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
   for (const size_t keyframes : {9, 10, 11}) {
-    update(&camera, found(camera, 520, 0.02), keyframes);
+    update(&camera, found(camera, 520, 0.02), all_of(keyframes));
     EXPECT_FALSE(camera.frozen) << keyframes;
   }
   MapCamera moving = camera;
-  update(&moving, found(camera, 530, 0.02), 12);
+  update(&moving, found(camera, 530, 0.02), all_of(12));
   EXPECT_FALSE(moving.frozen) << "2 % from the estimate before";
   MapCamera unsure = camera;
-  update(&unsure, found(camera, 520, 0.03), 12);
+  update(&unsure, found(camera, 520, 0.03), all_of(12));
   EXPECT_FALSE(unsure.frozen);
   MapCamera again = camera;
-  update(&again, found(camera, 520, 0.02), 11);
+  update(&again, found(camera, 520, 0.02), all_of(11));
   EXPECT_FALSE(again.frozen) << "the same keyframes tell the same again";
-  update(&camera, found(camera, 520, 0.02), 12);
+  MapCamera unjudged = camera;
+  FreeCamera moved_only = found(camera, 520, 0.02);
+  moved_only.judge = false;
+  update(&unjudged, moved_only, all_of(12));
+  EXPECT_FALSE(unjudged.frozen);
+  MapCamera few = camera;
+  update(&few, found(camera, 520, 0.02), {9, 12});
+  EXPECT_FALSE(few.frozen) << "nine are left";
+  update(&camera, found(camera, 520, 0.02), {11, 12});
   EXPECT_TRUE(camera.frozen);
+}
+
+TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLookedAtMoreSeldom) {
+  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  for (size_t made = 3; made <= 40; ++made) {
+    EXPECT_FALSE(cannot_be_known(camera)) << made;
+    ASSERT_TRUE(is_worth_judging(camera, {20, made}));
+    update(&camera, found(camera, 520, 0.2), {20, made});
+    EXPECT_FALSE(is_worth_judging(camera, {20, made})) << "nothing is new";
+  }
+  EXPECT_TRUE(cannot_be_known(camera));
+  EXPECT_FALSE(is_worth_judging(camera, {20, 50}));
+  EXPECT_TRUE(is_worth_judging(camera, {20, 51})) << "the motion may have become another";
 }
 
 TEST(MapCamera, WhatHoldsItIsNotTakenForKnowledge) {
   MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
   const double at_its_end = 500 * std::exp(2.9 * 0.35);
   for (size_t keyframes = 3; keyframes < 60; ++keyframes)
-    update(&camera, found(camera, at_its_end, 0.01), keyframes);
+    update(&camera, found(camera, at_its_end, 0.01), all_of(keyframes));
   EXPECT_FALSE(camera.frozen);
   EXPECT_TRUE(cannot_be_known(camera));
 }
@@ -67,7 +93,7 @@ TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
   for (const double sigma : {std::nan(""), infinity, 7.0}) {
     MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
     for (size_t keyframes = 3; keyframes < 20; ++keyframes)
-      update(&camera, found(camera, 520, sigma), keyframes);
+      update(&camera, found(camera, 520, sigma), all_of(keyframes));
     EXPECT_EQ(camera.sigma, camera.prior_sigma) << sigma;
     EXPECT_FALSE(camera.frozen) << sigma;
   }
@@ -75,18 +101,31 @@ TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
 
 TEST(MapCamera, AMoveThatIsSeenMakesAVersionAndNoOther) {
   MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
-  EXPECT_EQ(publish(&camera), Publication::kNone);
+  EXPECT_FALSE(publish(&camera));
   EXPECT_EQ(camera.version.version, 1U);
-  update(&camera, found(camera, 500.05, 0.34), 3);  // 0.04 px in the corners
-  EXPECT_EQ(publish(&camera), Publication::kNone);
+  update(&camera, found(camera, 500.05, 0.34), all_of(3));  // 0.04 px in the corners
+  EXPECT_FALSE(publish(&camera));
   EXPECT_EQ(camera.version.version, 1U);
-  update(&camera, found(camera, 500.05, 0.1), 4);
-  EXPECT_EQ(publish(&camera), Publication::kKnownBetter);
-  EXPECT_EQ(camera.published->focal_length(), 500) << "what nobody sees needs no new patches";
-  update(&camera, found(camera, 510, 0.1), 5);
-  EXPECT_EQ(publish(&camera), Publication::kMoved);
+  update(&camera, found(camera, 500.05, 0.1), all_of(4));
+  EXPECT_TRUE(publish(&camera)) << "it is known better";
+  EXPECT_EQ(camera.version.version, 2U);
+  update(&camera, found(camera, 510, 0.1), all_of(5));
+  EXPECT_TRUE(publish(&camera));
   EXPECT_EQ(camera.published->focal_length(), 510);
   EXPECT_EQ(camera.version.version, 3U);
+}
+
+TEST(MapCamera, PatchesAreAimedAnewWhereASearchFeelsItAndOnceItIsKnown) {
+  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  update(&camera, found(camera, 508, 0.1), all_of(3));
+  EXPECT_EQ(take_move(&camera), CameraMove::kNone) << "1.6 %";
+  update(&camera, found(camera, 511, 0.1), all_of(4));
+  EXPECT_EQ(take_move(&camera), CameraMove::kFelt) << "2.2 %";
+  update(&camera, found(camera, 515, 0.1), all_of(5));
+  EXPECT_EQ(take_move(&camera), CameraMove::kNone) << "from there on";
+  camera.frozen = true;
+  EXPECT_EQ(take_move(&camera), CameraMove::kSettled);
+  EXPECT_EQ(take_move(&camera), CameraMove::kNone);
 }
 
 /// A map of keyframes alone.
@@ -110,13 +149,26 @@ class ManyCameras : public ::testing::Test {
   }
 };
 
-TEST_F(ManyCameras, NoMoreAreTakenInThanARevisionNames) {
-  EXPECT_FALSE(make(-1, -1).has_place_for_camera());
+TEST_F(ManyCameras, NoMoreAreFoundOutThanARevisionNames) {
+  MapState map = make(-1, -1);
+  const CameraPtr first = map.keyframes()[0].camera;
+  EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 0) << "of fewest keyframes";
+  EXPECT_EQ(map.cameras().size(), kMaxCamerasFoundOut);
+  EXPECT_EQ(map.keyframes()[0].camera, first);
+  EXPECT_TRUE(map.has_known_camera(map.keyframes()[0])) << "as exact as it will be";
+}
+
+TEST_F(ManyCameras, AnAdjustmentOfACameraThatHasLostItsPlaceIsForgotten) {
+  MapState map = make(7, -1);
+  const CutCamera cut{7, map.cameras()[7].version, map.keyframes_of(7)};
+  const FreeCamera adjusted = found(map.cameras()[7], 555, 0.1);
+  ASSERT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 7);
+  map.update_camera(cut, adjusted);
+  EXPECT_EQ(map.cameras()[7].camera->focal_length(), 800);
 }
 
 TEST_F(ManyCameras, OneThatIsKnownGivesUpItsPlaceAndItsKeyframeKeepsIt) {
   MapState map = make(7, -1);
-  ASSERT_TRUE(map.has_place_for_camera());
   const CameraPtr known = map.keyframes()[7].camera;
   EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 7);
   EXPECT_EQ(map.keyframes()[7].camera, known);
@@ -128,7 +180,6 @@ TEST_F(ManyCameras, OneThatIsKnownGivesUpItsPlaceAndItsKeyframeKeepsIt) {
 
 TEST_F(ManyCameras, OneWithoutKeyframesGivesUpItsPlace) {
   MapState map = make(-1, 9);
-  ASSERT_TRUE(map.has_place_for_camera());
   EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 9);
 }
 

@@ -210,11 +210,6 @@ void MapMaker::State::take_up(const WorkRecord& work) {
 /// A keyframe of a camera that is found out: what the map knows of it counts more than what comes with it.
 KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt) {
   int camera = map.camera_index(doubt);
-  if (camera < 0 && !map.has_place_for_camera()) {
-    return {KeyframeVerdict::kFull,
-            "the map is full: " + std::to_string(kMaxCamerasFoundOut) + " cameras are found out in it",
-            {}};
-  }
   KeyframeInput known = input;
   if (camera >= 0) known.camera = map.cameras()[static_cast<size_t>(camera)].camera;
   KeyframeDecision decision = integrate_keyframe(&map, known, spacing);
@@ -273,7 +268,7 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   // An unusable result would come out the same again: wait for the map to grow.
   const bool settled = report.finished || !solved.report.usable;
   if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
-  if (s.map.forget_given_up()) s.search_everything();
+  if (s.map.follow_cameras()) s.search_everything();
   return report;
 }
 

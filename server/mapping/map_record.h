@@ -48,8 +48,8 @@ struct ImageRecord {
   GrayImagePtr image;
 };
 
-/// The immutable part of points 64 block + 1 .. 64 block + size(). Where the camera is found out, rays are
-/// aimed anew when the map is put together.
+/// What points 64 block + 1 .. 64 block + size() were made of. It changes only when a camera that is found
+/// out has moved so far that patches are aimed anew.
 struct SourcesRecord {
   uint32_t block = 0;
   std::vector<PointSource> points;
@@ -140,6 +140,7 @@ class MapRecorder {
   std::vector<bool> has_image_;
   std::vector<uint64_t> positions_;  ///< digests by block
   size_t sources_ = 0;               ///< points whose sources were given out
+  uint64_t aims_ = 0;                ///< of the map, when they were
   uint64_t work_ = 0;
   bool has_foundation_ = false;
 };

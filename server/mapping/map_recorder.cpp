@@ -140,7 +140,8 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
     }
   }
 
-  // Sources never change: a block is only ever completed.
+  // A block of sources is only ever completed, unless patches were aimed for another camera.
+  if (std::exchange(aims_, map.aims()) != map.aims()) sources_ = 0;
   const size_t blocks = block_count(record.point_count);
   const size_t first_new = sources_ == record.point_count ? blocks : sources_ / kBlockSlots;
   for (size_t b = first_new; b < blocks; ++b) record.sources.push_back(sources_of(map, b));

@@ -84,66 +84,77 @@ int MapState::camera_index(const CameraDoubt& doubt) const {
   return known == cameras_.end() ? -1 : static_cast<int>(known - cameras_.begin());
 }
 
-int MapState::free_place() const {
-  const auto count = static_cast<int>(cameras_.size());
-  if (cameras_.size() < kMaxCamerasFoundOut) return count;
-  for (int i = 0; i < count; ++i) {
-    if (cameras_[static_cast<size_t>(i)].frozen || keyframes_of(i) == 0) return i;
-  }
-  return -1;
-}
-
-bool MapState::has_place_for_camera() const {
-  return free_place() >= 0;
+size_t MapState::free_place() const {
+  if (cameras_.size() < kMaxCamerasFoundOut) return cameras_.size();
+  std::vector<size_t> loss;
+  for (size_t i = 0; i < cameras_.size(); ++i)
+    loss.push_back(cameras_[i].frozen ? 0 : keyframes_of(static_cast<int>(i)).live);
+  return static_cast<size_t>(std::min_element(loss.begin(), loss.end()) - loss.begin());
 }
 
 int MapState::add_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
-  const int place = free_place();
-  if (static_cast<size_t>(place) == cameras_.size()) {
+  const size_t place = free_place();
+  const int index = static_cast<int>(place);
+  if (place == cameras_.size()) {
     cameras_.push_back(make_map_camera(camera, doubt));
-    return place;
+    return index;
   }
   for (MapKeyframe& k : keyframes_) {
-    if (k.estimated_camera == place) k.estimated_camera = -1;
+    if (k.estimated_camera == index) k.estimated_camera = -1;
   }
-  cameras_[static_cast<size_t>(place)] = make_map_camera(camera, doubt);
-  return place;
+  cameras_[place] = make_map_camera(camera, doubt);
+  return index;
 }
 
 bool MapState::has_known_camera(const MapKeyframe& keyframe) const {
   return keyframe.estimated_camera < 0 || cameras_[static_cast<size_t>(keyframe.estimated_camera)].frozen;
 }
 
-size_t MapState::keyframes_of(int camera) const {
-  return static_cast<size_t>(std::count_if(keyframes_.begin(), keyframes_.end(), [&](const MapKeyframe& k) {
-    return k.live && k.estimated_camera == camera;
-  }));
+KeyframeCount MapState::keyframes_of(int camera) const {
+  KeyframeCount count;
+  for (const MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera != camera) continue;
+    ++count.made;
+    count.live += k.live ? 1 : 0;
+  }
+  return count;
 }
 
-void MapState::update_camera(int index, const FreeCamera& adjusted) {
-  MapCamera& camera = cameras_[static_cast<size_t>(index)];
-  update(&camera, adjusted, keyframes_of(index));
+void MapState::update_camera(const CutCamera& cut, const FreeCamera& adjusted) {
+  MapCamera& camera = cameras_[static_cast<size_t>(cut.index)];
+  if (camera.version.client != cut.version.client || camera.version.camera != cut.version.camera) return;
+  update(&camera, adjusted, cut.keyframes);
   for (MapKeyframe& k : keyframes_) {
-    if (k.estimated_camera == index) k.camera = camera.camera;
+    if (k.estimated_camera == cut.index) k.camera = camera.camera;
   }
 }
 
-bool MapState::forget_given_up() {
-  bool moved = false;
-  for (MapCamera& c : cameras_) moved |= take_move(&c);
-  if (!moved) return false;
+bool MapState::follow_cameras() {
+  std::vector<bool> moved(cameras_.size(), false);
+  bool felt = false;
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    const CameraMove move = take_move(&cameras_[i]);
+    moved[i] = move != CameraMove::kNone;
+    felt |= move == CameraMove::kFelt;
+  }
+  if (std::find(moved.begin(), moved.end(), true) != moved.end()) aim_patches(moved);
+  if (!felt) return false;
   for (MapKeyframe& k : keyframes_) k.given_up.clear();
+  for (const PointId id : live_points_) point(id).attempts = point(id).found;  // the misses were the camera's
   return true;
 }
 
-void MapState::publish_cameras() {
-  for (size_t i = 0; i < cameras_.size(); ++i) {
-    if (publish(&cameras_[i]) != Publication::kMoved) continue;
-    for (MapPoint& p : points_) {
-      const MapKeyframe& source = keyframe(p.source.keyframe);
-      if (source.estimated_camera == static_cast<int>(i)) aim_source(*source.camera, &p.source);
-    }
+void MapState::aim_patches(const std::vector<bool>& chosen) {
+  ++aims_;
+  for (MapPoint& p : points_) {
+    const MapKeyframe& source = keyframe(p.source.keyframe);
+    if (source.estimated_camera >= 0 && chosen[static_cast<size_t>(source.estimated_camera)])
+      aim_source(*source.camera, &p.source);
   }
+}
+
+void MapState::publish_cameras() {
+  for (MapCamera& c : cameras_) publish(&c);
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

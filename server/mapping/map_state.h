@@ -73,6 +73,13 @@ struct MapPoint {
   bool live = true;
 };
 
+/// A camera that is found out as it was when an adjustment began.
+struct CutCamera {
+  int index = 0;  ///< in MapState::cameras()
+  CameraVersion version;
+  KeyframeCount keyframes;
+};
+
 /// Ids are dense: keyframe k is keyframes()[k - 1], point p is points()[p - 1]; removed ones keep their place
 /// and lose `live`. Passing an id that was never given out is a programming error.
 class MapState {
@@ -99,21 +106,23 @@ class MapState {
 
   /// Index of a camera that is found out; -1 while no keyframe has come of it.
   [[nodiscard]] int camera_index(const CameraDoubt& doubt) const;
-  /// Whether one more can be found out: a revision names kMaxCamerasFoundOut. One that is known, or of which
-  /// no keyframe is left, gives up its place; its keyframes keep their camera.
-  [[nodiscard]] bool has_place_for_camera() const;
-  /// Takes one in that has no index yet, as it comes. Its index. Precondition: has_place_for_camera().
+  /// Takes one in that has no index yet, as it comes. Its index. A revision names kMaxCamerasFoundOut: beyond
+  /// these one that is known gives up its place or, with none, the one of fewest keyframes. Its keyframes
+  /// keep their camera, as it is.
   int add_camera(const CameraPtr& camera, const CameraDoubt& doubt);
   /// Whether its camera is exact, or known by now.
   [[nodiscard]] bool has_known_camera(const MapKeyframe& keyframe) const;
-  /// Live keyframes of a camera that is found out.
-  [[nodiscard]] size_t keyframes_of(int camera) const;
-  /// What an adjustment has found of a camera; its keyframes get it.
-  void update_camera(int index, const FreeCamera& adjusted);
-  /// True when the cameras have moved so far since the last time that points searched in vain may be found
-  /// now: nothing is given up any more.
-  bool forget_given_up();
-  /// Cameras as they are now become what is published; patches are described by them anew.
+  /// Keyframes of a camera that is found out.
+  [[nodiscard]] KeyframeCount keyframes_of(int camera) const;
+  /// What an adjustment of these keyframes has found of a camera; its keyframes get it. Nothing if its place
+  /// is another's by now.
+  void update_camera(const CutCamera& cut, const FreeCamera& adjusted);
+  /// Aims the patches of cameras that have moved by what a search feels, or are known from now on. True when
+  /// points searched in vain may be found now: nothing is given up any more.
+  bool follow_cameras();
+  /// How often patches were aimed anew.
+  [[nodiscard]] uint64_t aims() const { return aims_; }
+  /// Cameras as they are now become what is published.
   void publish_cameras();
 
   /// Takes in a keyframe without measurements; its id is set here.
@@ -143,13 +152,16 @@ class MapState {
   void transform(const Similarity3& new_from_old);
 
  private:
-  /// A place in cameras_ that is free; -1 for none.
-  [[nodiscard]] int free_place() const;
+  /// Where in cameras_ another may go.
+  [[nodiscard]] size_t free_place() const;
+  /// The patches of the cameras chosen, by index.
+  void aim_patches(const std::vector<bool>& chosen);
 
   std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<PointId> live_points_;  ///< ascending
+  uint64_t aims_ = 0;
 };
 
 }  // namespace cairn

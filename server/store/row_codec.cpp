@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/geometry/camera_guess.h"
 #include "common/io/image_file.h"
 #include "server/store/bytes.h"
 
@@ -89,6 +90,22 @@ Blob encode_found_camera(const MapCamera& camera) {
   return out.take();
 }
 
+namespace {
+
+/// Whether a camera and what it began from are such as anybody could announce: nobody else checks them.
+bool could_be_found_out(const MapCamera& camera) {
+  const CameraParameters& now = camera.camera->parameters();
+  const auto could_be = [](const CameraParameters& parameters, const Intrinsics& sigma) {
+    const bool has_all = parameters.values.size() == kDoubtfulValues;
+    return has_all && doubtful_camera(parameters, sigma_of_values({parameters, sigma[0], sigma[1]}));
+  };
+  if (!could_be(now, camera.sigma)) return false;
+  const CameraPtr first = with_intrinsics(*camera.camera, camera.prior_mean);
+  return first != nullptr && could_be(first->parameters(), camera.prior_sigma);
+}
+
+}  // namespace
+
 std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
                                                      const CameraRows& cameras) {
   ByteReader in(row);
@@ -107,12 +124,11 @@ std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const 
   camera.judged_keyframes = in.get<uint64_t>();
   camera.agreements = in.get<int32_t>();
   const auto values = cameras.find(found_camera_row(index));
-  sound = sound && in.finished() && frozen <= 1 && values != cameras.end() &&
-          values->second->parameters().model == CameraModel::kPinholeRadtan && camera.agreements >= 0 &&
-          camera.sigma.minCoeff() >= 0 && camera.prior_sigma.minCoeff() > 0;
+  sound = sound && in.finished() && frozen <= 1 && values != cameras.end() && camera.agreements >= 0;
   if (!sound) return std::nullopt;
   camera.frozen = frozen == 1;
   camera.camera = values->second;
+  if (!could_be_found_out(camera)) return std::nullopt;
   return record;
 }
 

@@ -143,6 +143,37 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
   EXPECT_EQ(decode_sources(3, encode_sources(s))->points[39].id, s.points[39].id);
 }
 
+TEST_F(RowCodecTest, ACameraThatNobodyCouldHaveAnnouncedIsRefused) {
+  const auto is_taken = [this](const MapCamera& camera) {
+    return decode_found_camera(2, encode_found_camera(camera), cameras_).has_value();
+  };
+  const MapCamera sound = found_camera();
+  ASSERT_TRUE(is_taken(sound));
+  for (const double sigma : {0.0, 1e-9, 1.1, -0.1, std::nan("")}) {
+    for (const int i : {0, 1}) {
+      MapCamera other = sound;
+      other.prior_sigma[i] = sigma;
+      EXPECT_FALSE(is_taken(other)) << i << ": " << sigma;
+      other = sound;
+      other.sigma[i] = sigma;
+      EXPECT_FALSE(is_taken(other)) << i << ": " << sigma;
+    }
+  }
+  for (const double log_focal : {-3.0, 12.0, 1e4}) {
+    MapCamera other = sound;
+    other.prior_mean[0] = log_focal;
+    EXPECT_FALSE(is_taken(other)) << log_focal;
+  }
+  const std::vector<double> fewer{525, 526, 319, 239};
+  const std::vector<double> longer{1e5, 1e5, 319, 239, 0, 0, 0, 0, 0};
+  for (const auto& values : {fewer, longer}) {
+    cameras_[found_camera_row(2)] = *make_camera({CameraModel::kPinholeRadtan, 640, 480, values});
+    EXPECT_FALSE(is_taken(sound)) << values.size();
+  }
+  cameras_[found_camera_row(2)] = cameras_[8];
+  EXPECT_FALSE(is_taken(sound)) << "another model";
+}
+
 TEST_F(RowCodecTest, CutAndLengthenedRowsAreRefused) {
   for (const Kind& kind : kinds()) {
     SCOPED_TRACE(kind.name);
