@@ -115,7 +115,11 @@ void Receiver::take_server_messages() {
     if (sample.message) act_on(std::move(*sample.message));
   });
   wire::take_all(server_.cameras, [this](const wire::Sample<wire::CameraEstimate>& sample) {
-    if (sample.message) act_on(*sample.message);
+    if (sample.message) {
+      act_on(*sample.message);
+    } else if (sample.gone == wire::Gone::kDisposed) {
+      forget_camera(sample.key);
+    }
   });
   wire::take_all(server_.replies, [this](const wire::Sample<wire::ClientReply>& sample) {
     if (sample.message) act_on(*sample.message);
@@ -165,6 +169,7 @@ void Receiver::act_on(const wire::SeedVerdict& verdict) {
         SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
         {}};
     state_.choose_map(verdict.map);
+    state_.own_map = verdict.map;
     state_.monitor.map_listed(verdict.map, state_.monitor.server());
     state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
   } else {
@@ -219,14 +224,32 @@ void Receiver::act_on(const wire::CameraEstimate& estimate) {
   const auto doubt = doubtful_camera(theirs, estimate.sigma);
   const auto camera = make_camera(theirs);
   if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
+    state_.unsound_cameras.insert(estimate.map);
     if (warning_.due()) log_->warn("what a map says of the camera cannot be: it is not used");
     return;
   }
+  state_.unsound_cameras.erase(estimate.map);
   auto& [epoch, news] = state_.found_out[estimate.map];
   if (estimate.epoch < epoch) return;
   epoch = estimate.epoch;
   news = {estimate.version, *camera,         doubt->focal_sigma,
           doubt->k1_sigma,  estimate.frozen, estimate.cannot_be_known};
+}
+
+void Receiver::forget_camera(const wire::CameraEstimate& key) {
+  const std::scoped_lock lock(state_.mutex);
+  if (key.client != state_.client || key.camera != state_.camera.camera) return;
+  state_.found_out.erase(key.map);
+  state_.unsound_cameras.erase(key.map);
+}
+
+/// A server of before cameras were found out ignores that ours is a guess.
+void Receiver::check_that_camera_is_found_out(const MapSnapshot& first) {
+  state_.own_map = {};
+  if (state_.camera.frozen || state_.our_camera_in(first) != nullptr) return;
+  log_->warn(
+      "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
+      "--calibration FILE");
 }
 
 void Receiver::follow_recent_maps() {
@@ -287,6 +310,7 @@ void Receiver::take_map_messages(MapChannel& channel) {
   if (!state_.has_camera_of(*replica.snapshot())) return;
   channel.snapshot_due = false;
   state_.replicas[replica.map()] = replica.snapshot();
+  if (replica.map() == state_.own_map) check_that_camera_is_found_out(*replica.snapshot());
   if (replica.map() != state_.map_in_use) return;
   state_.snapshot = replica.snapshot();
   state_.tracker_changed = true;  // the server waits to hear that this revision is in use

@@ -74,6 +74,10 @@ class Receiver {
   void act_on(const wire::OfferVerdict& verdict);
   void act_on(wire::RelocAnswer&& answer);
   void act_on(const wire::CameraEstimate& estimate);
+  /// `key`: of an estimate that is no more.
+  void forget_camera(const wire::CameraEstimate& key);
+  /// In the first revision of a map made from our seed.
+  void check_that_camera_is_found_out(const MapSnapshot& first);
 
   SessionState& state_;
   wire::Participant participant_;

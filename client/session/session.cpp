@@ -72,6 +72,9 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!options.wearer.empty() && !is_valid_name(options.wearer)) {
     return fail(ErrorCode::kUsage, "wearer '" + options.wearer + "': expected 1 to 32 of a-z, 0-9 and -");
   }
+  if (!options.camera_sigma.empty() && options.camera_sigma.size() != kDoubtfulValues)
+    return fail(ErrorCode::kConfiguration,
+                "a camera that is found out is pinhole-radtan with all its values");
   const std::string profile = !options.profile.empty()      ? options.profile
                               : is_loopback(options.server) ? "loopback"
                                                             : "wifi";
@@ -79,8 +82,12 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!participant) return tl::unexpected(participant.error());
   auto state = std::make_unique<State>(options, std::move(*participant));
   wire::CameraMessage& announced = state->shared.camera;
-  if (!options.camera_sigma.empty()) announced.camera = number_by_size(*camera);
   announced.parameters = camera->parameters();
+  if (!options.camera_sigma.empty()) {
+    announced.camera = number_by_size(*camera);
+    state->shared.first_focal_sigma = options.camera_sigma.at(0) / announced.parameters.values.at(0);
+    state->shared.first_k1_sigma = options.camera_sigma.at(4);
+  }
   announced.sigma = options.camera_sigma;
   announced.frozen = options.camera_sigma.empty();
   auto receiver = Receiver::start(state->shared, state->participant, options.name, log);
@@ -214,7 +221,10 @@ std::optional<CameraNews> Session::take_camera(const MapSnapshot& snapshot) {
   shared.camera_source = source;
   ++shared.camera.version;
   shared.camera.parameters = news.camera->parameters();
-  shared.camera.sigma = sigma_of_values({shared.camera.parameters, news.focal_sigma, news.k1_sigma});
+  // What one map believes of so far, the next one would take for what was known before it.
+  shared.camera.sigma =
+      sigma_of_values({shared.camera.parameters, news.frozen ? news.focal_sigma : shared.first_focal_sigma,
+                       news.frozen ? news.k1_sigma : shared.first_k1_sigma});
   shared.camera.frozen = news.frozen;
   shared.camera_due = true;
   shared.for_sender.notify_one();
@@ -244,6 +254,8 @@ SessionStatus Session::status() const {
   } else if (!status.map_known) {
     status.link = ServerLink::kRestarted;
     status.text = kRestartedText;
+  } else if (shared.unsound_cameras.contains(shared.map_in_use)) {
+    status.text = "what the map says of the camera cannot be: it is not tracked on";
   } else {
     status.text = "connected to " + shared.options.server;
   }

@@ -192,8 +192,12 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
-  if (announced == nullptr)
-    return on_query_answered(client.name, message.command, {PlaceVerdict::kNotKnown, {}, "no such camera"});
+  if (announced == nullptr && may_yet_come(client)) return;  // it will be asked again
+  if (announced == nullptr) {
+    std::string why = unknown_camera(message.camera, message.camera_version);
+    return on_query_answered(client.name, message.command, {PlaceVerdict::kNotThere, {}, std::move(why)});
+  }
+  client.camera_missed_at.reset();
   client.query_in_work = true;
   const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
   lanes_.questions.submit(
@@ -324,7 +328,7 @@ void Switchboard::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimat
                                      sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
                                      estimate.frozen, estimate.cannot_be_known});
   report(written, "CameraEstimate");
-  if (written) told = now;  // else with the next revision
+  if (written) told = now;  // else with the next tick
 }
 
 void Switchboard::forget_cameras(MapId map, Client& client) {

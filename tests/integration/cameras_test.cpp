@@ -211,6 +211,26 @@ TEST_F(CameraSession, WhatIsKnownStaysAndIsSaid) {
   ASSERT_TRUE(comes_to(kMapB, 2)) << "nothing is waited for any more";
 }
 
+TEST_F(CameraSession, AGuessOfAYoungMapIsNoKnowledgeForTheNext) {
+  const auto relative_sigma = [this] {
+    return server_.announced().sigma[0] / server_.announced().parameters.values[0];
+  };
+  const double first = relative_sigma();
+  server_.tell(kMapA, kEpoch, 3, 300);
+  server_.commit(kMapA, kEpoch, 1, {version(3)});
+  ASSERT_TRUE(comes_to(kMapA, 1));
+  EXPECT_EQ(taken_focal(), 300);
+  ASSERT_TRUE(eventually([&] { return server_.announced().parameters.values[0] == 300; }));
+  EXPECT_DOUBLE_EQ(relative_sigma(), first);
+  EXPECT_DOUBLE_EQ(server_.announced().sigma[4], 0.05);
+  server_.tell(kMapA, kEpoch, 4, 305, true);
+  server_.commit(kMapA, kEpoch, 2, {version(4)});
+  ASSERT_TRUE(comes_to(kMapA, 2));
+  EXPECT_EQ(taken_focal(), 305);
+  ASSERT_TRUE(eventually([&] { return server_.announced().frozen; }));
+  EXPECT_DOUBLE_EQ(relative_sigma(), 0.02);
+}
+
 TEST_F(CameraSession, AnotherEpochCountsAnew) {
   server_.tell(kMapA, kEpoch, 8, 300);
   server_.commit(kMapA, kEpoch, 5, {version(8)});
