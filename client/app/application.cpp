@@ -172,6 +172,35 @@ Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camer
   return outputs;
 }
 
+std::filesystem::path path_of_found_camera(const TrackOptions& options) {
+  return options.saved_calibration.value_or("cairn-camera-" + options.name + ".yaml");
+}
+
+/// Told before the run what would be found out after it. Where nobody has asked for the file, it is no error
+/// that it cannot be written.
+Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& chosen, const Logger& log) {
+  if (chosen.sigma.empty()) {
+    if (!options.saved_calibration) return {};
+    return fail(
+        ErrorCode::kUsage,
+        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto");
+  }
+  const Camera& camera = *chosen.camera;
+  log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
+            camera.focal_length(), 100 * chosen.sigma.front() / camera.parameters().values.front());
+  log->info(
+      "maps know it as that of client '{}': under the same --name a later run goes on where this one ends",
+      options.name);
+  const std::filesystem::path path = path_of_found_camera(options);
+  const Status writable = check_writable(path);
+  if (!writable && options.saved_calibration) return writable;
+  if (!writable) log->warn("{}; --save-calibration FILE names another", writable.error().message);
+  std::error_code unknown;
+  if (std::filesystem::exists(path, unknown))
+    log->info("{} will be replaced once the camera is known", path.string());
+  return {};
+}
+
 /// Completes the files; the first error, after all have been tried.
 Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatus& session,
                      const TrackOptions& options, const Logger& log) {
@@ -262,10 +291,8 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   const auto chosen = choose_camera(options, **source);
   if (!chosen) return tl::unexpected(chosen.error());
   const CameraPtr& camera = chosen->camera;
-  if (!chosen->sigma.empty()) {
-    log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
-              camera->focal_length(), 100 * chosen->sigma.front() / camera->parameters().values.front());
-  }
+  if (auto status = prepare_to_find_camera(options, *chosen, log); !status)
+    return tl::unexpected(status.error());
   if (auto status = check_picture_size(**source, *camera); !status) return tl::unexpected(status.error());
   auto outputs = open_outputs(options, camera, log);
   if (!outputs) return tl::unexpected(outputs.error());
@@ -297,7 +324,7 @@ int track(Run& run) {
   if (run.viewer) observers.push_back(run.viewer.get());
   observers.push_back(&narrator);
   std::optional<CameraKeeper> keeper;
-  if (run.finds_camera) observers.push_back(&keeper.emplace(run.options.saved_calibration, run.log));
+  if (run.finds_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
 
   FrameLoopOptions loop_options;
   loop_options.pace = run.options.pace;
@@ -321,7 +348,7 @@ int track(Run& run) {
     loop.take_camera(link.snapshot());
   }
   narrator.finish();
-  if (keeper) keeper->finish();
+  const Status kept = keeper ? keeper->finish() : Status();
 
   const auto session = link.status();
   const auto closed = close_outputs(run.outputs, stats, session, run.options, run.log);
@@ -330,6 +357,9 @@ int track(Run& run) {
   }
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
+  if (const int code = kept ? 0 : report_error(kept.error(), run.log);
+      code != 0 && run.options.saved_calibration)
+    return code;
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!*finished && !quit) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {

@@ -152,8 +152,9 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
     return usage("--calibration auto: a reader makes no keyframes, from which a camera is found out");
   if (words.calibration.starts_with(kAutoFrom)) words.calibration.erase(0, kAutoFrom.size());
   if (words.calibration != kAuto) options.calibration = path_or_nothing(words.calibration);
-  options.saved_calibration =
-      words.saved_calibration.empty() ? "cairn-camera-" + options.name + ".yaml" : words.saved_calibration;
+  options.saved_calibration = path_or_nothing(words.saved_calibration);
+  if (options.saved_calibration && options.calibration && !options.find_camera)
+    return usage("--save-calibration: the camera of --calibration FILE is taken for exact; pass auto:FILE");
   options.pace = kPaces.at(words.pace);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);

@@ -102,13 +102,15 @@ TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {
   const auto from_nothing = good({"--calibration", "auto", "--name", "ann"});
   EXPECT_TRUE(from_nothing.find_camera);
   EXPECT_FALSE(from_nothing.calibration);
-  EXPECT_EQ(from_nothing.saved_calibration, "cairn-camera-ann.yaml");
+  EXPECT_FALSE(from_nothing.saved_calibration);
   const auto from_file = good({"--calibration", "auto:rough.yaml", "--save-calibration", "found.yaml"});
   EXPECT_TRUE(from_file.find_camera);
   EXPECT_EQ(from_file.calibration, "rough.yaml");
   EXPECT_EQ(from_file.saved_calibration, "found.yaml");
   EXPECT_FALSE(good({"--calibration", "exact.yaml"}).find_camera);
   EXPECT_THAT(wrong({"--calibration", "auto", "--role", "reader"}), HasSubstr("keyframes"));
+  EXPECT_THAT(wrong({"--calibration", "exact.yaml", "--save-calibration", "found.yaml"}),
+              HasSubstr("auto:FILE"));
 }
 
 TEST(TrackOptions, ASourceIsRequired) {
