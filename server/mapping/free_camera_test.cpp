@@ -160,6 +160,18 @@ TEST(FindCameras, SigmaOwnsUpToWhatIsTakenForGiven) {
   EXPECT_LT(sigma, 0.2) << "so large a sigma says nothing";
 }
 
+TEST(FindCameras, OneThatIsNotJudgedMovesAlongAndStaysAsUncertainAsItWas) {
+  Random random(7);
+  BundleProblem problem = desk_scene(simple_camera(525, 0), &random);
+  free_the_camera(&problem, simple_camera(515, 0), {0.35, 0.1});
+  const Eigen::Matrix2d before = Eigen::Vector2d(0.04, 0.01).cwiseAbs2().asDiagonal();
+  problem.free_cameras[0].covariance = before;
+  problem.free_cameras[0].judge = false;
+  ASSERT_TRUE(find_cameras(&problem, to_the_end()).usable);
+  EXPECT_NEAR(problem.free_cameras[0].camera->focal_length(), 525, 8);
+  EXPECT_EQ(problem.free_cameras[0].covariance, before);
+}
+
 TEST(FreeCamera, LargestMoveIsThatOfTheCorner) {
   const CameraPtr camera = simple_camera(500, 0);
   EXPECT_LT(largest_move(*camera, *camera), 1e-9);

@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-using ::testing::HasSubstr;
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
 CameraPtr simple_camera(double focal) {
@@ -181,6 +181,29 @@ TEST_F(ManyCameras, OneThatIsKnownGivesUpItsPlaceAndItsKeyframeKeepsIt) {
 TEST_F(ManyCameras, OneWithoutKeyframesGivesUpItsPlace) {
   MapState map = make(-1, 9);
   EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 9);
+}
+
+TEST(CamerasOfAMapOfMany, AtMostTwoAreJudgedInAnAdjustmentThoseWithMostNewKeyframes) {
+  std::vector<MapKeyframe> keyframes;
+  std::vector<MapCamera> cameras;
+  for (const size_t count : {4, 6, 2, 5, 7}) {
+    cameras.push_back(make_map_camera(simple_camera(500), doubt_of(static_cast<uint8_t>(count))));
+    for (size_t i = 0; i < count; ++i) {
+      MapKeyframe k;
+      k.id = KeyframeId{keyframes.size() + 1};
+      k.camera = cameras.back().camera;
+      k.estimated_camera = static_cast<int>(cameras.size()) - 1;
+      keyframes.push_back(std::move(k));
+    }
+  }
+  cameras.back().judged_keyframes = 7;  // nothing is new
+  const MapProblem problem = global_problem({std::move(keyframes), {}, std::move(cameras)});
+  ASSERT_EQ(problem.cameras.size(), 4U) << "two views hardly tell a focal length";
+  std::vector<int> judged;
+  for (size_t i = 0; i < problem.cameras.size(); ++i) {
+    if (problem.bundle.free_cameras[i].judge) judged.push_back(problem.cameras[i].index);
+  }
+  EXPECT_THAT(judged, ElementsAre(1, 3));
 }
 
 using CamerasOfAMap = testing::MapMakerFixture;

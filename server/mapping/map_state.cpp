@@ -140,7 +140,6 @@ bool MapState::follow_cameras() {
   if (std::find(moved.begin(), moved.end(), true) != moved.end()) aim_patches(moved);
   if (!felt) return false;
   for (MapKeyframe& k : keyframes_) k.given_up.clear();
-  for (const PointId id : live_points_) point(id).attempts = point(id).found;  // the misses were the camera's
   return true;
 }
 
