@@ -168,7 +168,7 @@ std::vector<std::string> RunStats::summary_lines() const {
                   frames_total_, count(FrameState::kTracking), count(FrameState::kPoor),
                   count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
   if (!first_map_frame_) {
-    lines.emplace_back("no map was started");
+    lines.emplace_back("in no map: none was begun or found");
     return lines;
   }
   if (tracked() == 0) {

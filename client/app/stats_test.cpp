@@ -118,7 +118,7 @@ TEST_F(StatsTest, AnUndecodableFrameCountsAsNotTracked) {
 TEST_F(StatsTest, WithoutAMapThereIsNoFirstMapFrame) {
   add(FrameState::kStarting);
   EXPECT_TRUE(json()["first_map_frame"].is_null());
-  EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("no map was started"));
+  EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("in no map: none was begun or found"));
 }
 
 TEST_F(StatsTest, AMapThatWasNeverTrackedInIsNoSuccess) {

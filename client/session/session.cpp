@@ -253,7 +253,7 @@ SessionStatus Session::status() const {
     status.text = shared.refusal;
   } else if (!status.map_known) {
     status.link = ServerLink::kRestarted;
-    status.text = kRestartedText;
+    status.text = std::string(kRestartedText) + ": it begins a new one when lost, or asked to";
   } else if (shared.unsound_cameras.contains(shared.map_in_use)) {
     status.text = "what the map says of the camera cannot be: it is not tracked on";
   } else {

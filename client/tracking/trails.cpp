@@ -205,12 +205,14 @@ tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::ve
   if (motions->b_from_a.size() > 1) {
     const auto choice =
         choose_motion(*camera_, matches, motions->b_from_a, views_between(proposal), kMatchSigma);
-    if (!choice.decided) {
+    // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
+    const bool contradicted = motions->decided && choice.decided && choice.best != 0;
+    if (contradicted || (!motions->decided && !choice.decided)) {
       return tl::unexpected<TwoViewFailure>(
           {TwoViewRefusal::kAmbiguous,
            "two motions explain the matches: move the camera on, in another direction"});
     }
-    best = choice.best;
+    if (!motions->decided) best = choice.best;
   }
   return build_two_view(*camera_, *camera_, matches, motions->model, motions->b_from_a[best], options);
 }

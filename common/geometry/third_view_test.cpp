@@ -90,7 +90,7 @@ Endings endings(double bend, double noise) {
   for (unsigned seed = 1; seed <= 100; ++seed) {
     const PlaneOnTheWay plane(seed, bend, noise);
     const auto motions = plane.motions();
-    if (!motions || motions->b_from_a.size() < 2) continue;
+    if (!motions || motions->decided) continue;
     if (std::none_of(motions->b_from_a.begin(), motions->b_from_a.end(),
                      [&](const SE3& m) { return plane.is_true(m); }))
       continue;
@@ -116,6 +116,24 @@ TEST(ThirdView, AStraightWayInNoiseIsLeftUndecidedRatherThanGuessed) {
   EXPECT_GE(result.ambiguous, 20);
   EXPECT_LE(result.wrong, result.ambiguous / 20);
   EXPECT_LT(result.right, result.ambiguous);
+}
+
+/// A start is refused where they do: that must not happen by chance.
+TEST(ThirdView, WhereTwoViewsDecideForTheTrueMotionTheWayDoesNotContradict) {
+  int decided = 0;
+  int contradicted = 0;
+  for (unsigned seed = 1; seed <= 200; ++seed) {
+    for (const double bend : {0.0, 0.5}) {
+      const PlaneOnTheWay plane(seed, bend, 0.1);
+      const auto motions = plane.motions();
+      if (!motions || !motions->decided || motions->b_from_a.size() < 2) continue;
+      ++decided;
+      const MotionChoice choice = plane.choose(motions->b_from_a);
+      contradicted += choice.decided && choice.best != 0 && plane.is_true(motions->b_from_a[0]) ? 1 : 0;
+    }
+  }
+  EXPECT_GE(decided, 20);
+  EXPECT_LE(contradicted, decided / 50);
 }
 
 TEST(ThirdView, OrderOfTheMotionsDoesNotMatter) {

@@ -295,16 +295,17 @@ bool decided(const Candidate& best, const Candidate& rival) {
 }
 
 /// candidates[0] and those that the matches do not decide against.
-TwoViewMotions undecided(const std::vector<Candidate>& candidates, TwoViewModel model) {
+TwoViewMotions best_motions(const std::vector<Candidate>& candidates, TwoViewModel model) {
   const double n = static_cast<double>(candidates[0].epipolar.size());
   const auto support = [n](const Candidate& c) { return n - c.cost / kEpipolarCutoff; };
   TwoViewMotions motions{model, {candidates[0].pose}};
   for (size_t i = 1; i < candidates.size(); ++i) {
-    const bool rival = support(candidates[i]) > kRivalSupport * support(candidates[0]) &&
-                       !decided(candidates[0], candidates[i]);
+    const bool rival = support(candidates[i]) > kRivalSupport * support(candidates[0]);
     const bool known = std::any_of(motions.b_from_a.begin(), motions.b_from_a.end(),
                                    [&](const SE3& pose) { return same_motion(pose, candidates[i].pose); });
-    if (rival && !known) motions.b_from_a.push_back(candidates[i].pose);
+    if (!rival || known) continue;
+    motions.b_from_a.push_back(candidates[i].pose);
+    motions.decided = motions.decided && decided(candidates[0], candidates[i]);
   }
   return motions;
 }
@@ -443,7 +444,7 @@ tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a
   const auto candidates = candidates_of(normalised, models, model);
   if (candidates.empty())
     return refuse(TwoViewRefusal::kNoModel, "no motion puts the plane in front of both cameras");
-  return undecided(candidates, model);
+  return best_motions(candidates, model);
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camera_a, const Camera& camera_b,

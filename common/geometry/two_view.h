@@ -45,11 +45,12 @@ struct TwoViewFailure {
   std::string message;
 };
 
-/// Motions that explain the matches of two views, best first. More than one when the matches do not tell them
-/// apart, as on a plane seen from two places near each other; a third view may (choose_motion).
+/// Motions that explain most of the matches of two views, best first: a plane seen from two places near each
+/// other has two, and a third view may tell them apart (choose_motion).
 struct TwoViewMotions {
   TwoViewModel model = TwoViewModel::kEssential;
   std::vector<SE3> b_from_a;  ///< |translation| = 1; at least one
+  bool decided = true;        ///< the matches speak for the first, by more than independent noise explains
 };
 
 /// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC

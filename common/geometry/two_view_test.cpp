@@ -64,7 +64,7 @@ tl::expected<TwoViewGeometry, TwoViewFailure> estimate_two_view(const Camera& ca
   if (!motions) return tl::unexpected(motions.error());
   auto geometry =
       build_two_view(camera_a, camera_b, matches, motions->model, motions->b_from_a.front(), options);
-  if (geometry && motions->b_from_a.size() > 1) {
+  if (geometry && !motions->decided) {
     return tl::unexpected(TwoViewFailure{TwoViewRefusal::kAmbiguous, "rivals"});
   }
   return geometry;

@@ -323,7 +323,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required();
   add("delete", "takes it out of service; with --store it can be had back", "delete")
-      ->add_flag("--for-good", options->for_good, "also from a server without --store, where it cannot");
+      ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
 }
 

@@ -64,7 +64,7 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
   return matches;
 }
 
-/// Where two views do not tell motions apart, the tracker has seen more of them.
+/// Which of the motions that explain the two views it was, the tracker knows from the views between.
 SE3 nearest_motion(const std::vector<SE3>& motions, const SE3& wanted) {
   const auto difference = [&wanted](const SE3& motion) {
     return motion.rotation().angularDistance(wanted.rotation()) +

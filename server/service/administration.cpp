@@ -35,6 +35,11 @@ bool is_set(const json& request, const char* key) {
   return it != request.end() && it->is_boolean() && it->get<bool>();
 }
 
+/// Of an archive, which goes over in hundreds.
+bool is_piece(const std::string& verb) {
+  return verb == "import-write" || verb == "export-read";
+}
+
 }  // namespace
 
 void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRequest& message) {
@@ -45,7 +50,6 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
     return;
   }
   if (asking->in_work == message.command) return;
-  log_->info("operator {}: {}", operator_name, one_line(message.request.substr(0, kLoggedBytes)));
   asking->in_work = message.command;
   asking->last_heard = steady_clock::now();
   const auto answer = [this, operator_name, command = message.command](wire::AdminReply reply) {
@@ -66,12 +70,14 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   if (!request.is_object()) return answer(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
   const std::string wanted = text_of(request, "map");
+  log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
+            one_line(message.request.substr(0, kLoggedBytes)));
   if (verb == "status") return describe_server(answer);
   if (verb == "maps") return list_maps(text_of(request, "after"), number_of(request, "deleted_from"), answer);
   if (verb == "undelete") return undelete_map(wanted, answer);
   if (verb == "purge") return purge_map(wanted, answer);
   if (verb == "import") return import_map(text_of(request, "token"), answer);
-  if (verb == "import-begin" || verb == "import-write" || verb == "export-read")
+  if (verb == "import-begin" || is_piece(verb))
     return transfer(verb, text_of(request, "token"), number_of(request, "offset"), message.data, answer);
 
   const auto [id, entry] = find_map(wanted);
@@ -99,6 +105,7 @@ void Switchboard::on_admin_answered(const std::string& operator_name, wire::Admi
   Operator* asking = operator_of(operator_name);
   if (asking == nullptr) return;
   reply.operator_id = client_id_from_name(operator_name);
+  if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
   report(asking->replies.write(reply), "AdminReply");
   asking->last = std::move(reply);
   asking->in_work.reset();

@@ -90,6 +90,11 @@ void Switchboard::delete_map(MapId id, const MapEntry* entry, bool for_good, con
                           "this server keeps nothing (no --store): the map could not be had back; "
                           "--for-good deletes it all the same"));
   }
+  if (store_ != nullptr && for_good) {
+    return answer(refusal(ErrorCode::kUsage,
+                          "a deleted map can be had back from this server until `cairnctl maps purge`; "
+                          "delete it without --for-good"));
+  }
   entry->runner->flush([this, id, answer] { post([this, id, answer] { finish_deletion(id, answer); }); });
 }
 

@@ -3,6 +3,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -35,10 +36,11 @@ namespace cairn::testing {
 /// A map of the test scene, and a folder of its own to keep it in.
 class KeptMapFixture : public MapMakerFixture {
  protected:
-  KeptMapFixture()
-      : folder_(std::filesystem::temp_directory_path() /
-                ("cairn-store-" + std::to_string(getpid()) + "-" +
-                 ::testing::UnitTest::GetInstance()->current_test_info()->name())) {
+  KeptMapFixture() {
+    std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    std::replace(test.begin(), test.end(), '/', '-');  // of one with a parameter
+    folder_ =
+        std::filesystem::temp_directory_path() / ("cairn-store-" + std::to_string(getpid()) + "-" + test);
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directories(folder_);
     header_.id = MapId{{7, 1}};

@@ -181,7 +181,12 @@ Status make_each(const std::vector<std::string>& arguments, size_t fields, const
   if (arguments.size() % fields != 0) return fail(ErrorCode::kUsage, "fields are missing; see --help");
   for (size_t i = 0; i < arguments.size(); i += fields) {
     auto place = make(std::span(arguments).subspan(i, fields), map_id(places->size()));
-    if (!place) return fail(place.error().code, arguments[i] + ": " + place.error().message);
+    if (!place) {
+      std::fprintf(stderr, "%s is left out: %s\n", arguments[i].c_str(), place.error().message.c_str());
+      continue;
+    }
+    std::fprintf(stderr, "%s: %zu keyframes, %zu questions\n", place->name.c_str(),
+                 place->map ? place->map->keyframes.size() : 0, place->queries.size());
     places->push_back(std::move(*place));
   }
   return {};
@@ -401,9 +406,11 @@ Status run(const Arguments& arguments) {
   std::vector<Scores> totals;
   for (const Light& light : lights_to_stand()) {
     Scores& total = totals.emplace_back();
+    std::fprintf(stderr, "asking, %s\n", to_string(light).c_str());
     for (const Place& place : *places) {
       const Scores scores = examination.examine(place, light);
       if (totals.size() == 1) print_place(place, scores[0]);
+      std::fflush(stdout);
       for (size_t m = 0; m < kMethods; ++m) total[m].add(scores[m]);
     }
   }

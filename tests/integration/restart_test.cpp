@@ -50,7 +50,8 @@ TEST(ServerRestart, AKilledServerIsSeenToBeGoneAndItsSuccessorToLackTheMap) {
   server = std::make_unique<ServerProcess>(domain);
   ASSERT_TRUE(eventually([&] { return session->status().link == ServerLink::kRestarted; }))
       << session->status().text;
-  EXPECT_EQ(session->status().text, "server restarted without this map");
+  EXPECT_TRUE(session->status().text.starts_with("server restarted without this map"))
+      << session->status().text;
   EXPECT_FALSE(session->status().map_known);
   EXPECT_EQ(session->snapshot(), replica) << "the replica is kept";
   EXPECT_EQ(session->status().spooled, 0U);
