@@ -26,6 +26,7 @@ class TrackerAdapter final : public TrackingEngine {
   }
   void place_left_open() override { tracker_.place_left_open(); }
   void start_over(NewMap wish) override { tracker_.start_over(wish); }
+  void use_camera(const CameraPtr& camera) override { tracker_.use_camera(camera); }
 
  private:
   Tracker tracker_;
@@ -53,6 +54,9 @@ class SessionAdapter final : public MapLink {
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
   std::optional<PlaceAnswer> take_place_answer() override { return session_.take_place_answer(); }
   LabelListPtr labels(MapId map) const override { return session_.labels(map); }
+  std::optional<CameraNews> take_camera(const MapSnapshot& snapshot) override {
+    return session_.take_camera(snapshot);
+  }
   SessionStatus status() const override { return session_.status(); }
   bool wait_until_settled(std::chrono::milliseconds timeout) override {
     return session_.wait_until_settled(timeout);

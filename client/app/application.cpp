@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "client/app/adapters.h"
+#include "client/app/camera_keeper.h"
 #include "client/app/frame_loop.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
@@ -23,6 +24,7 @@
 #include "client/capture/decode_ahead.h"
 #include "client/capture/frame_source.h"
 #include "client/session/session.h"
+#include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
 #include "common/io/text.h"
 #include "common/wire/log_redirect.h"
@@ -41,11 +43,39 @@ constexpr milliseconds kNameGrace(4'000);
 constexpr size_t kPreloadBytes = size_t{512} << 20;
 constexpr int kFrameThreadNice = -10;
 
-Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& source) {
+/// A camera, and how far its values are believed (SessionOptions::camera_sigma).
+struct ChosenCamera {
+  CameraPtr camera;
+  std::vector<double> sigma;
+};
+
+Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
+  return make_camera(doubtful.parameters).map([&](CameraPtr camera) {
+    return ChosenCamera{std::move(camera), sigma_of_values(doubtful)};
+  });
+}
+
+Result<ChosenCamera> choose_unknown_camera(const TrackOptions& options, const FrameSource& source) {
+  const auto exact = source.builtin_calibration();
+  const auto size = exact ? PictureSize{exact->width, exact->height} : source.picture_size();
+  if (options.calibration)
+    return read_calibration(*options.calibration, size).and_then(doubt_camera).and_then(make_doubtful);
+  if (!size) {
+    return fail(ErrorCode::kConfiguration, options.source +
+                                               ": the size of its pictures is not known before the first; "
+                                               "pass a rough calibration with --calibration auto:FILE");
+  }
+  return make_doubtful(guess_camera(*size));
+}
+
+Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSource& source) {
+  if (options.find_camera) return choose_unknown_camera(options, source);
+  const auto take = [](CameraPtr camera) { return ChosenCamera{std::move(camera), {}}; };
   if (!options.calibration) {
-    if (const auto exact = source.builtin_calibration()) return make_camera(*exact);
+    if (const auto exact = source.builtin_calibration()) return make_camera(*exact).map(take);
   }
   const auto path = options.calibration ? options.calibration : find_calibration(options.source);
+  if (!path && !options.reader) return choose_unknown_camera(options, source);
   if (!path) {
     return fail(ErrorCode::kConfiguration,
                 "no calibration: there is no camera.txt beside " + options.source +
@@ -55,7 +85,7 @@ Result<CameraPtr> find_camera(const TrackOptions& options, const FrameSource& so
   }
   const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
-  return make_camera(*parameters);
+  return make_camera(*parameters).map(take);
 }
 
 /// What the loop would say of the first frame, told before anybody waits for a server. A source that knows
@@ -100,7 +130,7 @@ TrackerOptions tracker_options(const TrackOptions& options) {
   return tracker;
 }
 
-SessionOptions session_options(const TrackOptions& options) {
+SessionOptions session_options(const TrackOptions& options, const std::vector<double>& camera_sigma) {
   SessionOptions session;
   session.server = options.server;
   session.domain = options.domain;
@@ -110,6 +140,7 @@ SessionOptions session_options(const TrackOptions& options) {
   session.only_map = options.map;
   session.reads_only = options.reader;
   session.lockstep = options.pace == Pace::kLockstep;
+  session.camera_sigma = camera_sigma;
   return session;
 }
 
@@ -139,6 +170,35 @@ Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camer
     outputs.video = std::move(*video);
   }
   return outputs;
+}
+
+std::filesystem::path path_of_found_camera(const TrackOptions& options) {
+  return options.saved_calibration.value_or("cairn-camera-" + options.name + ".yaml");
+}
+
+/// Told before the run what would be found out after it. Where nobody has asked for the file, it is no error
+/// that it cannot be written.
+Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& chosen, const Logger& log) {
+  if (chosen.sigma.empty()) {
+    if (!options.saved_calibration) return {};
+    return fail(
+        ErrorCode::kUsage,
+        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto");
+  }
+  const Camera& camera = *chosen.camera;
+  log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
+            camera.focal_length(), 100 * chosen.sigma.front() / camera.parameters().values.front());
+  log->info(
+      "maps know it as that of client '{}': under the same --name a later run goes on where this one ends",
+      options.name);
+  const std::filesystem::path path = path_of_found_camera(options);
+  const Status writable = check_writable(path);
+  if (!writable && options.saved_calibration) return writable;
+  if (!writable) log->warn("{}; --save-calibration FILE names another", writable.error().message);
+  std::error_code unknown;
+  if (std::filesystem::exists(path, unknown))
+    log->info("{} will be replaced once the camera is known", path.string());
+  return {};
 }
 
 /// Completes the files; the first error, after all have been tried.
@@ -210,6 +270,7 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
+  bool finds_camera;
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   Outputs outputs;
@@ -227,20 +288,24 @@ struct Run {
 Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
   auto source = open_source(options.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = find_camera(options, **source);
-  if (!camera) return tl::unexpected(camera.error());
-  if (auto status = check_picture_size(**source, **camera); !status) return tl::unexpected(status.error());
-  auto outputs = open_outputs(options, *camera, log);
+  const auto chosen = choose_camera(options, **source);
+  if (!chosen) return tl::unexpected(chosen.error());
+  const CameraPtr& camera = chosen->camera;
+  if (auto status = prepare_to_find_camera(options, *chosen, log); !status)
+    return tl::unexpected(status.error());
+  if (auto status = check_picture_size(**source, *camera); !status) return tl::unexpected(status.error());
+  auto outputs = open_outputs(options, camera, log);
   if (!outputs) return tl::unexpected(outputs.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
-  auto session = Session::open(session_options(options), *camera, log);
+  auto session = Session::open(session_options(options, chosen->sigma), camera, log);
   if (!session) return tl::unexpected(session.error());
-  auto ahead = decode_ahead(std::move(*source), options, **camera, log, signals.stop_requested);
-  auto viewer = open_viewer(options, *camera, **session, log);
+  auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);
+  auto viewer = open_viewer(options, camera, **session, log);
   return Run{options,
              log,
              signals,
-             std::move(*camera),
+             camera,
+             !chosen->sigma.empty(),
              std::move(ahead),
              std::move(*session),
              std::move(*outputs),
@@ -258,6 +323,8 @@ int track(Run& run) {
   if (run.outputs.video) observers.push_back(run.outputs.video.get());
   if (run.viewer) observers.push_back(run.viewer.get());
   observers.push_back(&narrator);
+  std::optional<CameraKeeper> keeper;
+  if (run.finds_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
 
   FrameLoopOptions loop_options;
   loop_options.pace = run.options.pace;
@@ -278,8 +345,10 @@ int track(Run& run) {
   if (finished && (*finished || quit)) {
     (void)link.wait_until_settled(kLastVerdicts);
     loop.deliver_replies();
+    loop.take_camera(link.snapshot());
   }
   narrator.finish();
+  const Status kept = keeper ? keeper->finish() : Status();
 
   const auto session = link.status();
   const auto closed = close_outputs(run.outputs, stats, session, run.options, run.log);
@@ -288,6 +357,9 @@ int track(Run& run) {
   }
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
+  if (const int code = kept ? 0 : report_error(kept.error(), run.log);
+      code != 0 && run.options.saved_calibration)
+    return code;
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!*finished && !quit) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {

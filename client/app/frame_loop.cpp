@@ -86,6 +86,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   // In this order: the tracker has heard of its seed's map before it sees it.
   const auto snapshot = link_.snapshot();
   deliver_replies();
+  take_camera(snapshot);
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
   keep_proven_map(result);
@@ -100,8 +101,8 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   has_tracked_ = has_tracked_ || result.pose_measured;
   const auto stages = stages_.take();
   const auto labels = result.map ? link_.labels(result.map) : nullptr;
-  notify(&FrameObserver::on_frame,
-         FrameReport{frames_seen_, frame, result, state, snapshot, labels, status, stages, cpu, wall});
+  notify(&FrameObserver::on_frame, FrameReport{frames_seen_, frame, result, state, snapshot, labels, status,
+                                               stages, cpu, wall, camera_});
   if (sent && options_.pace == Pace::kLockstep) {
     settle();
     deliver_replies();
@@ -136,6 +137,15 @@ void FrameLoop::deliver_replies() {
   if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
+}
+
+void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
+  if (!snapshot) return;
+  const auto news = link_.take_camera(*snapshot);
+  if (!news) return;
+  camera_ = news->camera;
+  tracker_.use_camera(camera_);
+  notify(&FrameObserver::on_camera, *news);
 }
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {

@@ -43,6 +43,8 @@ class FrameLoop {
   /// Hands the server's replies to the tracker and the observers. run() does so before every frame; for those
   /// that come after the last one.
   void deliver_replies();
+  /// Passes on the values of the camera that go with a revision, when they are others than before.
+  void take_camera(const MapSnapshotPtr& snapshot);
 
  private:
   [[nodiscard]] Status handle(TakenFrame&& taken);
@@ -76,6 +78,7 @@ class FrameLoop {
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
+  CameraPtr camera_;  ///< FrameReport::camera
   LostWatch lost_;
   /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
   /// did not hold costs a start no patience.

@@ -133,6 +133,26 @@ void Narrator::on_status(const SessionStatus& status) {
   if (fault && !status.text.empty()) log_->warn("{}", status.text);
 }
 
+/// A step that is no answer yet, or the same one again, is for the curious.
+void Narrator::on_camera(const CameraNews& news) {
+  const std::string values = describe(news);
+  const CameraWord word = news.frozen            ? CameraWord::kKnown
+                          : news.cannot_be_known ? CameraWord::kCannotBeKnown
+                                                 : CameraWord::kMayBe;
+  const bool is_new = word != CameraWord::kMayBe && word != camera_word_;
+  if (is_new) camera_word_ = word;
+  if (is_new && news.frozen) {
+    log_->info("frame {}: the camera is known: {}", number_, values);
+  } else if (is_new) {
+    log_->warn(
+        "frame {}: the focal length cannot be known from this motion: {} so far; move nearer and "
+        "farther, turn the camera as it moves, or pass --calibration FILE",
+        number_, values);
+  } else {
+    log_->debug("frame {}: the camera may be: {}", number_, values);
+  }
+}
+
 /// Once: a server that is gone would settle none of the frames to come.
 void Narrator::on_unsettled(size_t frame_number) {
   if (std::exchange(unsettled_, true)) return;

@@ -27,6 +27,7 @@ class Narrator final : public FrameObserver {
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_status(const SessionStatus& status) override;
+  void on_camera(const CameraNews& news) override;
   void on_unsettled(size_t frame_number) override;
   void on_start_over(const StartOverReport& report) override;
 
@@ -42,6 +43,8 @@ class Narrator final : public FrameObserver {
   void tell_tracking(const FrameReport& report);
   void show_progress(const FrameReport& report);
 
+  enum class CameraWord : uint8_t { kMayBe, kKnown, kCannotBeKnown };
+
   Logger log_;
   const PaceClock& clock_;
   const std::optional<size_t> frame_count_;
@@ -51,8 +54,9 @@ class Narrator final : public FrameObserver {
   size_t dropped_ = 0;
   MapId map_;
   std::optional<size_t> lost_since_;
-  bool made_map_ = false;  ///< of our own views
-  bool map_seen_ = false;  ///< tracked in or not
+  bool made_map_ = false;                        ///< of our own views
+  bool map_seen_ = false;                        ///< tracked in or not
+  CameraWord camera_word_ = CameraWord::kMayBe;  ///< the last one said
   bool unsettled_ = false;
   bool seed_waits_ = false;  ///< for the server's verdict
   std::string why_no_map_;

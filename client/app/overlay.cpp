@@ -82,6 +82,7 @@ OverlayFrame make_overlay_frame(const FrameReport& report) {
     frame.snapshot = report.snapshot;
     frame.labels = report.labels;
   }
+  frame.camera = report.camera;
   frame.points = result.points;
   frame.trails = result.trails;
   frame.note = result.note;
@@ -102,6 +103,7 @@ cv::Size Overlay::size() const {
 }
 
 const cv::Mat& Overlay::draw(const OverlayFrame& frame, const OverlayStyle& style) {
+  if (frame.camera) camera_ = frame.camera;
   draw_background(frame.image->view());
   draw_trails(frame.trails);
   if (frame.camera_from_map) {

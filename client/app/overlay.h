@@ -39,6 +39,7 @@ struct OverlayFrame {
   std::vector<TrailLine> trails;
   std::string note;         ///< of the tracker
   std::string server_text;  ///< of the session
+  CameraPtr camera;         ///< other values of the camera, of the same size; null: as at the start
 };
 
 [[nodiscard]] OverlayFrame make_overlay_frame(const FrameReport& report);
@@ -78,7 +79,7 @@ class Overlay {
   void choose_grid(const OverlayFrame& frame);
   [[nodiscard]] cv::Point to_canvas(const Eigen::Vector2d& pixel) const;
 
-  const CameraPtr camera_;
+  CameraPtr camera_;
   const int scale_;
   cv::Mat canvas_;
   cv::Mat camera_area_;  ///< part of canvas_

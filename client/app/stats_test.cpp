@@ -28,7 +28,8 @@ class StatsTest : public ::testing::Test {
     result_.reprojection_rms = 0.5;
     const Frame frame = make_frame(number_, at_ms(static_cast<int64_t>(number_) * 33));
     stages_[static_cast<size_t>(Stage::kFine)] = cpu / 2;
-    stats_.on_frame({number_++, frame, result_, state, snapshot_, labels_, status_, stages_, cpu, wall});
+    stats_.on_frame(
+        {number_++, frame, result_, state, snapshot_, labels_, status_, stages_, cpu, wall, nullptr});
   }
   void drop() { stats_.on_dropped({number_, at_ms(static_cast<int64_t>(number_) * 33)}), ++number_; }
   nlohmann::json json() { return nlohmann::json::parse(stats_.to_json(1234, 5678)); }
@@ -133,10 +134,10 @@ TEST_F(StatsTest, WithoutTheListTheFiguresAreTheSame) {
   RunStats counts(RunStats::FrameList::kLeftOut);
   const Frame frame = make_frame(0, at_ms(0));
   const auto add_to_both = [&](FrameState state) {
-    counts.on_frame(
-        {0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5), milliseconds(8)});
-    stats_.on_frame(
-        {0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5), milliseconds(8)});
+    counts.on_frame({0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5),
+                     milliseconds(8), nullptr});
+    stats_.on_frame({0, frame, result_, state, snapshot_, labels_, status_, stages_, milliseconds(5),
+                     milliseconds(8), nullptr});
   };
   for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kLost}) {
     add_to_both(state);

@@ -92,6 +92,10 @@ class ScriptedTracker final : public TrackingEngine {
     words.emplace_back(wish == NewMap::kInAnyCase ? "start a new map" : "start over");
   }
 
+  void use_camera(const CameraPtr& camera) override {
+    words.push_back(fmt::format("camera of {:.0f} px at frame {}", camera->focal_length(), times.size()));
+  }
+
   PlaceUse use_of_places = PlaceUse::kTried;
 
   std::vector<Timestamp> times;
@@ -125,6 +129,9 @@ class ScriptedLink final : public MapLink {
   LabelListPtr labels(MapId wanted) const override {
     return map && map->map == wanted ? map_labels : nullptr;
   }
+  std::optional<CameraNews> take_camera(const MapSnapshot&) override {
+    return std::exchange(camera, std::nullopt);
+  }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
     sent.emplace_back("settle");
@@ -138,6 +145,7 @@ class ScriptedLink final : public MapLink {
   std::vector<OfferReply> offer_replies;
   std::optional<PlaceAnswer> place_answer;   ///< once
   std::optional<PlaceAnswer> always_answer;  ///< before every frame
+  std::optional<CameraNews> camera;          ///< once
   std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
   bool settles = true;

@@ -20,6 +20,8 @@ namespace {
 
 constexpr int kUsageExit = 2;
 constexpr size_t kMaxName = 32;
+constexpr std::string_view kAuto = "auto";
+constexpr std::string_view kAutoFrom = "auto:";
 
 constexpr const char* kDescription =
     "Tracks a camera against the maps of a cairn-server, and helps them grow.";
@@ -49,6 +51,7 @@ std::vector<std::string> option_names(const CLI::App& app) {
 struct Words {
   TrackOptions options;
   std::string calibration;
+  std::string saved_calibration;
   std::string role = "builder";
   std::string pace = "realtime";
   std::string security;
@@ -76,9 +79,15 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--source", options.source, "where frames come from (see below)")
       ->required()
       ->type_name("URI");
-  app.add_option("--calibration", words.calibration,
-                 "camera.txt, yaml of Kalibr, OpenCV or ROS, PTAM's camera.cfg [what lies beside the source]")
-      ->type_name("FILE|auto");
+  app.add_option(
+         "--calibration", words.calibration,
+         "camera.txt, yaml of Kalibr, OpenCV or ROS, PTAM's camera.cfg; auto: focal length and k1 are found "
+         "out while the map grows, from nothing or from a rough FILE [what lies beside the source, else "
+         "auto]")
+      ->type_name("FILE|auto|auto:FILE");
+  app.add_option("--save-calibration", words.saved_calibration,
+                 "where a camera that was found out is written [cairn-camera-NAME.yaml]")
+      ->type_name("FILE");
   app.add_option("--server", options.server, "host of cairn-server")
       ->type_name("HOST")
       ->capture_default_str();
@@ -133,16 +142,19 @@ ParseExit usage(const std::string& message) {
 
 std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
-  if (words.calibration == "auto") {
-    return usage(
-        "--calibration auto: calibrating while tracking is not available yet; pass a calibration file");
-  }
   TrackOptions options = std::move(words.options);
   options.reader = words.role == "reader";
   if (!options.map.empty() && options.makes_maps()) {
     return usage("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");
   }
-  options.calibration = path_or_nothing(words.calibration);
+  options.find_camera = words.calibration == kAuto || words.calibration.starts_with(kAutoFrom);
+  if (options.find_camera && options.reader)
+    return usage("--calibration auto: a reader makes no keyframes, from which a camera is found out");
+  if (words.calibration.starts_with(kAutoFrom)) words.calibration.erase(0, kAutoFrom.size());
+  if (words.calibration != kAuto) options.calibration = path_or_nothing(words.calibration);
+  options.saved_calibration = path_or_nothing(words.saved_calibration);
+  if (options.saved_calibration && options.calibration && !options.find_camera)
+    return usage("--save-calibration: the camera of --calibration FILE is taken for exact; pass auto:FILE");
   options.pace = kPaces.at(words.pace);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);

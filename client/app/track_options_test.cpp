@@ -93,10 +93,24 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
 }
 
 TEST(TrackOptions, WhatIsNotThereYetSaysSo) {
-  for (const auto& arguments :
-       std::vector<std::vector<std::string>>{{"--security", "dir"}, {"--calibration", "auto"}}) {
+  for (const auto& arguments : std::vector<std::vector<std::string>>{{"--security", "dir"}}) {
     EXPECT_THAT(wrong(arguments), HasSubstr("not available yet")) << arguments.front();
   }
+}
+
+TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {
+  const auto from_nothing = good({"--calibration", "auto", "--name", "ann"});
+  EXPECT_TRUE(from_nothing.find_camera);
+  EXPECT_FALSE(from_nothing.calibration);
+  EXPECT_FALSE(from_nothing.saved_calibration);
+  const auto from_file = good({"--calibration", "auto:rough.yaml", "--save-calibration", "found.yaml"});
+  EXPECT_TRUE(from_file.find_camera);
+  EXPECT_EQ(from_file.calibration, "rough.yaml");
+  EXPECT_EQ(from_file.saved_calibration, "found.yaml");
+  EXPECT_FALSE(good({"--calibration", "exact.yaml"}).find_camera);
+  EXPECT_THAT(wrong({"--calibration", "auto", "--role", "reader"}), HasSubstr("keyframes"));
+  EXPECT_THAT(wrong({"--calibration", "exact.yaml", "--save-calibration", "found.yaml"}),
+              HasSubstr("auto:FILE"));
 }
 
 TEST(TrackOptions, ASourceIsRequired) {

@@ -5,6 +5,7 @@
 #include <random>
 #include <utility>
 
+#include "common/geometry/camera_guess.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -24,21 +25,23 @@ SessionId random_session() {
 
 Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
-  auto readers = wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
-                                  wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>,
-                                  wire::Reader<wire::RelocAnswer>, wire::Reader<wire::ClientReply>>(
-      participant, wire::client_partition(client_name));
+  auto readers =
+      wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
+                       wire::Reader<wire::SeedVerdict>, wire::Reader<wire::OfferVerdict>,
+                       wire::Reader<wire::RelocAnswer>, wire::Reader<wire::CameraEstimate>,
+                       wire::Reader<wire::ClientReply>>(participant, wire::client_partition(client_name));
   if (!readers) return tl::unexpected(readers.error());
-  auto& [status, maps, seeds, offers, places, replies] = *readers;
+  auto& [status, maps, seeds, offers, places, cameras, replies] = *readers;
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach({status, maps, seeds, offers, places, replies}); !attached) {
+  if (Status attached = waiter->attach({status, maps, seeds, offers, places, cameras, replies}); !attached) {
     return tl::unexpected(attached.error());
   }
-  return std::unique_ptr<Receiver>(new Receiver(state, participant, client_name,
-                                                {std::move(status), std::move(maps), std::move(seeds),
-                                                 std::move(offers), std::move(places), std::move(replies)},
-                                                std::move(*waiter), std::move(log)));
+  return std::unique_ptr<Receiver>(
+      new Receiver(state, participant, client_name,
+                   {std::move(status), std::move(maps), std::move(seeds), std::move(offers),
+                    std::move(places), std::move(cameras), std::move(replies)},
+                   std::move(*waiter), std::move(log)));
 }
 
 Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
@@ -111,6 +114,13 @@ void Receiver::take_server_messages() {
   wire::take_all(server_.places, [this](wire::Sample<wire::RelocAnswer>& sample) {
     if (sample.message) act_on(std::move(*sample.message));
   });
+  wire::take_all(server_.cameras, [this](const wire::Sample<wire::CameraEstimate>& sample) {
+    if (sample.message) {
+      act_on(*sample.message);
+    } else if (sample.gone == wire::Gone::kDisposed) {
+      forget_camera(sample.key);
+    }
+  });
   wire::take_all(server_.replies, [this](const wire::Sample<wire::ClientReply>& sample) {
     if (sample.message) act_on(*sample.message);
   });
@@ -159,6 +169,7 @@ void Receiver::act_on(const wire::SeedVerdict& verdict) {
         SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
         {}};
     state_.choose_map(verdict.map);
+    state_.own_map = verdict.map;
     state_.monitor.map_listed(verdict.map, state_.monitor.server());
     state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
   } else {
@@ -202,6 +213,45 @@ void Receiver::act_on(wire::RelocAnswer&& answer) {
   state_.for_waiters.notify_all();
 }
 
+/// Of a camera whose values we take for exact nobody needs to tell us.
+void Receiver::act_on(const wire::CameraEstimate& estimate) {
+  const std::scoped_lock lock(state_.mutex);
+  if (state_.options.camera_sigma.empty() || estimate.client != state_.client ||
+      estimate.camera != state_.camera.camera)
+    return;
+  const CameraParameters& ours = state_.camera.parameters;
+  const CameraParameters& theirs = estimate.parameters;
+  const auto doubt = doubtful_camera(theirs, estimate.sigma);
+  const auto camera = make_camera(theirs);
+  if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
+    state_.unsound_cameras.insert(estimate.map);
+    if (warning_.due()) log_->warn("what a map says of the camera cannot be: it is not used");
+    return;
+  }
+  state_.unsound_cameras.erase(estimate.map);
+  auto& [epoch, news] = state_.found_out[estimate.map];
+  if (estimate.epoch < epoch) return;
+  epoch = estimate.epoch;
+  news = {estimate.version, *camera,         doubt->focal_sigma,
+          doubt->k1_sigma,  estimate.frozen, estimate.cannot_be_known};
+}
+
+void Receiver::forget_camera(const wire::CameraEstimate& key) {
+  const std::scoped_lock lock(state_.mutex);
+  if (key.client != state_.client || key.camera != state_.camera.camera) return;
+  state_.found_out.erase(key.map);
+  state_.unsound_cameras.erase(key.map);
+}
+
+/// A server of before cameras were found out ignores that ours is a guess.
+void Receiver::check_that_camera_is_found_out(const MapSnapshot& first) {
+  state_.own_map = {};
+  if (state_.camera.frozen || state_.our_camera_in(first) != nullptr) return;
+  log_->warn(
+      "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
+      "--calibration FILE");
+}
+
 void Receiver::follow_recent_maps() {
   std::vector<MapId> wanted;
   {
@@ -238,6 +288,7 @@ Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
                     std::move(commits),
                     std::move(labels),
                     Replica(map),
+                    false,
                     {}};
 }
 
@@ -250,12 +301,16 @@ void Receiver::take_map_messages(MapChannel& channel) {
   wire::take_all(channel.positions, receive);
   wire::take_all(channel.keyframes, receive);
   wire::take_all(channel.commits, receive);
-  if (!replica.update(std::chrono::steady_clock::now())) return;
+  channel.snapshot_due |= replica.update(std::chrono::steady_clock::now());
+  if (!channel.snapshot_due) return;
   const std::scoped_lock lock(state_.mutex);
   if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), replica.map()) ==
       state_.recent_maps.end())
     return;
+  if (!state_.has_camera_of(*replica.snapshot())) return;
+  channel.snapshot_due = false;
   state_.replicas[replica.map()] = replica.snapshot();
+  if (replica.map() == state_.own_map) check_that_camera_is_found_out(*replica.snapshot());
   if (replica.map() != state_.map_in_use) return;
   state_.snapshot = replica.snapshot();
   state_.tracker_changed = true;  // the server waits to hear that this revision is in use

@@ -43,6 +43,7 @@ class Receiver {
     wire::Reader<wire::SeedVerdict> seeds;
     wire::Reader<wire::OfferVerdict> offers;
     wire::Reader<wire::RelocAnswer> places;
+    wire::Reader<wire::CameraEstimate> cameras;
     wire::Reader<wire::ClientReply> replies;
   };
   /// The topics of one map and what has come of them.
@@ -53,6 +54,7 @@ class Receiver {
     wire::Reader<wire::MapCommit> commits;
     wire::Reader<wire::LabelMessage> labels;
     Replica replica;
+    bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
     LabelReplica label_replica;
   };
 
@@ -71,6 +73,11 @@ class Receiver {
   void act_on(const wire::SeedVerdict& verdict);
   void act_on(const wire::OfferVerdict& verdict);
   void act_on(wire::RelocAnswer&& answer);
+  void act_on(const wire::CameraEstimate& estimate);
+  /// `key`: of an estimate that is no more.
+  void forget_camera(const wire::CameraEstimate& key);
+  /// In the first revision of a map made from our seed.
+  void check_that_camera_is_found_out(const MapSnapshot& first);
 
   SessionState& state_;
   wire::Participant participant_;

@@ -117,6 +117,7 @@ void Replica::swap() {
   next->epoch = epoch_;
   next->revision = pending_->revision;
   next->metric = pending_->metric;
+  next->cameras = pending_->cameras;
   for (size_t index = 0; index < pending_->keyframe_versions.size(); ++index) {
     next->keyframe_blocks.push_back(staged_keyframes_.at(static_cast<uint32_t>(index)));
   }

@@ -52,7 +52,14 @@ class Author {
     }
     KeyframePose pose{{1}, SE3(Eigen::Quaterniond::Identity(), {stamp, 0, 0}), 1};
     messages.emplace_back(wire::KeyframePoses{kMap, epoch_, {0, revision_, 1, {pose}}});
-    messages.emplace_back(wire::MapCommit{kMap, "desk", epoch_, {revision_}, true, versions_, {revision_}});
+    messages.emplace_back(wire::MapCommit{kMap,
+                                          "desk",
+                                          epoch_,
+                                          {revision_},
+                                          true,
+                                          versions_,
+                                          {revision_},
+                                          {{{}, 0, static_cast<uint32_t>(revision_)}}});
     return messages;
   }
 
@@ -71,6 +78,8 @@ void expect_exact(const MapSnapshot& snapshot) {
   const auto revision = static_cast<double>(snapshot.revision.value);
   ASSERT_EQ(snapshot.keyframe_blocks.size(), 1U);
   EXPECT_EQ(snapshot.keyframe_blocks[0]->keyframes[0].camera_from_map.translation().x(), revision);
+  ASSERT_EQ(snapshot.cameras.size(), 1U);
+  EXPECT_EQ(snapshot.cameras[0].version, snapshot.revision.value);
   for (const auto& block : snapshot.point_blocks) EXPECT_LE(block->z[0], revision);
 }
 
@@ -219,8 +228,8 @@ TEST(Replica, SharesWhatDidNotChangeAndDependsOnTheRevisionOnly) {
     return made;
   };
   const auto commit = [](uint64_t revision, uint64_t block0, uint64_t keyframes) {
-    return wire::MapCommit{kMap,       "", kEpoch, {revision}, false, {{0, 1, block0}, {1, 1, 1}, {2, 1, 1}},
-                           {keyframes}};
+    return wire::MapCommit{kMap,        "", kEpoch, {revision}, false, {{0, 1, block0}, {1, 1, 1}, {2, 1, 1}},
+                           {keyframes}, {}};
   };
   Replica all(kMap);
   deliver(&all, {patches(0, 1), patches(1, 1), patches(2, 2), message(0, 1, 2), message(1, 1, 2),

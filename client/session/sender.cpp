@@ -17,18 +17,14 @@ constexpr milliseconds kMostStateInterval{
 }  // namespace
 
 Result<std::unique_ptr<Sender>> Sender::start(SessionState& state, const wire::Participant& participant,
-                                              const std::string& partition, const CameraParameters& camera,
-                                              wire::ImageEncoding encoding, Logger log) {
+                                              const std::string& partition, wire::ImageEncoding encoding,
+                                              Logger log) {
   auto writers = wire::create_all<wire::Writer<wire::CameraMessage>, wire::Writer<wire::TrackerStateMessage>,
                                   wire::Writer<wire::MapSeed>, wire::Writer<wire::KeyframeOffer>,
                                   wire::Writer<wire::RelocQuery>, wire::Writer<wire::ClientRequest>>(
       participant, partition);
   if (!writers) return tl::unexpected(writers.error());
   auto& [cameras, tracker, seeds, offers, questions, requests] = *writers;
-  wire::CameraMessage message;
-  message.client = state.client;
-  message.parameters = camera;
-  if (Status written = cameras.write(message); !written) return tl::unexpected(written.error());
   return std::unique_ptr<Sender>(new Sender(state,
                                             {std::move(cameras), std::move(tracker), std::move(seeds),
                                              std::move(offers), std::move(questions), std::move(requests)},
@@ -49,6 +45,7 @@ void Sender::run() {
   while (!state_.stopping) {
     const MonotonicTime now = std::chrono::steady_clock::now();
     try {
+      send_camera(lock);
       send_tracker_state(lock, now);
       send_commands(lock, now);
     } catch (const std::exception& error) {  // what can not be sent must not end the tracker
@@ -60,6 +57,19 @@ void Sender::run() {
     const auto wait = state_.tracker_changed ? kLeastStateInterval : kMostStateInterval;
     state_.for_sender.wait_until(lock, state_sent_ + wait);
   }
+}
+
+/// Before any command that names it.
+void Sender::send_camera(std::unique_lock<std::mutex>& lock) {
+  if (!state_.camera_due) return;
+  state_.camera_due = false;
+  wire::CameraMessage message = state_.camera;
+  lock.unlock();
+  const Status written = writers_.camera.write(message);
+  report(written, "Camera");
+  if (written) camera_ = std::move(message);
+  lock.lock();
+  if (!written) state_.camera_due = true;  // tried again with the next round
 }
 
 void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
@@ -84,6 +94,8 @@ void Sender::send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTim
 
 void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now) {
   while (!state_.stopping && state_.monitor.link() == ServerLink::kConnected) {
+    send_camera(lock);
+    if (state_.camera_due) return;  // it could not be sent
     const auto question = writers_.questions.matched() > 0 ? state_.question.next(now) : std::nullopt;
     const auto seed = !question && writers_.seeds.matched() > 0 ? state_.seed.next(now) : std::nullopt;
     const auto offer =
@@ -111,6 +123,8 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   wire::MapSeed message;
   message.client = state_.client;
   message.command = sendable.command;
+  message.camera = camera_.camera;
+  message.camera_version = camera_.version;
   message.lockstep = state_.options.lockstep;
   message.first_time = proposal.first_time;
   message.second_time = proposal.second_time;
@@ -131,6 +145,8 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.revision = proposal.revision;
   message.reference = proposal.reference;
   message.camera_from_reference = proposal.camera_from_reference;
+  message.camera = camera_.camera;
+  message.camera_version = camera_.version;
   message.lockstep = state_.options.lockstep;
   message.time = sendable.item->time;
   message.image = encode_image(*sendable.item->image, encoding_);
@@ -144,6 +160,8 @@ wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) co
   message.client = state_.client;
   message.command = sendable.command;
   message.map_hint = question.map_hint;
+  message.camera = camera_.camera;
+  message.camera_version = camera_.version;
   message.lockstep = state_.options.lockstep;
   message.time = question.time;
   message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);

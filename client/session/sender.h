@@ -19,7 +19,6 @@ class Sender {
   [[nodiscard]] static Result<std::unique_ptr<Sender>> start(SessionState& state,
                                                              const wire::Participant& participant,
                                                              const std::string& partition,
-                                                             const CameraParameters& camera,
                                                              wire::ImageEncoding encoding, Logger log);
   /// Set state.stopping and notify state.for_sender before.
   ~Sender();
@@ -38,6 +37,7 @@ class Sender {
   Sender(SessionState& state, Writers writers, wire::ImageEncoding encoding, Logger log);
 
   void run();
+  void send_camera(std::unique_lock<std::mutex>& lock);
   void send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now);
   void send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now);
   [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable) const;
@@ -52,6 +52,7 @@ class Sender {
   Logger log_;
   RateLimit warning_;
   MonotonicTime state_sent_{};
+  wire::CameraMessage camera_;  ///< announced last: what commands name
   std::thread thread_;
 };
 

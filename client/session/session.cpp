@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/session/session.h"
 
+#include <fmt/format.h>
+
 #include <utility>
 
 #include "client/session/receiver.h"
 #include "client/session/sender.h"
 #include "client/session/session_state.h"
+#include "common/geometry/camera_guess.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -29,7 +32,18 @@ Result<wire::Participant> join(const SessionOptions& options, const std::string&
   return wire::Participant::create(participant);
 }
 
+/// A camera that is found out is known to the maps by the client's name and this number. Pictures of another
+/// size come from another camera.
+uint32_t number_by_size(const Camera& camera) {
+  return static_cast<uint32_t>(camera.width()) << 16 | static_cast<uint32_t>(camera.height());
+}
+
 }  // namespace
+
+std::string describe(const CameraNews& news) {
+  return fmt::format("focal length {:.1f} px +- {:.1f} %, k1 {:.3f} +- {:.3f}", news.camera->focal_length(),
+                     100 * news.focal_sigma, news.camera->parameters().values.at(4), news.k1_sigma);
+}
 
 /// In order of construction: the threads go first, the participant last.
 struct Session::State {
@@ -58,18 +72,30 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!options.wearer.empty() && !is_valid_name(options.wearer)) {
     return fail(ErrorCode::kUsage, "wearer '" + options.wearer + "': expected 1 to 32 of a-z, 0-9 and -");
   }
+  if (!options.camera_sigma.empty() && options.camera_sigma.size() != kDoubtfulValues)
+    return fail(ErrorCode::kConfiguration,
+                "a camera that is found out is pinhole-radtan with all its values");
   const std::string profile = !options.profile.empty()      ? options.profile
                               : is_loopback(options.server) ? "loopback"
                                                             : "wifi";
   Result<wire::Participant> participant = join(options, profile, log);
   if (!participant) return tl::unexpected(participant.error());
   auto state = std::make_unique<State>(options, std::move(*participant));
+  wire::CameraMessage& announced = state->shared.camera;
+  announced.parameters = camera->parameters();
+  if (!options.camera_sigma.empty()) {
+    announced.camera = number_by_size(*camera);
+    state->shared.first_focal_sigma = options.camera_sigma.at(0) / announced.parameters.values.at(0);
+    state->shared.first_k1_sigma = options.camera_sigma.at(4);
+  }
+  announced.sigma = options.camera_sigma;
+  announced.frozen = options.camera_sigma.empty();
   auto receiver = Receiver::start(state->shared, state->participant, options.name, log);
   if (!receiver) return tl::unexpected(receiver.error());
   state->receiver = std::move(*receiver);
   const auto encoding = profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
   auto sender = Sender::start(state->shared, state->participant, wire::client_partition(options.name),
-                              camera->parameters(), encoding, std::move(log));
+                              encoding, std::move(log));
   if (!sender) return tl::unexpected(sender.error());
   state->sender = std::move(*sender);
   return std::unique_ptr<Session>(new Session(std::move(state)));
@@ -183,6 +209,28 @@ std::optional<PlaceAnswer> Session::take_place_answer() {
   return std::exchange(state_->shared.place_answer, std::nullopt);
 }
 
+std::optional<CameraNews> Session::take_camera(const MapSnapshot& snapshot) {
+  SessionState& shared = state_->shared;
+  const std::scoped_lock lock(shared.mutex);
+  const auto other = shared.other_camera_of(snapshot);
+  const CameraNews* there = other ? shared.find_camera(*other) : nullptr;
+  if (there == nullptr) return std::nullopt;
+  const auto& [epoch, news] = shared.found_out.at(snapshot.map);
+  const SessionState::CameraSource source{snapshot.map, epoch, news.version};
+  if (source == shared.camera_source) return std::nullopt;
+  shared.camera_source = source;
+  ++shared.camera.version;
+  shared.camera.parameters = news.camera->parameters();
+  // What one map believes of so far, the next one would take for what was known before it.
+  shared.camera.sigma =
+      sigma_of_values({shared.camera.parameters, news.frozen ? news.focal_sigma : shared.first_focal_sigma,
+                       news.frozen ? news.k1_sigma : shared.first_k1_sigma});
+  shared.camera.frozen = news.frozen;
+  shared.camera_due = true;
+  shared.for_sender.notify_one();
+  return news;
+}
+
 SessionStatus Session::status() const {
   const SessionState& shared = state_->shared;
   const wire::Traffic traffic = state_->participant.traffic();
@@ -206,6 +254,8 @@ SessionStatus Session::status() const {
   } else if (!status.map_known) {
     status.link = ServerLink::kRestarted;
     status.text = std::string(kRestartedText) + ": it begins a new one when lost, or asked to";
+  } else if (shared.unsound_cameras.contains(shared.map_in_use)) {
+    status.text = "what the map says of the camera cannot be: it is not tracked on";
   } else {
     status.text = "connected to " + shared.options.server;
   }

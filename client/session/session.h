@@ -36,6 +36,9 @@ struct SessionOptions {
   size_t recent_maps = 4;   ///< received at the same time: switching back to one of them takes no time
   bool reads_only = false;  ///< asks for no change of a map
   std::string only_map;     ///< the name of the one map to be used; empty: any
+  /// Of each value of the camera's parameters: it is found out by the maps that it helps to make. Empty:
+  /// exact.
+  std::vector<double> camera_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
 };
 
@@ -52,6 +55,19 @@ struct SessionStatus {
   uint64_t bytes_sent = 0;
   uint64_t bytes_received = 0;
 };
+
+/// What the server's maps have found out about our camera.
+struct CameraNews {
+  uint32_t version = 0;
+  CameraPtr camera;
+  double focal_sigma = 0;  ///< relative to the focal length
+  double k1_sigma = 0;
+  bool frozen = false;           ///< known well enough: will not change any more
+  bool cannot_be_known = false;  ///< the motion so far does not tell the focal length
+};
+
+/// "focal length 531.2 px +- 0.8 %, k1 -0.012 +- 0.005"
+[[nodiscard]] std::string describe(const CameraNews& news);
 
 /// The server's answer to the latest seed.
 struct SeedReply {
@@ -109,6 +125,9 @@ class Session {
   [[nodiscard]] std::optional<SeedReply> take_seed_reply();
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();
   [[nodiscard]] std::optional<PlaceAnswer> take_place_answer();
+  /// The values of our camera that go with this snapshot, when they are others than before: to be tracked
+  /// with from now on. What is sent from now on names them.
+  [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshot& snapshot);
   [[nodiscard]] SessionStatus status() const;
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.

@@ -7,6 +7,7 @@
 #include <map>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -40,6 +41,7 @@ struct SessionState {
         requests(kMostRequests, session) {
     tracker.client = id;
     tracker.wearer = options.wearer;
+    camera.client = id;
   }
 
   const SessionOptions options;
@@ -65,6 +67,28 @@ struct SessionState {
 
   RequestSpool requests;
   std::vector<RequestReply> request_replies;
+
+  wire::CameraMessage camera;  ///< as in use
+  bool camera_due = true;      ///< to be announced
+  /// How well it was known when the session began: DoubtfulCamera.
+  double first_focal_sigma = 0;
+  double first_k1_sigma = 0;
+  /// What a map has found out about the camera.
+  struct FoundCamera {
+    Epoch epoch;
+    CameraNews news;
+  };
+  std::map<MapId, FoundCamera> found_out;  ///< the latest of each map
+  /// Where values come from: each map and epoch counts its own versions.
+  struct CameraSource {
+    MapId map;
+    Epoch epoch;
+    uint32_t version = 0;
+    bool operator==(const CameraSource&) const = default;
+  };
+  std::optional<CameraSource> camera_source;  ///< of the values in use; nothing: as the session began
+  std::set<MapId> unsound_cameras;            ///< maps whose latest word on our camera cannot be
+  MapId own_map;  ///< made from our seed, before its first revision; none: there is nothing to expect
 
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
@@ -98,6 +122,34 @@ struct SessionState {
   [[nodiscard]] MapSnapshotPtr replica_in_use() const {
     const auto replica = replicas.find(map_in_use);
     return replica == replicas.end() ? nullptr : replica->second;
+  }
+  /// Our camera, as a revision names it; null when it names none of ours.
+  [[nodiscard]] const CameraVersion* our_camera_in(const MapSnapshot& map) const {
+    const auto named = std::find_if(map.cameras.begin(), map.cameras.end(), [&](const CameraVersion& v) {
+      return v.client == client && v.camera == camera.camera;
+    });
+    return named == map.cameras.end() ? nullptr : &*named;
+  }
+  /// Which values of our camera a revision was made with; nothing when those in use are to be kept: it names
+  /// none, or these, or ours are known already (found out elsewhere, or exact from the start).
+  [[nodiscard]] std::optional<CameraSource> other_camera_of(const MapSnapshot& map) const {
+    const CameraVersion* named = camera.frozen ? nullptr : our_camera_in(map);
+    if (named == nullptr) return std::nullopt;
+    const CameraSource source{map.map, map.epoch, named->version};
+    return source == camera_source ? std::nullopt : std::optional(source);
+  }
+  /// The values that the revision was made with, or later ones of its map; null when they are not there yet.
+  [[nodiscard]] const CameraNews* find_camera(const CameraSource& source) const {
+    const auto found = found_out.find(source.map);
+    if (found == found_out.end()) return nullptr;
+    const auto& [epoch, news] = found->second;
+    const bool is_there = epoch > source.epoch || (epoch == source.epoch && news.version >= source.version);
+    return is_there ? &news : nullptr;
+  }
+  /// Whether a revision can be tracked on: what it was made with is in use, or there to be used.
+  [[nodiscard]] bool has_camera_of(const MapSnapshot& map) const {
+    const auto other = other_camera_of(map);
+    return !other || find_camera(*other) != nullptr;
   }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {

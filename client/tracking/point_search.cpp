@@ -24,6 +24,11 @@ uint64_t rank_of(PointId id, bool is_coarse) {
 
 PointSearch::PointSearch(CameraPtr camera) : camera_(std::move(camera)), frustum_(*camera_) {}
 
+void PointSearch::use_camera(CameraPtr camera) {
+  frustum_ = Frustum(*camera);
+  camera_ = std::move(camera);
+}
+
 void PointSearch::use_map(const MapSnapshotPtr& map) {
   if (!map_ || map_->map != map->map || map_->epoch != map->epoch) templates_.clear();
   map_ = map;

@@ -34,7 +34,11 @@ class PointSearch {
  public:
   explicit PointSearch(CameraPtr camera);
 
-  /// From now on this revision. Templates survive revisions of one epoch (patches never change in it).
+  /// Other values of the same camera, from now on.
+  void use_camera(CameraPtr camera);
+
+  /// From now on this revision. Templates survive revisions of one epoch: what patches show never changes in
+  /// it, and one whose rays were aimed anew is warped anew.
   void use_map(const MapSnapshotPtr& map);
 
   /// Live points that project into the image at a scale their patch allows and from a side and distance they

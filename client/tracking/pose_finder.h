@@ -42,6 +42,11 @@ class PoseFinder {
 
   /// From now on this revision.
   void use_map(const MapSnapshotPtr& map) { search_.use_map(map); }
+  /// Other values of the same camera, from now on.
+  void use_camera(const CameraPtr& camera) {
+    camera_ = camera;
+    search_.use_camera(camera);
+  }
   /// Forgets what the frame before was found to show.
   void clear();
 

@@ -400,6 +400,13 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
   return s.result;
 }
 
+void Tracker::use_camera(const CameraPtr& camera) {
+  State& s = *state_;
+  s.camera = camera;
+  s.trails.use_camera(camera);
+  s.finder.use_camera(camera);
+}
+
 void Tracker::seed_accepted(const SeedAnswer& answer) {
   state_->awaited = answer;
 }

@@ -127,6 +127,10 @@ class Tracker {
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
 
+  /// Other values of the same camera, from the next frame on: together with the revision that was made with
+  /// them.
+  void use_camera(const CameraPtr& camera);
+
   /// The seed proposed last was accepted: when a snapshot of that map comes, the pose starts from the trails,
   /// which are followed meanwhile.
   void seed_accepted(const SeedAnswer& answer);

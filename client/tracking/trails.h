@@ -20,6 +20,9 @@ class TrailFollower {
  public:
   TrailFollower(CameraPtr camera, const TrackerOptions& options);
 
+  /// Other values of the same camera, for the two-view tests from now on.
+  void use_camera(CameraPtr camera) { camera_ = std::move(camera); }
+
   /// Follows the trails into a frame; begins anew there when too few are left. `previous` is the frame
   /// before, `motion` how its tiny image moved to this one's. Both are ignored by the first frame.
   void follow(const GrayImagePtr& image, Timestamp time, const FrameImages& now, const FrameImages& previous,

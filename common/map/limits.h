@@ -8,7 +8,14 @@ namespace cairn {
 
 /// Of points, and of keyframes, in a map: 131 072 of each.
 inline constexpr size_t kMaxBlocks = 2048;
+/// Keyframe blocks in a map: 32 768 keyframes ever made, 50 GB of pictures at 1.5 MB each, before memory ends
+/// it. Fewer than point blocks, so that the commit of the largest map stays below 64 kB.
+inline constexpr size_t kMaxKeyframeBlocks = 512;
+
 /// Of a two-view start: the answer names a point for each, and stays below 64 kB.
 inline constexpr size_t kMaxTrails = 4000;
+
+/// Cameras that are found out in a map and named by its revisions; more are not told.
+inline constexpr size_t kMaxCamerasFoundOut = 64;
 
 }  // namespace cairn

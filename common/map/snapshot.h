@@ -22,7 +22,8 @@ namespace cairn {
 constexpr int kBlockSlots =
     64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
 
-/// What never changes about a point: where its patch was cut.
+/// Where a point's patch was cut, and what it shows. Of this only the rays and the normal ever change: where
+/// the source camera was found out to be another than was believed.
 struct PointSource {
   PointId id;
   KeyframeId keyframe;  ///< the keyframe whose image gave the patch
@@ -125,6 +126,15 @@ struct PointSlot {
   bool operator==(const PointSlot&) const = default;
 };
 
+/// Which values of a camera are meant: those of a client's camera that is still being found out change, and
+/// a number goes with them.
+struct CameraVersion {
+  ClientId client;
+  uint32_t camera = 0;   ///< the client's number for it
+  uint32_t version = 0;  ///< grows with each change of its values
+  bool operator==(const CameraVersion&) const = default;
+};
+
 /// One revision of one map.
 struct MapSnapshot {
   MapId map;
@@ -134,6 +144,9 @@ struct MapSnapshot {
   bool metric = false;  ///< whether the map unit is known to be a metre
   std::vector<std::shared_ptr<const PointBlock>> point_blocks;
   std::vector<std::shared_ptr<const KeyframeBlock>> keyframe_blocks;
+  /// Of the cameras that are found out in this map, the values that this revision was made with: who tracks
+  /// on it with such a camera needs them.
+  std::vector<CameraVersion> cameras;
 
   /// Slot of a live point; nothing when it is unknown or gone. O(log blocks).
   [[nodiscard]] std::optional<PointSlot> find(PointId id) const;

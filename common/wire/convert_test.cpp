@@ -27,8 +27,8 @@ template <typename Message>
 class RoundTrip : public ::testing::Test {};
 using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
                                      MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
-                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, ClientRequest,
-                                     ClientReply, LabelMessage, AdminRequest, AdminReply>;
+                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, CameraEstimate,
+                                     ClientRequest, ClientReply, LabelMessage, AdminRequest, AdminReply>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -103,8 +103,9 @@ void refuse_bad_images(
   refuses("unknown encoding", [](ImageMessage& m) { m.encoding = static_cast<ImageEncoding>(2); });
 }
 
-TEST(Validation, Camera) {
-  const Spoiler<CameraMessage> camera([](const auto& m) { return !m.sigma.empty(); });
+template <typename Message>
+void refuse_bad_cameras() {
+  const Spoiler<Message> camera([](const auto& m) { return !m.sigma.empty(); });
   camera.refuses("unknown model", [](auto& m) { m.parameters.model = static_cast<CameraModel>(200); });
   camera.refuses("no width", [](auto& m) { m.parameters.width = 0; });
   camera.refuses("negative height", [](auto& m) { m.parameters.height = -1; });
@@ -116,6 +117,14 @@ TEST(Validation, Camera) {
   });
   camera.refuses("sigma of another length", [](auto& m) { m.sigma.pop_back(); });
   camera.refuses("negative sigma", [](auto& m) { m.sigma[0] = -1; });
+}
+
+TEST(Validation, Camera) {
+  refuse_bad_cameras<CameraMessage>();
+}
+
+TEST(Validation, CameraEstimate) {
+  refuse_bad_cameras<CameraEstimate>();
 }
 
 TEST(Validation, MapSeed) {
@@ -329,8 +338,10 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   Scratch scratch;
   EXPECT_LT(internal::payload_bytes<PointPatches>(encode(patches, &scratch)), 64'000U);
   MapCommit commit;
+  commit.name.assign(internal::kMaxNameBytes, 'x');
   commit.points.resize(kMaxBlocks);
-  commit.keyframe_versions.resize(kMaxBlocks / 16);
+  commit.keyframe_versions.resize(kMaxKeyframeBlocks);
+  commit.cameras.resize(kMaxCamerasFoundOut);
   EXPECT_LT(internal::payload_bytes<MapCommit>(encode(commit, &scratch)), 64'000U);
   SeedVerdict verdict;
   verdict.points.resize(kMaxTrails);

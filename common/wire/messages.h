@@ -197,6 +197,21 @@ struct MapCommit {
   bool metric = false;
   std::vector<BlockVersion> points;         ///< every block of the revision, by index
   std::vector<uint64_t> keyframe_versions;  ///< of keyframe block 0, 1, ...
+  std::vector<CameraVersion> cameras;       ///< MapSnapshot::cameras
+};
+
+/// Topic CameraEstimate: state, keyed by (client, camera, map); disposed when the map goes. What a map has
+/// found out about a camera that was announced with sigmas. Written before the revisions that name it.
+struct CameraEstimate {
+  ClientId client;
+  uint32_t camera = 0;
+  MapId map;
+  Epoch epoch;           ///< of the map
+  uint32_t version = 1;  ///< in this map and epoch, as its revisions name it: no sequence with any other
+  CameraParameters parameters;
+  std::vector<double> sigma;     ///< of each parameter; 0: not found out
+  bool frozen = false;           ///< known well enough: will not change any more
+  bool cannot_be_known = false;  ///< the motion so far does not tell the focal length
 };
 
 /// Topic SeedVerdict: state, keyed by client.

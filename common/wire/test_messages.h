@@ -39,7 +39,9 @@ CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
 CAIRN_MEMBERS(PointPatches, a, b, c)
 CAIRN_MEMBERS(PointPositions, a, b, c)
 CAIRN_MEMBERS(KeyframePoses, a, b, c)
-CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(CameraVersion, a, b, c)
+CAIRN_MEMBERS(CameraEstimate, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(SeedVerdict, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
 CAIRN_MEMBERS(PlaceCorner, a, b, c)
@@ -151,6 +153,19 @@ inline CameraMessage RandomMessages::make() {
   return made;
 }
 template <>
+inline CameraEstimate RandomMessages::make() {
+  auto camera = make<CameraMessage>();
+  return {camera.client,
+          camera.camera,
+          id<MapId>(),
+          {number()},
+          camera.version,
+          std::move(camera.parameters),
+          std::move(camera.sigma),
+          coin(),
+          coin()};
+}
+template <>
 inline MapSeed RandomMessages::make() {
   const auto width = static_cast<uint32_t>(number(1, 320));
   const auto height = static_cast<uint32_t>(number(1, 240));
@@ -234,7 +249,8 @@ inline KeyframePoses RandomMessages::make() {
 }
 template <>
 inline MapCommit RandomMessages::make() {
-  MapCommit made{id<MapId>(), text(64), {number()}, {number()}, coin(), {}, {}};
+  MapCommit made{id<MapId>(), text(64), {number()}, {number()}, coin(), {}, {}, {}};
+  for (uint64_t i = 0, n = number(0, 3); i < n; ++i) made.cameras.push_back({id<ClientId>(), 1, 2});
   for (uint32_t i = 0, n = static_cast<uint32_t>(number(0, 500)); i < n; ++i)
     made.points.push_back({i, number(), number()});
   for (uint64_t i = 0, n = number(0, 50); i < n; ++i) made.keyframe_versions.push_back(number());

@@ -48,6 +48,51 @@ MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const s
   return problem;
 }
 
+/// Judging takes several adjustments: only the cameras with most new keyframes, if it is worth it.
+void choose_judged(const MapState& map, MapProblem* problem) {
+  constexpr size_t kMostJudged = 2;
+  std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, place
+  for (size_t i = 0; i < problem->cameras.size(); ++i) {
+    const CutCamera& cut = problem->cameras[i];
+    const MapCamera& camera = map.cameras()[static_cast<size_t>(cut.index)];
+    problem->bundle.free_cameras[i].judge = false;
+    if (is_worth_judging(camera, cut.keyframes))
+      ranked.emplace_back(
+          static_cast<ptrdiff_t>(camera.judged_keyframes) - static_cast<ptrdiff_t>(cut.keyframes.made), i);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), kMostJudged));
+  for (const auto& [rank, i] : ranked) problem->bundle.free_cameras[i].judge = true;
+}
+
+void free_cameras(const MapState& map, MapProblem* problem) {
+  constexpr size_t kFewestKeyframes = 3;
+  constexpr size_t kFewestForDistortion = 6;
+  constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of a picture of 60 degrees
+  std::vector<int> free_index;
+  for (size_t i = 0; i < map.cameras().size(); ++i) {
+    const MapCamera& c = map.cameras()[i];
+    const CutCamera cut{static_cast<int>(i), c.version, map.keyframes_of(static_cast<int>(i))};
+    const bool is_free = !c.frozen && cut.keyframes.live >= kFewestKeyframes;
+    free_index.push_back(is_free ? static_cast<int>(problem->cameras.size()) : -1);
+    if (!is_free) continue;
+    problem->cameras.push_back(cut);
+    Intrinsics prior_sigma = c.prior_sigma;
+    // Over few views, most of all of a plane, distortion makes up for a wrong focal length: one after the
+    // other.
+    if (cut.keyframes.live < kFewestForDistortion) prior_sigma[1] = kHeld;
+    problem->bundle.free_cameras.push_back({.camera = c.camera,
+                                            .prior_mean = c.prior_mean,
+                                            .prior_sigma = prior_sigma,
+                                            .covariance = c.sigma.cwiseAbs2().asDiagonal()});
+  }
+  for (size_t i = 0; i < problem->keyframes.size(); ++i) {
+    const int camera = map.keyframe(problem->keyframes[i]).estimated_camera;
+    if (camera >= 0) problem->bundle.poses[i].free_camera = free_index[static_cast<size_t>(camera)];
+  }
+  choose_judged(map, problem);
+}
+
 void fix_gauge(MapProblem* problem) {
   std::vector<BundlePose>& poses = problem->bundle.poses;
   const bool any = std::any_of(poses.begin(), poses.end(), [](const BundlePose& p) { return p.fixed; });
@@ -55,11 +100,16 @@ void fix_gauge(MapProblem* problem) {
 }
 
 void drop_outliers(const MapProblem& solved, double squared_cutoff, MapState* map) {
+  // What disagrees may be right and the camera wrong: the robust cost leaves it out, and takes it in again
+  // when the camera has moved.
+  constexpr double kForbearance = 3 * 3;
   const std::vector<double> residuals = squared_residuals(solved.bundle);
   for (size_t i = 0; i < residuals.size(); ++i) {
     if (residuals[i] < squared_cutoff) continue;
     const BundleObservation& o = solved.bundle.observations[i];
     const KeyframeId keyframe = solved.keyframes[static_cast<size_t>(o.pose)];
+    if (residuals[i] < kForbearance * squared_cutoff && !map->has_known_camera(map->keyframe(keyframe)))
+      continue;
     const PointId point = solved.points[static_cast<size_t>(o.point)];
     if (map->find_measurement(keyframe, point)) map->drop_measurement(keyframe, point);
   }
@@ -163,11 +213,14 @@ MapProblem global_problem(const MapState& map) {
   }
   MapProblem problem = cut_problem(map, std::move(points), moves);
   fix_gauge(&problem);
+  free_cameras(map, &problem);
   return problem;
 }
 
 void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map) {
   write_poses(solved, map);
+  for (size_t i = 0; i < solved.cameras.size(); ++i)
+    map->update_camera(solved.cameras[i], solved.bundle.free_cameras[i]);
   drop_outliers(solved, squared_cutoff, map);
   hold_scale(solved, anchor, map);
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});

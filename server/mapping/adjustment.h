@@ -17,6 +17,7 @@ struct MapProblem {
   BundleProblem bundle;
   std::vector<KeyframeId> keyframes;  ///< of bundle.poses, ascending
   std::vector<PointId> points;        ///< of bundle.points, ascending
+  std::vector<CutCamera> cameras;     ///< of bundle.free_cameras
 };
 
 /// What fixes the unit of length. The baseline of the first two keyframes is known no better than their
@@ -42,7 +43,8 @@ class ScaleAnchor {
 /// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
 /// their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
-/// All but the first keyframe move.
+/// All but the first keyframe move, and the cameras that are being found out, once there are three keyframes:
+/// two views hardly tell a focal length. Judged are at most two of these, those with most new keyframes.
 [[nodiscard]] MapProblem global_problem(const MapState& map);
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay

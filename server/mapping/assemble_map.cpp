@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
+#include "common/map/limits.h"
 #include "server/mapping/map_record.h"
 
 namespace cairn {
@@ -28,12 +29,13 @@ class Assembly {
 
   Result<AssembledMap> run() {
     if (!record_.foundation) return fail(ErrorCode::kDamaged, "what its start has fixed is missing");
+    place_cameras();
     place_keyframes();
     if (!stand_in_for_lost_keyframes()) return fail(ErrorCode::kDamaged, "all of its keyframes are lost");
     place_images();
     place_points();
     place_measurements();
-    MapState state(std::move(keyframes_), std::move(points_));
+    MapState state(std::move(keyframes_), std::move(points_), std::move(cameras_));
     remove_what_lacks_its_parts(&state);
     if (!state.is_live(KeyframeId{1})) return fail(ErrorCode::kDamaged, "its first keyframe is lost");
     if (state.live_keyframes() < kMinKeyframes) {
@@ -46,6 +48,31 @@ class Assembly {
   [[nodiscard]] bool is_keyframe(KeyframeId id) const { return id && id.value <= keyframes_.size(); }
   [[nodiscard]] bool is_point(PointId id) const { return id && id.value <= points_.size(); }
   MapKeyframe& keyframe(KeyframeId id) { return keyframes_[id.value - 1]; }
+
+  /// One whose entry is lost keeps its place, and what its keyframes know of it is all that will be known.
+  void place_cameras() {
+    const auto place = [this](int index, const MapCamera& camera) {
+      const auto i = static_cast<size_t>(index);
+      if (index < 0 || i >= kMaxCamerasFoundOut || camera.camera == nullptr) return;
+      if (i >= cameras_.size()) cameras_.resize(i + 1);
+      if (cameras_[i].camera == nullptr) cameras_[i] = camera;
+    };
+    for (const FoundCameraRecord& r : record_.found_cameras) place(r.index, r.camera);
+    for (const KeyframeRecord& r : record_.keyframes) {
+      if (r.camera != nullptr) place(r.estimated_camera, known_camera(r.camera));
+    }
+    for (MapCamera& c : cameras_) {
+      if (c.camera == nullptr) c = known_camera(cameras_.back().camera);  // no keyframe has it
+      count_as_published(&c);
+    }
+  }
+  static MapCamera known_camera(const CameraPtr& camera) {
+    MapCamera known;
+    known.camera = camera;
+    known.searched = intrinsics_of(*camera);
+    known.frozen = true;
+    return known;
+  }
 
   void place_keyframes() {
     for (const KeyframeRecord& r : record_.keyframes) {
@@ -60,6 +87,9 @@ class Assembly {
       k.near_depth = r.near_depth;
       k.far_depth = r.far_depth;
       k.live = r.live;
+      if (r.estimated_camera < 0 || static_cast<size_t>(r.estimated_camera) >= cameras_.size()) continue;
+      k.estimated_camera = r.estimated_camera;
+      k.camera = cameras_[static_cast<size_t>(r.estimated_camera)].camera;
     }
   }
 
@@ -163,6 +193,7 @@ class Assembly {
   }
 
   const MapRecord& record_;
+  std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<bool> has_source_;

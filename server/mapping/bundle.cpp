@@ -2,9 +2,11 @@
 #include "server/mapping/bundle.h"
 
 #include <algorithm>
+#include <limits>
 #include <optional>
 #include <utility>
 
+#include "common/geometry/robust.h"
 #include "server/mapping/bundle_rounds.h"
 #include "server/mapping/point_elimination.h"
 
@@ -20,6 +22,31 @@ constexpr double kAfterBadStep = 10;
 
 using Outcome = ReducedSystem::Outcome;
 
+/// What the inverse of the weighted normal equations is to be multiplied with: E psi^2 / (E psi')^2 * E w for
+/// psi = w r, w Tukey's weight (Huber 1981, 7.6), the first corrected for the parameters fitted.
+double estimator_variance(const BundleProblem& problem, double squared_cutoff) {
+  double psi_squared = 0;
+  double psi_slope = 0;
+  double weights = 0;
+  double count = 0;
+  for (const double s : squared_residuals(problem)) {
+    if (!(s < squared_cutoff)) continue;
+    const double w = tukey_weight(s, squared_cutoff);
+    psi_squared += w * w * s;
+    psi_slope += 2 * (w - 2 * s / squared_cutoff * (1 - s / squared_cutoff));
+    weights += 2 * w;
+    count += 2;
+  }
+  const auto moving =
+      std::count_if(problem.poses.begin(), problem.poses.end(), [](const BundlePose& p) { return !p.fixed; });
+  const double parameters = static_cast<double>(kPointSize * problem.points.size()) +
+                            kPoseSize * static_cast<double>(moving) +
+                            kIntrinsics * static_cast<double>(problem.free_cameras.size());
+  const double freedom = count - parameters;
+  if (!(freedom > 0 && psi_slope > 0)) return std::numeric_limits<double>::infinity();
+  return psi_squared / freedom * (weights * count) / (psi_slope * psi_slope);
+}
+
 /// Levenberg-Marquardt. A candidate's cost and the system for the step after it come from one pass over the
 /// observations, in the hope, rarely wrong, that the candidate is better.
 class LevenbergMarquardt {
@@ -28,6 +55,7 @@ class LevenbergMarquardt {
       : options_(&options), equations_(problem, best_tile_kernels()) {
     for (const BundlePose& p : problem.poses) state_.poses.push_back(p.camera_from_map);
     state_.points = problem.points;
+    for (const FreeCamera& c : problem.free_cameras) state_.free_cameras.push_back(c.camera);
   }
 
   MinimisationReport minimise(double squared_cutoff, int max_iterations) {
@@ -49,6 +77,20 @@ class LevenbergMarquardt {
       if (!problem->poses[i].fixed) problem->poses[i].camera_from_map = state_.poses[i];
     }
     problem->points = state_.points;
+    for (size_t i = 0; i < state_.free_cameras.size(); ++i)
+      problem->free_cameras[i].camera = state_.free_cameras[i];
+    for (BundlePose& p : problem->poses) {
+      if (p.free_camera >= 0) p.camera = state_.free_cameras[static_cast<size_t>(p.free_camera)];
+    }
+  }
+
+  /// Of the free cameras at the state reached; they keep the one they had when stopped.
+  void write_covariances_to(BundleProblem* problem, double squared_cutoff) {
+    const auto inverse = equations_.camera_covariances(state_, squared_cutoff, options_->should_stop);
+    if (!inverse) return;
+    const double variance = estimator_variance(*problem, squared_cutoff);
+    for (size_t i = 0; i < inverse->size(); ++i)
+      problem->free_cameras[i].covariance = variance * (*inverse)[i];
   }
 
  private:
@@ -115,11 +157,14 @@ class LevenbergMarquardt {
 
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options) {
   LevenbergMarquardt solver(*problem, options);
-  return solve_in_rounds(problem, options, [&](double squared_cutoff, int max_iterations) {
-    const MinimisationReport report = solver.minimise(squared_cutoff, max_iterations);
+  BundleReport report = solve_in_rounds(problem, options, [&](double squared_cutoff, int max_iterations) {
+    const MinimisationReport minimised = solver.minimise(squared_cutoff, max_iterations);
     solver.write_to(problem);
-    return report;
+    return minimised;
   });
+  if (report.usable && !problem->free_cameras.empty())
+    solver.write_covariances_to(problem, report.squared_cutoff);
+  return report;
 }
 
 }  // namespace cairn

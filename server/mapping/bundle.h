@@ -8,6 +8,7 @@
 
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "server/mapping/free_camera.h"
 
 /// Bundle adjustment as a problem of numbers: no map, no ids.
 namespace cairn {
@@ -16,6 +17,7 @@ struct BundlePose {
   SE3 camera_from_map;
   CameraPtr camera;
   bool fixed = false;
+  int free_camera = -1;  ///< index in BundleProblem::free_cameras of this camera; -1: its values are exact
 };
 
 struct BundleObservation {
@@ -29,6 +31,7 @@ struct BundleProblem {
   std::vector<BundlePose> poses;
   std::vector<Eigen::Vector3d> points;  ///< map frame; all move
   std::vector<BundleObservation> observations;
+  std::vector<FreeCamera> free_cameras;  ///< adjusted too, within their priors
 };
 
 struct BundleOptions {
@@ -44,17 +47,19 @@ struct BundleOptions {
 struct BundleReport {
   bool usable = false;      ///< finite and not worse; otherwise the problem is as it was
   bool converged = false;   ///< false: stopped by should_stop or by max_iterations
-  double initial_cost = 0;  ///< sum of tukey_cost at the cut-off of the last round
+  double initial_cost = 0;  ///< tukey_cost, summed, at the cut-off of the last round; and the priors
   double final_cost = 0;
   double squared_cutoff = 0;  ///< of the last round, units of sigma
   int iterations = 0;
   int observations = 0;
 };
 
-/// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses and all points, in
-/// place. Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1);
-/// Tukey's cut-off by the median of the residuals (PTAM r114). At least one pose should be fixed.
-/// One thread; equal inputs give equal bytes.
+/// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses, all points and the
+/// intrinsics of free cameras (these with their priors), in place; the covariance of free cameras is that of
+/// the M-estimate (Huber 1981, 7.6) with everything else re-adjusted, its noise that of the residuals.
+/// Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1); Tukey's
+/// cut-off by the median of the residuals (PTAM r114). At least one pose should be fixed. One thread; equal
+/// inputs give equal bytes.
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 
 /// Squared whitened reprojection error; infinite where the point does not project.

@@ -16,8 +16,10 @@ double robust_squared_cutoff(std::vector<double> squared_residuals, double floor
   return std::max(floor, tukey_squared_cutoff(squared_residuals));
 }
 
-double robust_cost(const std::vector<double>& squared_residuals, double squared_cutoff) {
+double robust_cost(const std::vector<double>& squared_residuals, const std::vector<FreeCamera>& cameras,
+                   double squared_cutoff) {
   double sum = 0;
+  for (const FreeCamera& c : cameras) sum += prior_cost(c, *c.camera, squared_cutoff);
   for (const double s : squared_residuals) sum += tukey_cost(s, squared_cutoff);
   return sum;
 }
@@ -65,6 +67,7 @@ BundleReport solve_in_rounds(BundleProblem* problem, const BundleOptions& option
   if (problem->observations.empty()) return report;
   const std::vector<BundlePose> poses_before = problem->poses;
   const std::vector<Eigen::Vector3d> points_before = problem->points;
+  const std::vector<FreeCamera> cameras_before = problem->free_cameras;
   const std::vector<double> residuals_before = squared_residuals(*problem);
   for (int round = 0; round < options.rounds; ++round) {
     report.squared_cutoff = robust_squared_cutoff(round == 0 ? residuals_before : squared_residuals(*problem),
@@ -76,13 +79,15 @@ BundleReport solve_in_rounds(BundleProblem* problem, const BundleOptions& option
     report.converged = done.converged && last;
     if (!done.usable || done.stopped) break;
   }
-  report.initial_cost = robust_cost(residuals_before, report.squared_cutoff);
-  report.final_cost = is_finite(*problem) ? robust_cost(squared_residuals(*problem), report.squared_cutoff)
+  report.initial_cost = robust_cost(residuals_before, cameras_before, report.squared_cutoff);
+  report.final_cost = is_finite(*problem) ? robust_cost(squared_residuals(*problem), problem->free_cameras,
+                                                        report.squared_cutoff)
                                           : std::numeric_limits<double>::infinity();
   report.usable = std::isfinite(report.final_cost) && report.final_cost <= report.initial_cost * (1 + 1e-9);
   if (!report.usable) {
     problem->poses = poses_before;
     problem->points = points_before;
+    problem->free_cameras = cameras_before;
   }
   return report;
 }

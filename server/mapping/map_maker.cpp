@@ -7,6 +7,7 @@
 #include <deque>
 
 #include "server/mapping/adjustment.h"
+#include "server/mapping/find_cameras.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"
@@ -48,9 +49,12 @@ struct MapMaker::State {
   [[nodiscard]] WorkRecord work() const;
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
+  KeyframeDecision integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
+  /// Every point again in every keyframe that does not show it yet.
+  void search_everything();
 };
 
 std::string MapMaker::State::why_full() const {
@@ -62,8 +66,8 @@ std::string MapMaker::State::why_full() const {
   const size_t points_to_come = keyframes_to_come * static_cast<size_t>(options.max_points_per_keyframe);
   if (map.points().size() + points_to_come > options.max_points)
     return say("points", map.points().size(), options.max_points);
-  if (map.keyframes().size() >= kMaxBlocks * kBlockSlots)
-    return say("keyframes", map.keyframes().size(), kMaxBlocks * kBlockSlots);
+  if (map.keyframes().size() >= kMaxKeyframeBlocks * kBlockSlots)
+    return say("keyframes", map.keyframes().size(), kMaxKeyframeBlocks * kBlockSlots);
   return {};
 }
 
@@ -138,6 +142,11 @@ StepReport MapMaker::State::tidy() {
   return report;
 }
 
+void MapMaker::State::search_everything() {
+  wanting_observers.assign(map.live_point_ids().begin(), map.live_point_ids().end());
+  global_adjustment_due = true;
+}
+
 Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const SeedInput& input,
                                                                          const MapMakerOptions& options) {
   auto seeded = seed_map(input, options);
@@ -198,10 +207,23 @@ void MapMaker::State::take_up(const WorkRecord& work) {
   global_adjustment_due = work.global_adjustment_due;
 }
 
+/// A keyframe of a camera that is found out: what the map knows of it counts more than what comes with it.
+KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt) {
+  int camera = map.camera_index(doubt);
+  KeyframeInput known = input;
+  if (camera >= 0) known.camera = map.cameras()[static_cast<size_t>(camera)].camera;
+  KeyframeDecision decision = integrate_keyframe(&map, known, spacing);
+  if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
+  if (camera < 0) camera = map.add_camera(input.camera, doubt);
+  map.keyframe(decision.keyframe).estimated_camera = camera;
+  return decision;
+}
+
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
-  KeyframeDecision decision = integrate_keyframe(&s.map, input, s.spacing);
+  const KeyframeDecision decision =
+      input.doubt ? s.integrate_doubtful(input, *input.doubt) : integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back({decision.keyframe});
@@ -246,10 +268,12 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   // An unusable result would come out the same again: wait for the map to grow.
   const bool settled = report.finished || !solved.report.usable;
   if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
+  if (s.map.follow_cameras()) s.search_everything();
   return report;
 }
 
 MapSnapshotPtr MapMaker::snapshot() {
+  state_->map.publish_cameras();
   return state_->builder.build(state_->map);
 }
 
@@ -299,6 +323,9 @@ MapStatistics MapMaker::statistics() const {
     for (int i = 0; i < 3; ++i)
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));
   }
+  for (const MapCamera& c : map.cameras())
+    stats.cameras.push_back(
+        {c.version, c.published, c.published_sigma, c.published_frozen, c.published_unknown});
   const auto hundredth = static_cast<std::ptrdiff_t>(stats.points / 100);
   for (int i = 0; i < 3 && stats.points > 0; ++i) {
     std::vector<float>& c = coordinates[static_cast<size_t>(i)];
@@ -327,7 +354,12 @@ double MapMaker::reprojection_rms() const {
 }
 
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop) {
-  problem->report = minimise(&problem->problem.bundle, global_options(should_stop), problem->adjuster);
+  BundleProblem& bundle = problem->problem.bundle;
+  if (bundle.free_cameras.empty()) {
+    problem->report = minimise(&bundle, global_options(should_stop), problem->adjuster);
+  } else {
+    problem->report = find_cameras(&bundle, global_options(should_stop));
+  }
 }
 
 void GlobalAdjustmentDeleter::operator()(GlobalAdjustment* problem) const {

@@ -19,6 +19,7 @@
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/map_camera.h"
 
 /// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.
 /// Pure: no threads, clocks, files or DDS; equal inputs give equal bytes. One writer: a MapMaker is used from
@@ -54,6 +55,7 @@ struct SeedInput {
   std::vector<Trail> trails;
   SE3 second_from_first;  ///< the tracker's, |translation| = 1: of several motions that fit the two views,
                           ///< the one meant
+  std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
 };
 
 struct SeedResult {
@@ -71,6 +73,8 @@ struct KeyframeInput {
   KeyframeId reference;
   SE3 camera_from_reference;
   std::vector<PointMeasurement> measurements;
+  /// As SeedInput's; what the map knows of the camera already counts more.
+  std::optional<CameraDoubt> doubt = {};
 };
 
 enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged, kFull };
@@ -91,6 +95,15 @@ struct StepReport {
   int iterations = 0;
 };
 
+/// What a map says of a camera that it finds out.
+struct CameraEstimate {
+  CameraVersion version;
+  CameraPtr camera;
+  Intrinsics sigma = Intrinsics::Zero();
+  bool frozen = false;           ///< will not change any more
+  bool cannot_be_known = false;  ///< many keyframes have not told the focal length: sigma stays large
+};
+
 struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
@@ -98,6 +111,7 @@ struct MapStatistics {
   size_t bytes = 0;                                      ///< memory of the map, images included
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
+  std::vector<CameraEstimate> cameras;  ///< as in the last snapshot
 };
 
 /// A copy of what a global adjustment needs; solved on any thread while the map goes on.

@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/geometry/camera_guess.h"
 #include "server/mapping/map_maker.h"
 #include "server/mapping/test_scene.h"
 
@@ -54,9 +55,20 @@ class MapMakerFixture : public ::testing::Test {
     FAIL() << "the work does not end";
   }
 
+  /// From now on the camera is believed to have another focal length, and is to be found out.
+  void doubt_camera(double focal_factor) {
+    CameraParameters parameters = scene_.camera()->parameters();
+    parameters.values.resize(kDoubtfulValues, 0.0);
+    for (const size_t i : {0, 1}) parameters.values[i] *= focal_factor;
+    input_.camera = *make_camera(parameters);
+    input_.doubt = CameraDoubt{{ClientId{{1}}, 0, 1}, {0.1, 0.05}};
+  }
+
   /// Offers the view of a step and, when accepted, does all the work.
   KeyframeDecision offer(int step) {
-    const KeyframeDecision decision = maker_->add_keyframe(make_offer(scene_, *maker_->snapshot(), step));
+    KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
+    offered.doubt = input_.doubt;
+    const KeyframeDecision decision = maker_->add_keyframe(offered);
     if (decision.verdict == KeyframeVerdict::kAccepted) {
       steps_.push_back(step);
       work();

@@ -16,6 +16,12 @@
 /// whole gives a whole again.
 namespace cairn {
 
+/// A camera that is found out in the map. What was told of it is not kept: it will be told what it is now.
+struct FoundCameraRecord {
+  int index = 0;
+  MapCamera camera;
+};
+
 /// A keyframe but for its image and measurements.
 struct KeyframeRecord {
   KeyframeId id;
@@ -27,6 +33,7 @@ struct KeyframeRecord {
   double near_depth = 0;
   double far_depth = 0;
   bool live = true;
+  int estimated_camera = -1;  ///< index of a FoundCameraRecord, whose values count; -1: `camera` is exact
 };
 
 struct MeasurementsRecord {
@@ -41,7 +48,8 @@ struct ImageRecord {
   GrayImagePtr image;
 };
 
-/// The immutable part of points 64 block + 1 .. 64 block + size().
+/// What points 64 block + 1 .. 64 block + size() were made of. It changes only when a camera that is found
+/// out has moved so far that patches are aimed anew.
 struct SourcesRecord {
   uint32_t block = 0;
   std::vector<PointSource> points;
@@ -89,6 +97,7 @@ struct MapRecord {
   size_t point_count = 0;
   std::optional<FoundationRecord> foundation;
   std::optional<WorkRecord> work;
+  std::vector<FoundCameraRecord> found_cameras;
   std::vector<KeyframeRecord> keyframes;
   std::vector<MeasurementsRecord> measurements;
   std::vector<ImageRecord> images;         ///< of new keyframes
@@ -97,8 +106,8 @@ struct MapRecord {
   std::vector<PositionsRecord> positions;
 
   [[nodiscard]] bool empty() const {
-    return !foundation && !work && keyframes.empty() && measurements.empty() && images.empty() &&
-           removed_images.empty() && sources.empty() && positions.empty();
+    return !foundation && !work && found_cameras.empty() && keyframes.empty() && measurements.empty() &&
+           images.empty() && removed_images.empty() && sources.empty() && positions.empty();
   }
 };
 
@@ -125,11 +134,13 @@ class MapRecorder {
   void reset() { *this = MapRecorder(); }
 
  private:
+  std::vector<uint64_t> cameras_;    ///< digests by index
   std::vector<uint64_t> keyframes_;  ///< digests by id - 1, as the next
   std::vector<uint64_t> measurements_;
   std::vector<bool> has_image_;
   std::vector<uint64_t> positions_;  ///< digests by block
   size_t sources_ = 0;               ///< points whose sources were given out
+  uint64_t aims_ = 0;                ///< of the map, when they were
   uint64_t work_ = 0;
   bool has_foundation_ = false;
 };

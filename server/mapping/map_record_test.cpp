@@ -33,6 +33,7 @@ void put(std::vector<Row>* rows, const std::vector<Row>& changed, Key key) {
 }
 
 void apply(const MapRecord& changes, MapRecord* whole) {
+  put(&whole->found_cameras, changes.found_cameras, [](const auto& r) { return r.index; });
   whole->keyframe_count = changes.keyframe_count;
   whole->point_count = changes.point_count;
   if (changes.foundation) whole->foundation = changes.foundation;
@@ -110,6 +111,84 @@ TEST_F(MapRecordTest, ARestoredMapGoesOnAsTheOriginalWouldHave) {
     ASSERT_EQ(maker->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
     finish_work(maker);
   });
+}
+
+TEST_F(MapRecordTest, ARestoredMapGoesOnFindingOutItsCamera) {
+  constexpr double kBelieved = 1.04;
+  doubt_camera(kBelieved);
+  grow();
+  MapRecord kept = maker_->take_changes();
+  const PointSource first = kept.sources.at(0).points.at(0);
+  const auto restored = restore(kept);
+  ASSERT_TRUE(restored) << restored.error().message;
+  MapMaker* copy = restored->maker.get();
+  for (MapMaker* maker : {maker_.get(), copy}) {
+    const GlobalAdjustmentPtr problem = maker->prepare_global_adjustment();
+    solve(problem.get(), {});
+    maker->adopt(*problem);
+  }
+  apply(maker_->take_changes(), &kept);
+  EXPECT_TRUE(state_of(maker_.get()) == state_of(copy));
+  const MapSnapshotPtr snapshot = maker_->snapshot();
+  ASSERT_EQ(copy->snapshot()->cameras, snapshot->cameras);
+  const CameraEstimate found = maker_->statistics().cameras.at(0);
+  EXPECT_GT(found.version.version, 1U);
+  EXPECT_NE(found.camera->focal_length(), input_.camera->focal_length());
+  EXPECT_EQ(copy->statistics().cameras.at(0).camera->parameters(), found.camera->parameters());
+
+  // What the adjustment has changed is kept: values, and with them the rays of points made before.
+  apply(maker_->take_changes(), &kept);
+  const auto later = restore(kept);
+  ASSERT_TRUE(later);
+  const CameraEstimate again = later->maker->statistics().cameras.at(0);
+  EXPECT_EQ(again.version, found.version);
+  EXPECT_EQ(again.sigma, found.sigma);
+  constexpr double kUnseen = 0.2;  // [px] below which a camera is not told again
+  EXPECT_NEAR(again.camera->focal_length(), found.camera->focal_length(), kUnseen);
+  const PointSource& before = snapshot->point_blocks.at(0)->patches->points.at(0);
+  const PointSource& after = later->maker->snapshot()->point_blocks.at(0)->patches->points.at(0);
+  EXPECT_EQ(after.ray_center, before.ray_center);
+  EXPECT_NE(after.ray_center, first.ray_center) << "it had to be aimed anew";
+}
+
+TEST_F(MapRecordTest, ACameraOfWhichAllIsLostButItsValuesIsTakenAsItIs) {
+  doubt_camera(1.04);
+  grow();
+  MapRecord damaged = maker_->take_changes();
+  ASSERT_EQ(damaged.found_cameras.size(), 1U);
+  damaged.found_cameras.clear();
+  const auto restored = restore(damaged);
+  ASSERT_TRUE(restored);
+  const auto cameras = restored->maker->statistics().cameras;
+  ASSERT_EQ(cameras.size(), 1U) << "it keeps its place: others are counted from it";
+  EXPECT_TRUE(cameras[0].frozen);
+  EXPECT_EQ(cameras[0].camera->parameters(), maker_->statistics().cameras.at(0).camera->parameters());
+  EXPECT_EQ(restored->maker->statistics().keyframes, maker_->statistics().keyframes);
+}
+
+TEST_F(MapRecordTest, ACameraAfterALostOneStaysWhatItWas) {
+  doubt_camera(1.02);
+  start();
+  const CameraDoubt first = *input_.doubt;
+  input_.doubt->version.client = ClientId{{2}};
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  MapRecord damaged = maker_->take_changes();
+  ASSERT_EQ(damaged.found_cameras.size(), 2U);
+  drop_at(&damaged.found_cameras, 0);
+  auto restored = restore(damaged);
+  ASSERT_TRUE(restored);
+  const auto cameras = restored->maker->statistics().cameras;
+  ASSERT_EQ(cameras.size(), 2U);
+  EXPECT_TRUE(cameras[0].frozen);
+  EXPECT_EQ(cameras[1].version.client, input_.doubt->version.client);
+  // What is written of it from now on does not go where the lost one was.
+  MapRecord kept = damaged;
+  apply(restored->maker->take_changes(), &kept);
+  restored = restore(kept);
+  ASSERT_TRUE(restored);
+  EXPECT_EQ(restored->maker->statistics().cameras.at(1).version.client, input_.doubt->version.client);
+  EXPECT_NE(restored->maker->statistics().cameras.at(0).version.client, input_.doubt->version.client);
+  EXPECT_NE(first.version.client, input_.doubt->version.client);
 }
 
 TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {

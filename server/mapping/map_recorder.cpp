@@ -37,8 +37,18 @@ uint64_t digest_of(const MapKeyframe& k) {
   Digest digest;
   const Eigen::Quaterniond& q = k.camera_from_map.rotation();
   digest << k.reference << static_cast<uint64_t>(k.time.nanoseconds) << q.x() << q.y() << q.z() << q.w()
-         << k.camera_from_map.translation() << k.mean_depth << k.near_depth << k.far_depth
-         << uint64_t{k.live};
+         << k.camera_from_map.translation() << k.mean_depth << k.near_depth << k.far_depth << uint64_t{k.live}
+         << static_cast<uint64_t>(k.estimated_camera);
+  return digest.value();
+}
+
+uint64_t digest_of(const MapCamera& c) {
+  Digest digest;
+  for (const double value : c.camera->parameters().values) digest << value;
+  for (const uint8_t byte : c.version.client.bytes) digest << uint64_t{byte};
+  digest << uint64_t{c.version.camera} << uint64_t{c.version.version} << uint64_t{c.frozen}
+         << uint64_t{c.judged_keyframes} << static_cast<uint64_t>(c.agreements);
+  for (const Intrinsics& i : {c.sigma, c.judged, c.searched}) digest << i[0] << i[1];
   return digest.value();
 }
 
@@ -78,7 +88,7 @@ bool renew(uint64_t* given, uint64_t now) {
 
 KeyframeRecord record_of(const MapKeyframe& k) {
   return {k.id,         k.reference,  k.camera,    k.time, k.camera_from_map,
-          k.mean_depth, k.near_depth, k.far_depth, k.live};
+          k.mean_depth, k.near_depth, k.far_depth, k.live, k.estimated_camera};
 }
 
 PositionsRecord positions_of(const MapState& map, size_t block) {
@@ -107,6 +117,11 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
   if (!std::exchange(has_foundation_, true)) record.foundation = foundation;
   if (renew(&work_, digest_of(work))) record.work = work;
 
+  cameras_.resize(map.cameras().size(), kNeverGiven);
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    const MapCamera& camera = map.cameras()[i];
+    if (renew(&cameras_[i], digest_of(camera))) record.found_cameras.push_back({static_cast<int>(i), camera});
+  }
   keyframes_.resize(record.keyframe_count, kNeverGiven);
   measurements_.resize(record.keyframe_count, kNeverGiven);
   has_image_.resize(record.keyframe_count, false);
@@ -125,7 +140,8 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
     }
   }
 
-  // Sources never change: a block is only ever completed.
+  // A block of sources is only ever completed, unless patches were aimed for another camera.
+  if (std::exchange(aims_, map.aims()) != map.aims()) sources_ = 0;
   const size_t blocks = block_count(record.point_count);
   const size_t first_new = sources_ == record.point_count ? blocks : sources_ / kBlockSlots;
   for (size_t b = first_new; b < blocks; ++b) record.sources.push_back(sources_of(map, b));

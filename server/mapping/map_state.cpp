@@ -3,6 +3,9 @@
 
 #include <algorithm>
 
+#include "common/map/limits.h"
+#include "server/mapping/patch_view.h"
+
 namespace cairn {
 namespace {
 
@@ -57,8 +60,9 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   return images;
 }
 
-MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points)
-    : keyframes_(std::move(keyframes)), points_(std::move(points)) {
+MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points,
+                   std::vector<MapCamera> cameras)
+    : cameras_(std::move(cameras)), keyframes_(std::move(keyframes)), points_(std::move(points)) {
   for (MapPoint& p : points_) {
     p.observers.clear();
     if (p.live) live_points_.push_back(p.source.id);
@@ -71,6 +75,85 @@ MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> poi
 size_t MapState::live_keyframes() const {
   return static_cast<size_t>(
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
+}
+
+int MapState::camera_index(const CameraDoubt& doubt) const {
+  const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
+    return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
+  });
+  return known == cameras_.end() ? -1 : static_cast<int>(known - cameras_.begin());
+}
+
+size_t MapState::free_place() const {
+  if (cameras_.size() < kMaxCamerasFoundOut) return cameras_.size();
+  std::vector<size_t> loss;
+  for (size_t i = 0; i < cameras_.size(); ++i)
+    loss.push_back(cameras_[i].frozen ? 0 : keyframes_of(static_cast<int>(i)).live);
+  return static_cast<size_t>(std::min_element(loss.begin(), loss.end()) - loss.begin());
+}
+
+int MapState::add_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
+  const size_t place = free_place();
+  const int index = static_cast<int>(place);
+  if (place == cameras_.size()) {
+    cameras_.push_back(make_map_camera(camera, doubt));
+    return index;
+  }
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == index) k.estimated_camera = -1;
+  }
+  cameras_[place] = make_map_camera(camera, doubt);
+  return index;
+}
+
+bool MapState::has_known_camera(const MapKeyframe& keyframe) const {
+  return keyframe.estimated_camera < 0 || cameras_[static_cast<size_t>(keyframe.estimated_camera)].frozen;
+}
+
+KeyframeCount MapState::keyframes_of(int camera) const {
+  KeyframeCount count;
+  for (const MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera != camera) continue;
+    ++count.made;
+    count.live += k.live ? 1 : 0;
+  }
+  return count;
+}
+
+void MapState::update_camera(const CutCamera& cut, const FreeCamera& adjusted) {
+  MapCamera& camera = cameras_[static_cast<size_t>(cut.index)];
+  if (camera.version.client != cut.version.client || camera.version.camera != cut.version.camera) return;
+  update(&camera, adjusted, cut.keyframes);
+  for (MapKeyframe& k : keyframes_) {
+    if (k.estimated_camera == cut.index) k.camera = camera.camera;
+  }
+}
+
+bool MapState::follow_cameras() {
+  std::vector<bool> moved(cameras_.size(), false);
+  bool felt = false;
+  for (size_t i = 0; i < cameras_.size(); ++i) {
+    const CameraMove move = take_move(&cameras_[i]);
+    moved[i] = move != CameraMove::kNone;
+    felt |= move == CameraMove::kFelt;
+  }
+  if (std::find(moved.begin(), moved.end(), true) != moved.end()) aim_patches(moved);
+  if (!felt) return false;
+  for (MapKeyframe& k : keyframes_) k.given_up.clear();
+  return true;
+}
+
+void MapState::aim_patches(const std::vector<bool>& chosen) {
+  ++aims_;
+  for (MapPoint& p : points_) {
+    const MapKeyframe& source = keyframe(p.source.keyframe);
+    if (source.estimated_camera >= 0 && chosen[static_cast<size_t>(source.estimated_camera)])
+      aim_source(*source.camera, &p.source);
+  }
+}
+
+void MapState::publish_cameras() {
+  for (MapCamera& c : cameras_) publish(&c);
 }
 
 KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {

@@ -13,6 +13,7 @@
 #include "common/image/pyramid.h"
 #include "common/map/ids.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/map_camera.h"
 
 /// The map as the map maker holds it: keyframes, points and the measurements that join them. Plain values
 /// with the invariants of the joins kept by MapState; no policy. One writer, no locks.
@@ -50,6 +51,7 @@ struct MapKeyframe {
   KeyframeId id;
   KeyframeId reference;  ///< whose corrections this keyframe rides on; none for the first
   CameraPtr camera;
+  int estimated_camera = -1;  ///< index in MapState::cameras(); -1: its values are exact
   Timestamp time;
   SE3 camera_from_map;
   std::shared_ptr<const KeyframeImages> images;  ///< null once the keyframe is removed
@@ -71,14 +73,21 @@ struct MapPoint {
   bool live = true;
 };
 
+/// A camera that is found out as it was when an adjustment began.
+struct CutCamera {
+  int index = 0;  ///< in MapState::cameras()
+  CameraVersion version;
+  KeyframeCount keyframes;
+};
+
 /// Ids are dense: keyframe k is keyframes()[k - 1], point p is points()[p - 1]; removed ones keep their place
 /// and lose `live`. Passing an id that was never given out is a programming error.
 class MapState {
  public:
   MapState() = default;
-  /// From its parts: ids dense, measurements sound and of live points. Observers and what else can be derived
-  /// are set here.
-  MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points);
+  /// From its parts: ids dense, measurements sound and of live points, cameras that are found out as the
+  /// keyframes name them. Observers and what else can be derived are set here.
+  MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points, std::vector<MapCamera> cameras);
 
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
   [[nodiscard]] const std::vector<MapPoint>& points() const { return points_; }
@@ -90,9 +99,31 @@ class MapState {
     return id && id.value <= keyframes_.size() && keyframe(id).live;
   }
   [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
+  [[nodiscard]] const std::vector<MapCamera>& cameras() const { return cameras_; }  ///< that are found out
   [[nodiscard]] size_t live_keyframes() const;
   [[nodiscard]] size_t live_points() const { return live_points_.size(); }
   [[nodiscard]] const std::vector<PointId>& live_point_ids() const { return live_points_; }  ///< ascending
+
+  /// Index of a camera that is found out; -1 while no keyframe has come of it.
+  [[nodiscard]] int camera_index(const CameraDoubt& doubt) const;
+  /// Takes one in that has no index yet, as it comes. Its index. A revision names kMaxCamerasFoundOut: beyond
+  /// these one that is known gives up its place or, with none, the one of fewest keyframes. Its keyframes
+  /// keep their camera, as it is.
+  int add_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+  /// Whether its camera is exact, or known by now.
+  [[nodiscard]] bool has_known_camera(const MapKeyframe& keyframe) const;
+  /// Keyframes of a camera that is found out.
+  [[nodiscard]] KeyframeCount keyframes_of(int camera) const;
+  /// What an adjustment of these keyframes has found of a camera; its keyframes get it. Nothing if its place
+  /// is another's by now.
+  void update_camera(const CutCamera& cut, const FreeCamera& adjusted);
+  /// Aims the patches of cameras that have moved by what a search feels, or are known from now on. True when
+  /// points searched in vain may be found now: nothing is given up any more.
+  bool follow_cameras();
+  /// How often patches were aimed anew.
+  [[nodiscard]] uint64_t aims() const { return aims_; }
+  /// Cameras as they are now become what is published.
+  void publish_cameras();
 
   /// Takes in a keyframe without measurements; its id is set here.
   KeyframeId add_keyframe(MapKeyframe keyframe);
@@ -121,9 +152,16 @@ class MapState {
   void transform(const Similarity3& new_from_old);
 
  private:
+  /// Where in cameras_ another may go.
+  [[nodiscard]] size_t free_place() const;
+  /// The patches of the cameras chosen, by index.
+  void aim_patches(const std::vector<bool>& chosen);
+
+  std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<PointId> live_points_;  ///< ascending
+  uint64_t aims_ = 0;
 };
 
 }  // namespace cairn

@@ -28,13 +28,17 @@ std::optional<PointSource> make_source(const MapKeyframe& keyframe, int level, C
   source.keyframe = keyframe.id;
   source.level = static_cast<uint8_t>(level);
   source.corner = corner;
-  const auto x = static_cast<float>(corner.x);
-  const auto y = static_cast<float>(corner.y);
-  source.ray_center = ray_through(*keyframe.camera, level, x, y);
-  source.ray_right = ray_through(*keyframe.camera, level, x + 1, y);
-  source.ray_down = ray_through(*keyframe.camera, level, x, y + 1);
-  source.normal = -source.ray_center;
+  aim_source(*keyframe.camera, &source);
   return source;
+}
+
+void aim_source(const Camera& camera, PointSource* source) {
+  const auto x = static_cast<float>(source->corner.x);
+  const auto y = static_cast<float>(source->corner.y);
+  source->ray_center = ray_through(camera, source->level, x, y);
+  source->ray_right = ray_through(camera, source->level, x + 1, y);
+  source->ray_down = ray_through(camera, source->level, x, y + 1);
+  source->normal = -source->ray_center;
 }
 
 std::optional<PatchView> view_patch(const PointSource& source, const Eigen::Vector3d& point,

@@ -24,6 +24,9 @@ struct PatchView {
 /// Nothing when the patch leaves the image.
 [[nodiscard]] std::optional<PointSource> make_source(const MapKeyframe& keyframe, int level, Corner corner);
 
+/// The rays and normal of a source for its keyframe's present camera.
+void aim_source(const Camera& camera, PointSource* source);
+
 /// Projects a patch. `point` in the source camera's frame, target_from_source between cameras. Nothing when
 /// it does not project into the image, is edge-on, or is too large, too small or turned away (warp_level).
 [[nodiscard]] std::optional<PatchView> view_patch(const PointSource& source, const Eigen::Vector3d& point,

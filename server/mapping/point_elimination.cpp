@@ -32,10 +32,15 @@ bool stops(const std::function<bool()>& should_stop) {
 
 }  // namespace
 
-PointElimination::PointElimination(const BundleProblem& problem, const TileKernels& kernels) {
+PointElimination::PointElimination(const BundleProblem& problem, const TileKernels& kernels)
+    : border_(problem.free_cameras,
+              static_cast<int>(std::count_if(problem.poses.begin(), problem.poses.end(),
+                                             [](const BundlePose& p) { return !p.fixed; })),
+              problem.points.size()) {
   column_of_pose_.assign(problem.poses.size(), -1);
   for (size_t i = 0; i < problem.poses.size(); ++i) {
     cameras_.push_back(problem.poses[i].camera.get());
+    free_camera_.push_back(problem.poses[i].free_camera);
     if (problem.poses[i].fixed) continue;
     column_of_pose_[i] = static_cast<int>(pose_of_column_.size());
     pose_of_column_.push_back(static_cast<int>(i));
@@ -78,15 +83,17 @@ std::vector<PointElimination::View> PointElimination::views(const BundleState& s
   std::vector<View> views;
   views.reserve(state.poses.size());
   for (size_t i = 0; i < state.poses.size(); ++i) {
+    const int free = free_camera_[i];
+    const Camera* camera = free < 0 ? cameras_[i] : state.free_cameras[static_cast<size_t>(free)].get();
     views.push_back(
-        {state.poses[i].rotation_matrix(), state.poses[i].translation(), cameras_[i], column_of_pose_[i]});
+        {state.poses[i].rotation_matrix(), state.poses[i].translation(), camera, column_of_pose_[i], free});
   }
   return views;
 }
 
 double PointElimination::cost(const BundleState& state, double squared_cutoff) const {
   const std::vector<View> views = this->views(state);
-  double sum = 0;
+  double sum = border_.prior_cost(state.free_cameras, squared_cutoff);
   for (size_t p = 0; p < state.points.size(); ++p) {
     for (int i = first_observation_[p]; i < first_observation_[p + 1]; ++i) {
       const Observation& o = observations_[static_cast<size_t>(i)];
@@ -113,7 +120,8 @@ std::optional<double> PointElimination::linearise(const BundleState& state, doub
     s.gradient.setZero();
   }
   std::fill(slots_.begin(), slots_.end(), 0.0);
-  double cost = 0;
+  border_.set_zero();
+  double cost = border_.prior_cost(state.free_cameras, squared_cutoff);
   for (size_t p = 0; p < state.points.size(); ++p) {
     if (p % kPointsPerPoll == 0 && stops(should_stop)) return std::nullopt;
     Eigen::Matrix3d V;
@@ -122,6 +130,7 @@ std::optional<double> PointElimination::linearise(const BundleState& state, doub
     eliminate(p, lambda, V, g);
   }
   add_pose_blocks(lambda);
+  border_.finish(state.free_cameras, squared_cutoff, lambda);
   return cost;
 }
 
@@ -150,6 +159,11 @@ double PointElimination::accumulate(const std::vector<View>& views, size_t point
     const Eigen::Matrix3d N = M * view.rotation;
     V->noalias() += view.rotation.transpose() * N;
     g->noalias() += view.rotation.transpose() * e;
+    if (view.free_camera >= 0) {
+      const Eigen::Matrix2d J = o.inverse_sigma * d_pixel_d_intrinsics(*view.camera, x);
+      border_.add({view.free_camera, view.column, weight, J, r, J.transpose() * (o.inverse_sigma * A), x,
+                   view.rotation});
+    }
     if (o.slot < 0) continue;
 
     SlotMap W(slots_.data() + static_cast<ptrdiff_t>(o.slot) * kSlotElements);
@@ -199,6 +213,11 @@ void PointElimination::eliminate(size_t point, double lambda, const Eigen::Matri
   }
   reduced_->kernels().subtract_point(slots_.data() + static_cast<ptrdiff_t>(begin) * kSlotElements,
                                      column_of_slot_.data() + begin, end - begin, reduced_->table());
+  if (border_.empty()) return;
+  const auto count = static_cast<size_t>(end - begin);
+  border_.eliminate(point, inverse, l, f.y,
+                    {slots_.data() + static_cast<ptrdiff_t>(begin) * kSlotElements, count * kSlotElements},
+                    {column_of_slot_.data() + begin, count});
 }
 
 void PointElimination::add_pose_blocks(double lambda) {
@@ -217,6 +236,13 @@ ReducedSystem::Outcome PointElimination::solve(BundleStep* step, const std::func
   if (outcome != ReducedSystem::Outcome::kDone) return outcome;
   reduced_->solve(&right_side_);
   double decrease = 0;  // (lambda d^T D d - g^T d) / 2
+  step->free_cameras.clear();
+  if (!border_.empty()) {
+    border_.solve(*reduced_, &right_side_);
+    decrease += border_.decrease();
+    for (Eigen::Index c = 0; c < border_.step().size(); c += kIntrinsics)
+      step->free_cameras.emplace_back(border_.step().segment<kIntrinsics>(c));
+  }
   step->poses.resize(sums_.size());
   for (size_t c = 0; c < sums_.size(); ++c) {
     const Vector6d d = -right_side_.segment<kPoseSize>(static_cast<Eigen::Index>(c) * kPoseSize);
@@ -230,6 +256,7 @@ ReducedSystem::Outcome PointElimination::solve(BundleStep* step, const std::func
   for (size_t p = 0; p < factors_.size(); ++p) {
     const PointFactor& f = factors_[p];
     Eigen::Vector3d t = f.y;
+    if (!border_.empty()) t += border_.back_substitute(p);
     for (int s = first_slot_[p]; s < first_slot_[p + 1]; ++s) {
       const SlotMap Z(slots_.data() + static_cast<ptrdiff_t>(s) * kSlotElements);
       t.noalias() +=
@@ -253,6 +280,24 @@ void PointElimination::apply(const BundleStep& step, const BundleState& from, Bu
     pose = SE3::exp(step.poses[c]) * pose;
   }
   for (size_t p = 0; p < step.points.size(); ++p) to->points[p] += step.points[p];
+  for (size_t c = 0; c < step.free_cameras.size(); ++c) {
+    const Camera& before = *from.free_cameras[c];
+    // A step that leaves no camera leaves no poses either: it is not taken.
+    if (auto camera = with_intrinsics(before, intrinsics_of(before) + step.free_cameras[c]))
+      to->free_cameras[c] = std::move(camera);
+  }
+}
+
+std::optional<std::vector<Eigen::Matrix2d>> PointElimination::camera_covariances(
+    const BundleState& state, double squared_cutoff, const std::function<bool()>& should_stop) {
+  constexpr double kFreeScale = 1e-8;  // damping against the free scale, which the cameras do not feel
+  if (!linearise(state, squared_cutoff, kFreeScale, should_stop)) return std::nullopt;
+  if (reduced_->factorise(should_stop) != ReducedSystem::Outcome::kDone) return std::nullopt;
+  const Eigen::MatrixXd all = border_.inverse_curvature(*reduced_);
+  std::vector<Eigen::Matrix2d> covariances;
+  for (Eigen::Index c = 0; c < all.cols(); c += kIntrinsics)
+    covariances.emplace_back(all.block<kIntrinsics, kIntrinsics>(c, c));
+  return covariances;
 }
 
 }  // namespace cairn

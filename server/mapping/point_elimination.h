@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "server/mapping/bundle.h"
+#include "server/mapping/camera_border.h"
 #include "server/mapping/reduced_system.h"
 
 /// The normal equations of a bundle problem with points eliminated (Schur complement; Triggs et al. 2000,
@@ -17,13 +18,15 @@ namespace cairn {
 struct BundleState {
   std::vector<SE3> poses;               ///< camera_from_map, in the order of the problem
   std::vector<Eigen::Vector3d> points;  ///< map frame
+  std::vector<CameraPtr> free_cameras;
 };
 
 /// A step of Levenberg-Marquardt from the state last linearised.
 struct BundleStep {
-  std::vector<Vector6d> poses;          ///< of the moving ones, ascending; exp(step) * camera_from_map
-  std::vector<Eigen::Vector3d> points;  ///< added
-  double predicted_decrease = 0;        ///< of the cost, by the quadratic model
+  std::vector<Vector6d> poses;           ///< of the moving ones, ascending; exp(step) * camera_from_map
+  std::vector<Eigen::Vector3d> points;   ///< added
+  std::vector<Intrinsics> free_cameras;  ///< added
+  double predicted_decrease = 0;         ///< of the cost, by the quadratic model
 };
 
 /// For a robust cost sum of rho(|r|^2) the model is that of iteratively reweighted least squares: weights
@@ -48,6 +51,11 @@ class PointElimination {
 
   void apply(const BundleStep& step, const BundleState& from, BundleState* to) const;
 
+  /// Inverse of the curvature of the cost by the intrinsics of each free camera, all else re-adjusted, at a
+  /// state; nothing when stopped or singular. To be scaled by the noise.
+  [[nodiscard]] std::optional<std::vector<Eigen::Matrix2d>> camera_covariances(
+      const BundleState& state, double squared_cutoff, const std::function<bool()>& should_stop);
+
  private:
   struct Observation {
     int pose;
@@ -71,6 +79,7 @@ class PointElimination {
     Eigen::Vector3d translation;
     const Camera* camera;
     int column;  ///< of the reduced system, -1 for a fixed pose
+    int free_camera;
   };
 
   [[nodiscard]] std::vector<View> views(const BundleState& state) const;
@@ -79,7 +88,8 @@ class PointElimination {
   void eliminate(size_t point, double lambda, const Eigen::Matrix3d& V, const Eigen::Vector3d& g);
   void add_pose_blocks(double lambda);
 
-  std::vector<const Camera*> cameras_;
+  std::vector<const Camera*> cameras_;  ///< of poses whose camera is not free
+  std::vector<int> free_camera_;        ///< of each pose, -1 for none
   std::vector<int> column_of_pose_;
   std::vector<int> pose_of_column_;
   std::vector<Observation> observations_;  ///< by point, then pose
@@ -91,6 +101,7 @@ class PointElimination {
   std::vector<PoseSums> sums_;
   Eigen::VectorXd right_side_;
   std::optional<ReducedSystem> reduced_;
+  CameraBorder border_;
   double lambda_ = 0;
 };
 

@@ -127,9 +127,11 @@ void update_all_depths(MapState* map) {
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
 }
 
-MapKeyframe make_keyframe(const SeedInput& input, const GrayImage& image, Timestamp time) {
+MapKeyframe make_keyframe(const SeedInput& input, int estimated_camera, const GrayImage& image,
+                          Timestamp time) {
   MapKeyframe k;
   k.camera = input.camera;
+  k.estimated_camera = estimated_camera;
   k.time = time;
   k.images = prepare_images(image.view());
   return k;
@@ -147,8 +149,11 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   if (auto status = check_input(input); !status) return tl::unexpected(status.error());
   SeededMap seeded;
   MapState& map = seeded.map;
-  const KeyframeId first = map.add_keyframe(make_keyframe(input, *input.first_image, input.first_time));
-  const KeyframeId second = map.add_keyframe(make_keyframe(input, *input.second_image, input.second_time));
+  const int camera = input.doubt ? map.add_camera(input.camera, *input.doubt) : -1;
+  const KeyframeId first =
+      map.add_keyframe(make_keyframe(input, camera, *input.first_image, input.first_time));
+  const KeyframeId second =
+      map.add_keyframe(make_keyframe(input, camera, *input.second_image, input.second_time));
   map.keyframe(second).reference = first;
 
   const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));

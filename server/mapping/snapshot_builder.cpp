@@ -8,7 +8,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kVisibleMove = 0.2;  ///< [px] as seen from the source keyframe
 constexpr float kVisibleTurn =
     0.05F;  ///< [rad, roughly] of the mean viewing direction, and of its cone's cosine
 constexpr float kVisibleDistance = 0.15F;  ///< relative change of the range of viewing distances
@@ -131,6 +130,16 @@ std::shared_ptr<const PositionBlock> cut_positions(const MapState& map, const Ce
   return block;
 }
 
+/// What a patch shows never changes: a patch block is only ever completed, or described for another camera.
+bool is_current(const MapState& map, const PatchBlock& block) {
+  const auto [begin, end] = block_range(block.index, map.points().size());
+  if (end - begin != block.points.size()) return false;
+  for (size_t i = begin; i < end; ++i) {
+    if (map.points()[i].source.ray_right != block.points[i - begin].ray_right) return false;
+  }
+  return true;
+}
+
 bool is_current(const MapState& map, const Centers& centers, const PositionBlock& block) {
   const auto [begin, end] = block_range(block.index, map.points().size());
   if (end - begin != block.positions.size()) return false;
@@ -170,7 +179,8 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
   next->epoch = epoch_;
   next->revision = Revision{previous_ ? previous_->revision.value + 1 : 1};
   const uint64_t version = next->revision.value;
-  bool changed = !previous_ || previous_->name != name_;
+  for (const MapCamera& c : map.cameras()) next->cameras.push_back(c.version);
+  bool changed = !previous_ || previous_->name != name_ || previous_->cameras != next->cameras;
 
   for (size_t b = 0; b < block_count(map.keyframes().size()); ++b) {
     const bool keep =
@@ -186,8 +196,7 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
     const PointBlock* before =
         previous_ && b < previous_->point_blocks.size() ? previous_->point_blocks[b].get() : nullptr;
     const auto [begin, end] = block_range(b, map.points().size());
-    // What a patch shows never changes: a patch block is only ever completed.
-    const bool keep_patches = before && before->patches->points.size() == end - begin;
+    const bool keep_patches = before && is_current(map, *before->patches);
     const bool keep_positions = before && is_current(map, centers, *before->positions);
     bool source_moved = false;
     for (size_t i = begin; i < end; ++i) source_moved |= moved[map.points()[i].source.keyframe.value - 1];

@@ -8,6 +8,9 @@
 /// Cuts a map into the immutable blocks of common/map, renewing only what changed enough to be seen.
 namespace cairn {
 
+/// [px] as seen from the source keyframe: what moves by less is not sent again.
+inline constexpr double kVisibleMove = 0.2;
+
 /// Not thread-safe; the snapshots it gives are.
 class SnapshotBuilder {
  public:
@@ -18,9 +21,9 @@ class SnapshotBuilder {
   void rename(std::string name) { name_ = std::move(name); }
 
   /// The map as of now. A block is new if a point or keyframe in it is new or gone, moved since the block was
-  /// cut by more than what spans 0.2 px at the source keyframe's distance (the mean depth, for a keyframe),
-  /// or is now seen from notably elsewhere. Versions of new blocks are the revision's number. Without a new
-  /// block the previous snapshot is given again.
+  /// cut by more than what spans kVisibleMove at the source keyframe's distance (the mean depth, for a
+  /// keyframe), or is now seen from notably elsewhere. Versions of new blocks are the revision's number.
+  /// Without a new block the previous snapshot is given again.
   [[nodiscard]] MapSnapshotPtr build(const MapState& map);
 
  private:

@@ -8,14 +8,20 @@
 namespace cairn {
 
 Result<ClientWriters> ClientWriters::create(const wire::Participant& participant, const std::string& client) {
-  auto writers = wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
-                                  wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>,
-                                  wire::Writer<wire::RelocAnswer>, wire::Writer<wire::ClientReply>>(
-      participant, wire::client_partition(client));
+  auto writers =
+      wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
+                       wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>,
+                       wire::Writer<wire::RelocAnswer>, wire::Writer<wire::CameraEstimate>,
+                       wire::Writer<wire::ClientReply>>(participant, wire::client_partition(client));
   if (!writers) return tl::unexpected(writers.error());
-  auto& [status, maps, seeds, offers, places, replies] = *writers;
-  return ClientWriters{std::move(status), std::move(maps),   std::move(seeds),
-                       std::move(offers), std::move(places), std::move(replies)};
+  auto& [status, maps, seeds, offers, places, cameras, replies] = *writers;
+  return ClientWriters{std::move(status), std::move(maps),    std::move(seeds),  std::move(offers),
+                       std::move(places), std::move(cameras), std::move(replies)};
+}
+
+std::optional<CameraDoubt> AnnouncedCamera::doubt_of(const CameraVersion& version) const {
+  if (!doubt) return std::nullopt;
+  return CameraDoubt{version, {doubt->focal_sigma, doubt->k1_sigma}};
 }
 
 Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message) {
@@ -25,9 +31,14 @@ Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message)
   }
   Result<CameraPtr> camera = make_camera(message.parameters);
   if (!camera) return tl::unexpected(camera.error());
+  std::optional<DoubtfulCamera> doubt;
+  if (!message.frozen && !message.sigma.empty()) {
+    doubt = doubtful_camera(message.parameters, message.sigma);
+    if (!doubt) return fail(ErrorCode::kRefused, "no camera that could be found out");
+  }
   auto& versions = cameras[message.camera];
-  const auto [known, is_new] = versions.try_emplace(message.version, *camera);
-  if (!is_new && known->second->parameters() != message.parameters) {
+  const auto [known, is_new] = versions.try_emplace(message.version, *camera, std::move(doubt));
+  if (!is_new && known->second.camera->parameters() != message.parameters) {
     return fail(ErrorCode::kRefused, "its version " + std::to_string(message.version) + " was another");
   }
   while (versions.size() > kVersionsKept) versions.erase(versions.begin());
@@ -44,14 +55,14 @@ CameraList::Cameras& CameraList::cameras_of(wire::PeerId process) {
   return processes_.emplace_back(process, Cameras()).second;
 }
 
-CameraPtr CameraList::find(uint32_t camera, uint32_t version) const {
+const AnnouncedCamera* CameraList::find(uint32_t camera, uint32_t version) const {
   const auto process = std::find_if(processes_.begin(), processes_.end(),
                                     [&](const auto& entry) { return entry.first == holder_; });
   if (process == processes_.end()) return nullptr;
   const auto versions = process->second.find(camera);
   if (versions == process->second.end()) return nullptr;
   const auto found = versions->second.find(version);
-  return found == versions->second.end() ? nullptr : found->second;
+  return found == versions->second.end() ? nullptr : &found->second;
 }
 
 }  // namespace cairn

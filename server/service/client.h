@@ -8,8 +8,10 @@
 #include <utility>
 
 #include "common/geometry/camera.h"
+#include "common/geometry/camera_guess.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
+#include "server/mapping/map_camera.h"
 #include "server/service/command_gate.h"
 #include "server/service/map_feed.h"
 
@@ -22,10 +24,19 @@ struct ClientWriters {
   wire::Writer<wire::SeedVerdict> seeds;
   wire::Writer<wire::OfferVerdict> offers;
   wire::Writer<wire::RelocAnswer> places;
+  wire::Writer<wire::CameraEstimate> cameras;
   wire::Writer<wire::ClientReply> replies;
 
   [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
                                                     const std::string& client);
+};
+
+struct AnnouncedCamera {
+  CameraPtr camera;
+  std::optional<DoubtfulCamera> doubt;  ///< nothing: its values are exact
+
+  /// What the map makers want to know. `version`: which values of which client's camera these are.
+  [[nodiscard]] std::optional<CameraDoubt> doubt_of(const CameraVersion& version) const;
 };
 
 /// Cameras as announced under a client's name, few per process. Each process has its own: one that is refused
@@ -37,14 +48,14 @@ class CameraList {
   Status put(wire::PeerId process, const wire::CameraMessage& message);
   /// `process` holds the name: its cameras are meant from now on.
   void set_holder(wire::PeerId process) { holder_ = process; }
-  /// A camera of the holder's; null when it has not announced it (yet).
-  [[nodiscard]] CameraPtr find(uint32_t camera, uint32_t version) const;
+  /// A camera of the holder's, until the next call of put(); null when it has not announced it (yet).
+  [[nodiscard]] const AnnouncedCamera* find(uint32_t camera, uint32_t version) const;
 
  private:
   static constexpr size_t kMaxProcesses = 8;
   static constexpr size_t kMaxCameras = 8;
   static constexpr size_t kVersionsKept = 2;
-  using Cameras = std::map<uint32_t, std::map<uint32_t, CameraPtr>>;
+  using Cameras = std::map<uint32_t, std::map<uint32_t, AnnouncedCamera>>;
 
   [[nodiscard]] Cameras& cameras_of(wire::PeerId process);
 
@@ -63,6 +74,8 @@ struct Client {
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;
+  /// What it was told of its cameras: the latest epoch and version of each, by the map that finds it out.
+  std::map<std::pair<MapId, uint32_t>, std::pair<Epoch, uint32_t>> cameras_told;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
   int status_readers = 0;                       ///< discovered; 0: not connected

@@ -42,7 +42,7 @@ std::string unknown_camera(uint32_t camera, uint32_t version) {
 
 void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
-  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (client.seed_in_work || (camera == nullptr && may_yet_come(client))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
     case SeedGate::Admission::kNew:
@@ -69,7 +69,8 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.map = message.lockstep ? maps_.repeatable_id(message) : maps_.next_id();
   job.input.map_name = maps_.free_name(message.map_name);
   job.input.epoch = {options_.start_count};
-  job.input.camera = camera;
+  job.input.camera = camera->camera;
+  job.input.doubt = camera->doubt_of({client.id, message.camera, message.camera_version});
   job.input.first_time = message.first_time;
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
@@ -121,7 +122,7 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
 
 void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   if (!presence_.holds(client.name, message.command.session)) return;
-  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
+  const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (camera == nullptr && may_yet_come(client)) return;
   wire::OfferOutcome outcome;
   outcome.seq = message.command.seq;
@@ -158,7 +159,8 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
 
   OfferJob job;
   job.origin = {client.name, message.command};
-  job.input.camera = camera;
+  job.input.camera = camera->camera;
+  job.input.doubt = camera->doubt_of({client.id, message.camera, message.camera_version});
   job.input.time = message.time;
   job.input.reference = message.reference;
   job.input.camera_from_reference = message.camera_from_reference;
@@ -189,21 +191,26 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
 
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
-  const CameraPtr camera = client.cameras.find(message.camera, message.camera_version);
-  if (camera == nullptr)
-    return on_query_answered(client.name, message.command, {PlaceVerdict::kNotKnown, {}, "no such camera"});
+  const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
+  if (announced == nullptr && may_yet_come(client)) return;  // it will be asked again
+  if (announced == nullptr) {
+    std::string why = unknown_camera(message.camera, message.camera_version);
+    return on_query_answered(client.name, message.command, {PlaceVerdict::kNotThere, {}, std::move(why)});
+  }
+  client.camera_missed_at.reset();
   client.query_in_work = true;
   const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
-  lanes_.questions.submit([this, name = client.name, camera, message = std::move(message), scope]() mutable {
-    const wire::CommandId command = message.command;
-    try {
-      look_up(name, camera, std::move(message), scope);
-    } catch (const std::exception& problem) {  // memory, a library
-      post([this, name, command, why = std::string("internal error: ") + problem.what()] {
-        on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
+  lanes_.questions.submit(
+      [this, name = client.name, camera = announced->camera, message = std::move(message), scope]() mutable {
+        const wire::CommandId command = message.command;
+        try {
+          look_up(name, camera, std::move(message), scope);
+        } catch (const std::exception& problem) {  // memory, a library
+          post([this, name, command, why = std::string("internal error: ") + problem.what()] {
+            on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
+          });
+        }
       });
-    }
-  });
 }
 
 void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
@@ -267,6 +274,7 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
     const std::scoped_lock lock(mutex_);
     published_[map] = snapshot;
   }
+  tell_cameras(map, *entry);
   for (auto& [name, client] : clients_) {
     const auto feed = client.feeds.find(map);
     if (feed != client.feeds.end()) {
@@ -294,6 +302,44 @@ void Switchboard::forget_map(MapId map) {
   for (auto& [name, client] : clients_) {
     client.feeds.erase(map);
     if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
+    forget_cameras(map, client);
+  }
+}
+
+/// Before the revision that names them.
+void Switchboard::tell_cameras(MapId map, const MapEntry& entry) {
+  for (const CameraEstimate& estimate : entry.statistics.cameras) {
+    const auto name = names_.find(estimate.version.client);
+    const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
+    if (client != clients_.end() && client->second.writers)
+      tell_camera({map, entry.snapshot->epoch}, estimate, client->second);
+  }
+}
+
+void Switchboard::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client) {
+  const auto& [map, epoch] = where;
+  const CameraVersion& version = estimate.version;
+  const std::pair now(epoch, version.version);
+  auto& told = client.cameras_told[{map, version.camera}];
+  if (told == now) return;
+  const CameraParameters& parameters = estimate.camera->parameters();
+  const Status written =
+      client.writers->cameras.write({version.client, version.camera, map, epoch, version.version, parameters,
+                                     sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
+                                     estimate.frozen, estimate.cannot_be_known});
+  report(written, "CameraEstimate");
+  if (written) told = now;  // else with the next tick
+}
+
+void Switchboard::forget_cameras(MapId map, Client& client) {
+  for (auto told = client.cameras_told.lower_bound({map, 0});
+       told != client.cameras_told.end() && told->first.first == map;
+       told = client.cameras_told.erase(told)) {
+    wire::CameraEstimate gone;
+    gone.client = client.id;
+    gone.camera = told->first.second;
+    gone.map = map;
+    if (client.writers) report(client.writers->cameras.dispose(gone), "CameraEstimate");
   }
 }
 

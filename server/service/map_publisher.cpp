@@ -69,7 +69,8 @@ Burst MapPublisher::make_burst() {
   Burst burst;
   burst.map = newest_->map;
   burst.epoch = newest_->epoch;
-  burst.commit = {newest_->map, newest_->name, newest_->epoch, newest_->revision, newest_->metric, {}, {}};
+  burst.commit = {newest_->map, newest_->name,   newest_->epoch, newest_->revision, newest_->metric, {},
+                  {},           newest_->cameras};
   for (const auto& block : newest_->keyframe_blocks) {
     burst.commit.keyframe_versions.push_back(block->version);
     if (std::exchange(sent_keyframes_[block->index], block->version) != block->version) {

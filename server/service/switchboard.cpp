@@ -179,6 +179,7 @@ void Switchboard::take_messages() {
     const auto process = readers_.cameras.peer_of(sample.publication);
     if (client == nullptr || !sample.message || !process) return;
     const Status taken = client->cameras.put(*process, *sample.message);
+    if (taken) client->camera_missed_at.reset();
     if (!taken)
       log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
@@ -252,6 +253,10 @@ void Switchboard::tick(MonotonicTime now) {
   if (++ticks_ % kTicksPerExpiry == 0 && store_ != nullptr)
     store_->run_beside([transfers = transfers_](Store&) { transfers->expire(steady_clock::now()); });
   if (ticks_ % kTicksPerMapInfo != 0) return;
+  // Revisions that name what could not be written are waited for in vain, and an idle map makes no more.
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.snapshot) tell_cameras(map, entry);
+  }
   for (const auto& [map, due] : std::exchange(info_due_, {})) {
     if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(options_.server, map, *entry));
   }
@@ -316,6 +321,10 @@ void Switchboard::connect(Client& client) {
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.snapshot)
       report(client.writers->maps.write(make_map_info(options_.server, map, entry)), "MapInfo");
+  }
+  client.cameras_told.clear();
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.snapshot) tell_cameras(map, entry);
   }
 }
 

@@ -184,6 +184,9 @@ class Switchboard {
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
   void tell_all(const wire::MapInfo& info);
+  void tell_cameras(MapId map, const MapEntry& entry);
+  void tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client);
+  void forget_cameras(MapId map, Client& client);
   void report(const Status& written, const char* what);
 
   const ServiceOptions options_;

@@ -7,7 +7,8 @@
 namespace cairn {
 namespace {
 
-constexpr size_t kMaxItems = kMaxBlocks * kBlockSlots;
+constexpr size_t kMaxKeyframes = kMaxKeyframeBlocks * kBlockSlots;
+constexpr size_t kMaxPoints = kMaxBlocks * kBlockSlots;
 
 }  // namespace
 
@@ -34,7 +35,7 @@ std::optional<CountedHeader> decode_header(std::span<const uint8_t> row) {
   header.keyframes = in.get<uint64_t>();
   header.points = in.get<uint64_t>();
   const bool sound =
-      in.finished() && header.header.id && header.keyframes <= kMaxItems && header.points <= kMaxItems;
+      in.finished() && header.header.id && header.keyframes <= kMaxKeyframes && header.points <= kMaxPoints;
   if (!sound) return std::nullopt;
   return header;
 }

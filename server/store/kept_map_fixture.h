@@ -21,7 +21,11 @@ namespace cairn::testing {
   const auto add = [&bytes](const Blob& row) { bytes.insert(bytes.end(), row.begin(), row.end()); };
   if (record.foundation) add(encode_foundation(*record.foundation));
   if (record.work) add(encode_work(*record.work));
-  for (const auto& r : record.keyframes) add(encode_keyframe(r, r.camera->width()));
+  for (const auto& r : record.found_cameras) {
+    add(encode_camera(r.camera.camera->parameters()));
+    add(encode_found_camera(r.camera));
+  }
+  for (const auto& r : record.keyframes) add(encode_keyframe(r, r.estimated_camera));
   for (const auto& r : record.measurements) add(encode_measurements(r));
   for (const auto& r : record.images) add(encode_image_row(*r.image));
   for (const auto& r : record.sources) add(encode_sources(r));

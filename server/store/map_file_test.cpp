@@ -76,6 +76,25 @@ TEST_F(MapFileTest, WhatIsReadIsWhatWasWritten) {
   EXPECT_EQ(restored->maker->statistics().measurements, maker_->statistics().measurements);
 }
 
+TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {
+  doubt_camera(1.04);
+  keep();
+  {
+    auto file = MapFile::open(path_);
+    ASSERT_TRUE(file);
+    ASSERT_EQ(offer(8).verdict, KeyframeVerdict::kAccepted);
+    adjust_globally();
+    ASSERT_TRUE(file->write(std::vector{take_update()}));
+  }
+  StoredMap stored = load();
+  EXPECT_THAT(stored.damage, IsEmpty());
+  ASSERT_EQ(stored.record.found_cameras.size(), 1U);
+  const MapRecord all = whole();
+  EXPECT_TRUE(bytes_of(stored.record) == bytes_of(all));
+  sqlite::Database database = open_raw();
+  EXPECT_EQ(*database.number("SELECT count(*) FROM cameras"), 1) << "its values are written anew in place";
+}
+
 TEST_F(MapFileTest, ANewEpochSaysWhatTheOldOneHadGivenOut) {
   keep();
   {
@@ -99,7 +118,8 @@ TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
   const std::vector<uint8_t> before = bytes_of(load().record);
   {
     sqlite::Database database = open_raw();
-    ASSERT_TRUE(database.execute("DROP TABLE labels; PRAGMA user_version=1"));  // as version 1 wrote it
+    ASSERT_TRUE(database.execute(
+        "DROP TABLE labels; DROP TABLE found_cameras; PRAGMA user_version=1"));  // as version 1 wrote it
   }
   const StoredMap stored = load();
   EXPECT_THAT(stored.damage, IsEmpty());

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgcodecs.hpp>
 
+#include "common/geometry/camera_guess.h"
 #include "common/io/image_file.h"
 #include "server/store/bytes.h"
 
@@ -73,6 +74,64 @@ std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row) {
   return camera;
 }
 
+// ---- found camera
+
+Blob encode_found_camera(const MapCamera& camera) {
+  ByteWriter out;
+  out.put(std::span(camera.version.client.bytes));
+  out.put(camera.version.camera);
+  out.put(camera.version.version);
+  for (const Intrinsics& i :
+       {camera.sigma, camera.prior_mean, camera.prior_sigma, camera.judged, camera.searched})
+    out.put(i);
+  out.put(static_cast<uint8_t>(camera.frozen));
+  out.put(static_cast<uint64_t>(camera.judged_keyframes));
+  out.put(static_cast<int32_t>(camera.agreements));
+  return out.take();
+}
+
+namespace {
+
+/// Whether a camera and what it began from are such as anybody could announce: nobody else checks them.
+bool could_be_found_out(const MapCamera& camera) {
+  const CameraParameters& now = camera.camera->parameters();
+  const auto could_be = [](const CameraParameters& parameters, const Intrinsics& sigma) {
+    const bool has_all = parameters.values.size() == kDoubtfulValues;
+    return has_all && doubtful_camera(parameters, sigma_of_values({parameters, sigma[0], sigma[1]}));
+  };
+  if (!could_be(now, camera.sigma)) return false;
+  const CameraPtr first = with_intrinsics(*camera.camera, camera.prior_mean);
+  return first != nullptr && could_be(first->parameters(), camera.prior_sigma);
+}
+
+}  // namespace
+
+std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
+                                                     const CameraRows& cameras) {
+  ByteReader in(row);
+  FoundCameraRecord record{index, {}};
+  MapCamera& camera = record.camera;
+  in.get(std::span(camera.version.client.bytes));
+  camera.version.camera = in.get<uint32_t>();
+  camera.version.version = in.get<uint32_t>();
+  bool sound = true;
+  for (Intrinsics* i :
+       {&camera.sigma, &camera.prior_mean, &camera.prior_sigma, &camera.judged, &camera.searched}) {
+    *i = in.get_vector<Intrinsics>();
+    sound = sound && i->allFinite();
+  }
+  const auto frozen = in.get<uint8_t>();
+  camera.judged_keyframes = in.get<uint64_t>();
+  camera.agreements = in.get<int32_t>();
+  const auto values = cameras.find(found_camera_row(index));
+  sound = sound && in.finished() && frozen <= 1 && values != cameras.end() && camera.agreements >= 0;
+  if (!sound) return std::nullopt;
+  camera.frozen = frozen == 1;
+  camera.camera = values->second;
+  if (!could_be_found_out(camera)) return std::nullopt;
+  return record;
+}
+
 // ---- keyframe
 
 Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
@@ -94,7 +153,8 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   KeyframeRecord keyframe;
   keyframe.id = id;
   keyframe.reference.value = in.get<uint64_t>();
-  const auto camera = cameras.find(in.get<int64_t>());
+  const auto camera_row = in.get<int64_t>();
+  const auto camera = cameras.find(camera_row);
   keyframe.time.nanoseconds = in.get<int64_t>();
   const auto pose = get_pose(&in);
   keyframe.mean_depth = in.get<double>();
@@ -106,6 +166,7 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
                      is_length(keyframe.far_depth);
   if (!sound) return std::nullopt;
   keyframe.camera = camera->second;
+  if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(found_camera_row(0) - camera_row);
   keyframe.camera_from_map = *pose;
   keyframe.live = live == 1;
   return keyframe;

@@ -25,8 +25,17 @@ void put_pose(const SE3& pose, ByteWriter* out);
 [[nodiscard]] Blob encode_camera(const CameraParameters& camera);
 [[nodiscard]] std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row);
 
-/// Cameras by their row in the file.
+/// Cameras by their row in the file. Exact ones have rows from 1 on; one that is found out, whose values
+/// change with the map, has a row below 0.
 using CameraRows = std::map<int64_t, CameraPtr>;
+[[nodiscard]] constexpr int64_t found_camera_row(int index) {
+  return -1 - int64_t{index};
+}
+/// What is known of a camera that is found out, but for its values.
+[[nodiscard]] Blob encode_found_camera(const MapCamera& camera);
+[[nodiscard]] std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
+                                                                   const CameraRows& cameras);
+
 [[nodiscard]] Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera);
 [[nodiscard]] std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uint8_t> row,
                                                             const CameraRows& cameras);

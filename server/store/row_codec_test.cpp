@@ -24,6 +24,7 @@ class RowCodecTest : public ::testing::Test {
 
   RowCodecTest() {
     cameras_[7] = *make_camera(camera_);
+    cameras_[found_camera_row(2)] = *make_camera(camera_);
     cameras_[8] = *make_camera({CameraModel::kFov, 320, 240, {200, 201, 160, 120, 0.9}});
   }
 
@@ -38,6 +39,15 @@ class RowCodecTest : public ::testing::Test {
   KeyframeRecord keyframe() {
     return {KeyframeId{9},      KeyframeId{4},       cameras_[8], Timestamp{-17}, pose(), number() + 3,
             1 / (number() + 4), 10 * (number() + 3), true};
+  }
+  MapCamera found_camera() {
+    MapCamera camera = make_map_camera(cameras_[found_camera_row(2)], {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
+    camera.judged = {number(), number()};
+    camera.searched = {number(), number()};
+    camera.judged_keyframes = 17;
+    camera.agreements = 2;
+    camera.frozen = true;
+    return camera;
   }
   MeasurementsRecord measurements() {
     MeasurementsRecord record{KeyframeId{9}, {}, {PointId{3}, PointId{5'000'000'000}}};
@@ -81,6 +91,11 @@ class RowCodecTest : public ::testing::Test {
     return {
         {"camera", encode_camera(camera_),
          [again](const Blob& row) { return again(decode_camera(row), encode_camera); }},
+        {"found camera", encode_found_camera(found_camera()),
+         [this, again](const Blob& row) {
+           return again(decode_found_camera(2, row, cameras_),
+                        [](const FoundCameraRecord& r) { return encode_found_camera(r.camera); });
+         }},
         {"keyframe", encode_keyframe(keyframe(), 8),
          [this, again](const Blob& row) {
            return again(decode_keyframe(KeyframeId{9}, row, cameras_), [this](const KeyframeRecord& k) {
@@ -115,6 +130,10 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(*again, kind.row);
   }
   const KeyframeRecord k = keyframe();
+  const auto by_found = decode_keyframe(k.id, encode_keyframe(k, found_camera_row(2)), cameras_);
+  ASSERT_TRUE(by_found);
+  EXPECT_EQ(by_found->estimated_camera, 2);
+  EXPECT_EQ(by_found->camera, cameras_[found_camera_row(2)]);
   const auto read = decode_keyframe(k.id, encode_keyframe(k, 8), cameras_);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->id, k.id);
@@ -122,6 +141,37 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
   EXPECT_EQ(read->camera_from_map.rotation().coeffs(), k.camera_from_map.rotation().coeffs());
   const SourcesRecord s = sources();
   EXPECT_EQ(decode_sources(3, encode_sources(s))->points[39].id, s.points[39].id);
+}
+
+TEST_F(RowCodecTest, ACameraThatNobodyCouldHaveAnnouncedIsRefused) {
+  const auto is_taken = [this](const MapCamera& camera) {
+    return decode_found_camera(2, encode_found_camera(camera), cameras_).has_value();
+  };
+  const MapCamera sound = found_camera();
+  ASSERT_TRUE(is_taken(sound));
+  for (const double sigma : {0.0, 1e-9, 1.1, -0.1, std::nan("")}) {
+    for (const int i : {0, 1}) {
+      MapCamera other = sound;
+      other.prior_sigma[i] = sigma;
+      EXPECT_FALSE(is_taken(other)) << i << ": " << sigma;
+      other = sound;
+      other.sigma[i] = sigma;
+      EXPECT_FALSE(is_taken(other)) << i << ": " << sigma;
+    }
+  }
+  for (const double log_focal : {-3.0, 12.0, 1e4}) {
+    MapCamera other = sound;
+    other.prior_mean[0] = log_focal;
+    EXPECT_FALSE(is_taken(other)) << log_focal;
+  }
+  const std::vector<double> fewer{525, 526, 319, 239};
+  const std::vector<double> longer{1e5, 1e5, 319, 239, 0, 0, 0, 0, 0};
+  for (const auto& values : {fewer, longer}) {
+    cameras_[found_camera_row(2)] = *make_camera({CameraModel::kPinholeRadtan, 640, 480, values});
+    EXPECT_FALSE(is_taken(sound)) << values.size();
+  }
+  cameras_[found_camera_row(2)] = cameras_[8];
+  EXPECT_FALSE(is_taken(sound)) << "another model";
 }
 
 TEST_F(RowCodecTest, CutAndLengthenedRowsAreRefused) {

@@ -20,6 +20,8 @@ constexpr std::array kMapSteps{
     "CREATE TABLE positions(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
     "CREATE TABLE decisions(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
     "CREATE TABLE labels(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+    "CREATE TABLE found_cameras(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) "
+    "STRICT;",
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",

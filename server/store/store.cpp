@@ -407,7 +407,7 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   std::error_code problem;
   fs::copy_file(archive, copy, problem);
   if (problem) return io_failure(archive, "cannot be copied into the store: " + problem.message());
-  const auto read = read_archive(copy);
+  auto read = read_archive(copy);
   remove_database(copy);
   if (!read) return tl::unexpected(read.error());
   if (!read->damage.empty()) return fail(ErrorCode::kDamaged, archive.string() + ": " + read->damage.front());
@@ -418,6 +418,8 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
     return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
                                          ") is in the store already, or among the deleted ones");
   }
+  // Clients of the same names here are others, with other cameras.
+  for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};
   const MapUpdate whole{read->record, read->decisions, read->labels, {}};
   if (const auto made = MapFile::create(fresh, read->header, whole); !made) {
     remove_database(fresh);

@@ -9,9 +9,12 @@
 #include <cstdio>
 #include <map>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "client/capture/frame_source.h"
+#include "common/geometry/camera_guess.h"
+#include "common/io/calibration.h"
 #include "common/io/trajectory.h"
 #include "server/mapping/adjustment.h"
 #include "tests/bench/bundle_file.h"
@@ -48,6 +51,7 @@ struct Arguments {
   std::string keyframes;
   uint64_t seed = 1;
   bool ceres = false;
+  double start_focal = 1;  ///< factor
   size_t skip = 0;
   std::string bundle;
   size_t frames = SIZE_MAX;
@@ -82,12 +86,14 @@ struct Totals {
   AdjustmentTotals local, global;
 };
 
-MappingOptions mapping_options(const Arguments& arguments, StageProbe* probe, MappingObserver* observer) {
+MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraDoubt> doubt,
+                               StageProbe* probe, MappingObserver* observer) {
   MappingOptions options;
   options.map.bytes[0] = 1;
   options.seed = arguments.seed;
   options.adjuster = arguments.ceres ? Adjuster::kCeres : Adjuster::kOwn;
   options.local_only = arguments.local_only;
+  options.doubt = std::move(doubt);
   options.ask = arguments.ask;
   options.probe = probe;
   options.observer = observer;
@@ -96,10 +102,11 @@ MappingOptions mapping_options(const Arguments& arguments, StageProbe* probe, Ma
 
 class EngineRun final : public MappingObserver {
  public:
-  EngineRun(const Arguments& arguments, CameraPtr camera, TrajectoryWriter* trajectory)
+  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraDoubt> doubt,
+            TrajectoryWriter* trajectory)
       : arguments_(arguments),
         trajectory_(trajectory),
-        mapping_(std::move(camera), mapping_options(arguments, &probe_, this)) {}
+        mapping_(std::move(camera), mapping_options(arguments, std::move(doubt), &probe_, this)) {}
   EngineRun(const EngineRun&) = delete;
   EngineRun& operator=(const EngineRun&) = delete;
 
@@ -187,6 +194,15 @@ class EngineRun final : public MappingObserver {
     if (arguments_.verbose) print_start(*started, proposal);
   }
 
+  void on_camera(const CameraEstimate& estimate) override {
+    const auto& values = estimate.camera->parameters().values;
+    std::printf("frame %zu: camera version %u: f %.2f +- %.2f, k1 %.4f +- %.4f%s\n", totals_.frames,
+                estimate.version.version, values[0], estimate.sigma[0] * values[0], values[4],
+                estimate.sigma[1],
+                estimate.frozen            ? ", frozen"
+                : estimate.cannot_be_known ? ", cannot be known"
+                                           : "");
+  }
   void on_keyframe(const Frame& frame, const KeyframeDecision& decision, double ms) override {
     totals_.keyframe_ms.push_back(ms);
     if (decision.verdict != KeyframeVerdict::kAccepted) {
@@ -269,18 +285,48 @@ class EngineRun final : public MappingObserver {
   std::map<KeyframeId, Timestamp> keyframe_times_;
 };
 
+constexpr std::string_view kAuto = "auto";
+constexpr std::string_view kAutoFrom = "auto:";
+
+struct ChosenCamera {
+  CameraPtr camera;
+  std::optional<CameraDoubt> doubt;
+};
+
+/// With `auto`: what is known of a camera that is found out.
+Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Frame& first) {
+  const PictureSize size{first.image->width(), first.image->height()};
+  DoubtfulCamera guess = guess_camera(size);
+  if (arguments.calibration != kAuto) {
+    const auto rough =
+        read_calibration(arguments.calibration.substr(kAutoFrom.size()), size).and_then(doubt_camera);
+    if (!rough) return tl::unexpected(rough.error());
+    guess = *rough;
+  }
+  for (const size_t i : {0, 1}) guess.parameters.values[i] *= arguments.start_focal;
+  const auto camera = make_camera(guess.parameters);
+  if (!camera) return tl::unexpected(camera.error());
+  return ChosenCamera{*camera, CameraDoubt{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
+}
+
+Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& source, const Frame& first) {
+  if (arguments.calibration == kAuto || arguments.calibration.starts_with(kAutoFrom))
+    return choose_doubtful_camera(arguments, first);
+  return choose_camera(source, arguments.source, arguments.calibration).map([](const CameraPtr& camera) {
+    return ChosenCamera{camera, {}};
+  });
+}
+
 Status run(const Arguments& arguments) {
   auto source = open_source(arguments.source);
   if (!source) return tl::unexpected(source.error());
-  auto camera = choose_camera(**source, arguments.source, arguments.calibration);
-  if (!camera) return tl::unexpected(camera.error());
   std::optional<TrajectoryWriter> trajectory;
   if (!arguments.trajectory.empty()) {
     auto opened = TrajectoryWriter::open(arguments.trajectory);
     if (!opened) return tl::unexpected(opened.error());
     trajectory.emplace(std::move(*opened));
   }
-  EngineRun engine(arguments, *camera, trajectory ? &*trajectory : nullptr);
+  std::optional<EngineRun> engine;  // a camera to be found out is guessed from the size of the first picture
   for (size_t i = 0; i < arguments.frames;) {
     auto next = (*source)->next();
     if (!next) {
@@ -289,16 +335,22 @@ Status run(const Arguments& arguments) {
     }
     if (!*next) break;
     if (i++ < arguments.skip) continue;
-    engine.frame(**next);
-    if (engine.done()) break;
+    if (!engine) {
+      const auto chosen = choose(arguments, **source, **next);
+      if (!chosen) return tl::unexpected(chosen.error());
+      engine.emplace(arguments, chosen->camera, chosen->doubt, trajectory ? &*trajectory : nullptr);
+    }
+    engine->frame(**next);
+    if (engine->done()) break;
   }
-  engine.report();
+  if (!engine) return fail(ErrorCode::kDamaged, arguments.source + ": no frame could be read");
+  engine->report();
   if (!arguments.keyframes.empty()) {
     auto file = TrajectoryWriter::open(arguments.keyframes);
     if (!file) return tl::unexpected(file.error());
-    if (const auto written = engine.write_keyframes(&*file); !written) return written;
+    if (const auto written = engine->write_keyframes(&*file); !written) return written;
   }
-  if (!arguments.bundle.empty()) return engine.write_global_problem(arguments.bundle);
+  if (!arguments.bundle.empty()) return engine->write_global_problem(arguments.bundle);
   return {};
 }
 
@@ -310,7 +362,10 @@ int main(int argc, char** argv) {
   cairn::Arguments arguments;
   app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")
       ->required();
-  app.add_option("--calibration", arguments.calibration, "camera file; default: beside the source");
+  app.add_option("--calibration", arguments.calibration,
+                 "camera file, auto or auto:FILE; default: beside the source");
+  app.add_option("--start-focal", arguments.start_focal,
+                 "with --calibration auto: factor on the focal length that it starts from");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");
   app.add_option("--keyframes", arguments.keyframes,
                  "TUM rows of the keyframes after the run are written here");

@@ -70,6 +70,7 @@ void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
   input.map_name = "map-1";
   input.epoch = Epoch{1};
   input.camera = camera_;
+  input.doubt = options_.doubt;
   input.first_time = proposal.first_time;
   input.second_time = proposal.second_time;
   input.first_image = proposal.first_image;
@@ -94,7 +95,7 @@ void MappingLoop::offer(const KeyframeProposal& proposal, const Frame& frame) {
   const double before = thread_cpu_ms();
   const KeyframeDecision decision =
       maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
-                            proposal.camera_from_reference, proposal.measurements});
+                            proposal.camera_from_reference, proposal.measurements, options_.doubt});
   observer_.on_keyframe(frame, decision, thread_cpu_ms() - before);
   if (decision.verdict == KeyframeVerdict::kAccepted) work();
 }
@@ -103,6 +104,16 @@ void MappingLoop::work() {
   finish_work(maker_.get(), options_.local_only, &observer_);
   snapshot_ = maker_->snapshot();
   index_.put(index_map(index_.find(snapshot_->map), snapshot_, maker_->keyframe_views()));
+  for (const CameraEstimate& estimate : maker_->statistics().cameras) use(estimate);
+}
+
+void MappingLoop::use(const CameraEstimate& estimate) {
+  if (!options_.doubt || estimate.version == options_.doubt->version) return;
+  camera_ = estimate.camera;
+  options_.doubt =
+      estimate.frozen ? std::nullopt : std::optional(CameraDoubt{estimate.version, estimate.sigma});
+  tracker_->use_camera(camera_);
+  observer_.on_camera(estimate);
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "client/capture/frame_source.h"
 #include "client/tracking/tracker.h"
@@ -22,6 +23,8 @@ class MappingObserver {
   virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
   virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
   virtual void on_work(const StepReport&, double /*ms*/) {}
+  /// What the map has found out of a camera that was begun with a doubt.
+  virtual void on_camera(const CameraEstimate&) {}
 };
 
 /// All work that a map has left, to its end; nothing stops or yields.
@@ -32,6 +35,7 @@ struct MappingOptions {
   uint64_t seed = 1;  ///< of every random choice
   Adjuster adjuster = Adjuster::kOwn;
   bool local_only = false;              ///< no global adjustment
+  std::optional<CameraDoubt> doubt;     ///< about the camera; none: it is known
   bool ask = true;                      ///< a tracker that is lost in the map may ask the relocalizer
   StageProbe* probe = nullptr;          ///< outlives the loop, as does
   MappingObserver* observer = nullptr;  ///< none
@@ -58,6 +62,7 @@ class MappingLoop {
   void seed(const SeedProposal& proposal, const Frame& frame);
   void offer(const KeyframeProposal& proposal, const Frame& frame);
   void work();
+  void use(const CameraEstimate& estimate);
 
   CameraPtr camera_;
   MappingOptions options_;

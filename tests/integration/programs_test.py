@@ -7,6 +7,7 @@ programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 import json
 import os
 import pathlib
+import re
 import signal
 import struct
 import subprocess
@@ -106,13 +107,13 @@ class OnTheDesk(unittest.TestCase):
     def tearDownClass(cls):
         cls.scratch.cleanup()
 
-    def arguments(self, server, name, *more):
-        return command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain, "--name", name,
+    def arguments(self, server, name, *more, recording="desk"):
+        return command("cairn-track", "--source", f"tum:{self.folder}/{recording}", "--domain", server.domain, "--name", name,
                        "--headless", "--trajectory", self.folder / f"{name}.txt", "--stats", self.folder / f"{name}.json",
                        *more)
 
-    def track(self, server, name, *more):
-        done = subprocess.run(self.arguments(server, name, *more), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+    def track(self, server, name, *more, **of_source):
+        done = subprocess.run(self.arguments(server, name, *more, **of_source), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
         self.assertEqual(done.returncode, 0, done.stderr)
         return json.loads((self.folder / f"{name}.json").read_text()), done.stderr
 
@@ -133,6 +134,39 @@ class Lockstep(OnTheDesk):
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
             self.assertLessEqual(self.ate_mm(name), 5)
         self.assertEqual((self.folder / "first.txt").read_bytes(), (self.folder / "second.txt").read_bytes())
+
+
+class Cameras(OnTheDesk):
+    def test_a_camera_of_which_nothing_is_known_is_found_out_written_and_kept_with_the_map(self):
+        saved = self.folder / "found.yaml"
+        store = self.folder / "store"
+        truth = next(line.split() for line in (self.folder / "desk/camera.txt").read_text().splitlines()
+                     if line and not line.startswith("#"))
+        with ServerProcess("--store", store) as server:
+            stats, said = self.track(server, "auto", "--calibration", "auto", "--save-calibration", saved, "--pace", "lockstep")
+        self.assertIn("the camera is known", said)
+        self.assertIn(str(saved), said)
+        found = re.search(r"intrinsics: *\[([^\]]*)\]", saved.read_text())
+        focal = float(found.group(1).split(",")[0])
+        self.assertLess(abs(focal / float(truth[2]) - 1), 0.03, said)
+        with ServerProcess("--store", store) as server:
+            stats, said = self.track(server, "again", "--calibration", saved, "--role", "reader", "--pace", "lockstep")
+        self.assertEqual(self.map_row("again"), self.map_row("auto"))
+        self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
+
+    def test_a_camera_that_is_not_known_in_the_end_is_said_to_be_so_and_not_written(self):
+        brief = self.folder / "brief"
+        brief.mkdir()
+        (brief / "rgb").symlink_to(self.folder / "desk/rgb")
+        rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)
+        (brief / "rgb.txt").write_text("".join(rows[:60]))  # and no camera.txt
+        saved = self.folder / "unknown.yaml"
+        with ServerProcess() as server:
+            stats, said = self.track(server, "brief", "--save-calibration", saved, "--pace", "lockstep", recording="brief")
+        self.assertIsNotNone(stats["first_map_frame"], said)
+        self.assertIn("the camera is found out while the map grows", said)
+        self.assertIn("the camera is not known well enough, none was written: focal length", said)
+        self.assertFalse(saved.exists())
 
 
 class Followers(OnTheDesk):

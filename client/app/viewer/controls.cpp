@@ -77,7 +77,7 @@ void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, Monoton
   if (std::exchange(help_shown_, false) || !frame_) return;
   const cv::Size area(camera_->width() * scale, camera_->height() * scale);
   if (!cv::Rect({0, 0}, area).contains(point)) return;
-  const auto boxes = lay_out_labels(labels_in_view(*frame_, *camera_), area, scale);
+  const auto boxes = lay_out_labels(labels_in_view(*frame_, camera()), area, scale);
   if (const LabelBox* label = find_label(boxes, point)) {
     selected_ = {frame_->map, label->shown.label.id};
     return say(printable(label->shown.label.text) + ", by " + label->shown.label.author, now);
@@ -91,7 +91,7 @@ void ViewerControls::point_at(const Eigen::Vector2d& pixel, MonotonicTime now) {
   if (!frame_->camera_from_map || !frame_->snapshot) return say("no map here: no place for a label", now);
   const SE3& camera_from_map = *frame_->camera_from_map;
   const auto place =
-      pick_place(pixel, *camera_, seen_points(frame_->points, *frame_->snapshot, camera_from_map));
+      pick_place(pixel, camera(), seen_points(frame_->points, *frame_->snapshot, camera_from_map));
   if (!place) return say("the map has no points there", now);
   auto request =
       request_new_label(*frame_->snapshot, camera_from_map, camera_from_map.inverse() * *place, {});

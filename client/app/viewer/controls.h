@@ -77,9 +77,11 @@ class ViewerControls {
   void delete_selected(MonotonicTime now);
   void edit_selected(MonotonicTime now);
   [[nodiscard]] const Label* selected_label() const;
+  /// Of the frame shown.
+  [[nodiscard]] const Camera& camera() const { return *(frame_->camera ? frame_->camera : camera_); }
   void say(std::string message, MonotonicTime now);
 
-  CameraPtr camera_;
+  CameraPtr camera_;  ///< as at the start
   ViewerOptions options_;
   std::optional<OverlayFrame> frame_;
   std::optional<OverlayFrame> missed_;  ///< the newest, while the view is frozen

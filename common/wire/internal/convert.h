@@ -70,6 +70,7 @@ template <typename Message>
   X(OfferVerdict, cairn_OfferVerdict)        \
   X(RelocQuery, cairn_RelocQuery)            \
   X(RelocAnswer, cairn_RelocAnswer)          \
+  X(CameraEstimate, cairn_CameraEstimate)    \
   X(ClientRequest, cairn_ClientRequest)      \
   X(ClientReply, cairn_ClientReply)          \
   X(LabelMessage, cairn_Label)               \

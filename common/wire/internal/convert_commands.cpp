@@ -14,13 +14,10 @@ constexpr size_t kMaxPlaceCorners = 1024;
 constexpr size_t kMaxPlaceCandidates = 16;
 constexpr uint32_t kMaxSmallSide = kMaxImageSide >> (kPyramidLevels - 1);
 
-}  // namespace
-
-// ---- Camera
-
-template <>
-cairn_Camera encode(const CameraMessage& message, Scratch*) {
-  cairn_Camera sample{};
+/// Camera and CameraEstimate say the same of a camera.
+template <typename Sample, typename Message>
+Sample encode_camera(const Message& message) {
+  Sample sample{};
   put_id(message.client.bytes, sample.client_id);
   sample.camera_id = message.camera;
   sample.schema_version = kSchemaVersion;
@@ -34,16 +31,16 @@ cairn_Camera encode(const CameraMessage& message, Scratch*) {
   return sample;
 }
 
-template <>
-CameraMessage decode_key<CameraMessage>(const cairn_Camera& sample) {
-  CameraMessage message;
+template <typename Message, typename Sample>
+Message decode_camera_key(const Sample& sample) {
+  Message message;
   message.client = get_id<ClientId>(sample.client_id);
   message.camera = sample.camera_id;
   return message;
 }
 
-template <>
-Result<CameraMessage> decode<CameraMessage>(const cairn_Camera& sample) {
+template <typename Message, typename Sample>
+Result<Message> decode_camera(const Sample& sample) {
   Check check;
   check.schema(sample.schema_version);
   check.require(sample.model <= static_cast<uint8_t>(CameraModel::kFov), "unknown camera model");
@@ -54,7 +51,7 @@ Result<CameraMessage> decode<CameraMessage>(const cairn_Camera& sample) {
   check.require(sample.sigma._length == 0 || sample.sigma._length == sample.values._length,
                 "sigma of another length");
   if (!check.passed()) return unfit(check.what());
-  CameraMessage message = decode_key<CameraMessage>(sample);
+  auto message = decode_camera_key<Message>(sample);
   message.version = sample.version;
   message.parameters = {static_cast<CameraModel>(sample.model), static_cast<int>(sample.width),
                         static_cast<int>(sample.height), get_sequence<double>(sample.values)};
@@ -65,8 +62,60 @@ Result<CameraMessage> decode<CameraMessage>(const cairn_Camera& sample) {
   return checked_message(check, std::move(message));
 }
 
+}  // namespace
+
+// ---- Camera
+
+template <>
+cairn_Camera encode(const CameraMessage& message, Scratch*) {
+  return encode_camera<cairn_Camera>(message);
+}
+
+template <>
+CameraMessage decode_key<CameraMessage>(const cairn_Camera& sample) {
+  return decode_camera_key<CameraMessage>(sample);
+}
+
+template <>
+Result<CameraMessage> decode<CameraMessage>(const cairn_Camera& sample) {
+  return decode_camera<CameraMessage>(sample);
+}
+
 template <>
 size_t payload_bytes<CameraMessage>(const cairn_Camera& sample) {
+  return sizeof(sample) + sequence_bytes(sample.values) + sequence_bytes(sample.sigma);
+}
+
+// ---- CameraEstimate
+
+template <>
+cairn_CameraEstimate encode(const CameraEstimate& message, Scratch*) {
+  auto sample = encode_camera<cairn_CameraEstimate>(message);
+  put_id(message.map.bytes, sample.map_id);
+  sample.epoch = message.epoch.value;
+  sample.cannot_be_known = message.cannot_be_known;
+  return sample;
+}
+
+template <>
+CameraEstimate decode_key<CameraEstimate>(const cairn_CameraEstimate& sample) {
+  auto message = decode_camera_key<CameraEstimate>(sample);
+  message.map = get_id<MapId>(sample.map_id);
+  return message;
+}
+
+template <>
+Result<CameraEstimate> decode<CameraEstimate>(const cairn_CameraEstimate& sample) {
+  auto message = decode_camera<CameraEstimate>(sample);
+  if (!message) return message;
+  message->map = get_id<MapId>(sample.map_id);
+  message->epoch = Epoch{sample.epoch};
+  message->cannot_be_known = sample.cannot_be_known;
+  return message;
+}
+
+template <>
+size_t payload_bytes<CameraEstimate>(const cairn_CameraEstimate& sample) {
   return sizeof(sample) + sequence_bytes(sample.values) + sequence_bytes(sample.sigma);
 }
 

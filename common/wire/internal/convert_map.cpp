@@ -335,6 +335,11 @@ cairn_MapCommit encode(const MapCommit& message, Scratch* scratch) {
     out = {message.points[i].index, message.points[i].patches, message.points[i].positions};
   });
   borrow_sequence(message.keyframe_versions, &sample.keyframe_versions);
+  fill_sequence(message.cameras.size(), scratch, &sample.cameras, [&](size_t i, cairn_CameraVersion& out) {
+    put_id(message.cameras[i].client.bytes, out.client_id);
+    out.camera_id = message.cameras[i].camera;
+    out.version = message.cameras[i].version;
+  });
   return sample;
 }
 
@@ -351,7 +356,8 @@ Result<MapCommit> decode<MapCommit>(const cairn_MapCommit& sample) {
   check.schema(sample.schema_version);
   check.text(sample.name, kMaxNameBytes);
   check.count(sample.points, kMaxBlocks);
-  check.count(sample.keyframe_versions, kMaxBlocks);
+  check.count(sample.keyframe_versions, kMaxKeyframeBlocks);
+  check.count(sample.cameras, kMaxCamerasFoundOut);
   if (!check.passed()) return unfit(check.what());
   MapCommit message = decode_key<MapCommit>(sample);
   message.name = get_text(sample.name);
@@ -365,13 +371,17 @@ Result<MapCommit> decode<MapCommit>(const cairn_MapCommit& sample) {
     message.points.push_back({version.index, version.patches, version.positions});
   }
   message.keyframe_versions = get_sequence<uint64_t>(sample.keyframe_versions);
+  for (uint32_t i = 0; i < sample.cameras._length; ++i) {
+    const cairn_CameraVersion& camera = sample.cameras._buffer[i];
+    message.cameras.push_back({get_id<ClientId>(camera.client_id), camera.camera_id, camera.version});
+  }
   return checked_message(check, std::move(message));
 }
 
 template <>
 size_t payload_bytes<MapCommit>(const cairn_MapCommit& sample) {
   return sizeof(sample) + text_bytes(sample.name) + sequence_bytes(sample.points) +
-         sequence_bytes(sample.keyframe_versions);
+         sequence_bytes(sample.keyframe_versions) + sequence_bytes(sample.cameras);
 }
 
 }  // namespace cairn::wire::internal

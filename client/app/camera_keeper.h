@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "client/app/frame_observer.h"
+#include "common/base/log.h"
+#include "common/base/result.h"
+
+namespace cairn {
+
+/// Whether a file could be written there; leaves what is there as it is.
+[[nodiscard]] Status check_writable(const std::filesystem::path& path);
+
+/// Writes a camera that was found out as Kalibr's yaml, when it is known.
+class CameraKeeper final : public FrameObserver {
+ public:
+  CameraKeeper(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
+
+  void on_camera(const CameraNews& news) override;
+  /// After a run: says so when the camera is not known. Error: it is, but could not be written.
+  [[nodiscard]] Status finish() const;
+
+ private:
+  const std::filesystem::path path_;
+  Logger log_;
+  std::optional<CameraNews> latest_;
+  Status written_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/camera_guess.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+constexpr size_t kK1 = 4;  // of the values
+constexpr double kUsualHalfView = 30 * std::numbers::pi / 180;
+constexpr double kUnknownFocal = 0.35;
+constexpr double kUnknownK1 = 0.1;  // ordinary lenses lie within two of it; wide-angle ones beyond
+constexpr double kRoughFocal = 0.03;
+constexpr double kRoughK1 = 0.05;
+
+}  // namespace
+
+std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
+  std::vector<double> sigma(camera.parameters.values.size(), 0.0);
+  for (const size_t focal : {0, 1}) sigma[focal] = camera.focal_sigma * camera.parameters.values[focal];
+  sigma[kK1] = camera.k1_sigma;
+  return sigma;
+}
+
+std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
+                                              const std::vector<double>& sigma) {
+  if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() != kDoubtfulValues ||
+      sigma.size() != kDoubtfulValues)
+    return std::nullopt;
+  const double focal = parameters.values[0];
+  const double focal_sigma = sigma[0] / focal;
+  const double sides = focal / std::max(parameters.width, parameters.height);
+  const double aspect = parameters.values[1] / focal;
+  const auto lies = [](double value, double least, double most) { return value >= least && value <= most; };
+  const bool sound = lies(sides, 0.1, 20) && lies(aspect, 0.2, 5) && lies(focal_sigma, kLeastDoubt, 1) &&
+                     lies(sigma[kK1], kLeastDoubt, 1);
+  if (!sound) return std::nullopt;
+  return DoubtfulCamera{parameters, focal_sigma, sigma[kK1]};
+}
+
+DoubtfulCamera guess_camera(PictureSize size) {
+  const double focal = 0.5 * std::max(size.width, size.height) / std::tan(kUsualHalfView);
+  DoubtfulCamera guess;
+  guess.parameters = {CameraModel::kPinholeRadtan,
+                      size.width,
+                      size.height,
+                      {focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1), 0, 0, 0, 0, 0}};
+  guess.focal_sigma = kUnknownFocal;
+  guess.k1_sigma = kUnknownK1;
+  return guess;
+}
+
+Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters) {
+  if (parameters.model != CameraModel::kPinholeRadtan) {
+    return fail(ErrorCode::kConfiguration, "a " + std::string(name_of(parameters.model)) +
+                                               " camera is taken as it is: what is found out while tracking "
+                                               "is the focal length and k1 of pinhole-radtan");
+  }
+  DoubtfulCamera doubtful{parameters, kRoughFocal, kRoughK1};
+  doubtful.parameters.values.resize(kDoubtfulValues, 0.0);
+  return doubtful;
+}
+
+}  // namespace cairn

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "common/geometry/camera.h"
+
+namespace cairn {
+
+/// Sigmas of less are no doubt, and their squares no weights to calculate with.
+inline constexpr double kLeastDoubt = 1e-6;
+
+/// Of pinhole-radtan.
+inline constexpr size_t kDoubtfulValues = 9;
+
+/// A camera and how far its values are believed.
+struct DoubtfulCamera {
+  CameraParameters parameters;  ///< pinhole-radtan, all nine values
+  double focal_sigma = 0;       ///< of the focal length, relative to it
+  double k1_sigma = 0;
+};
+
+/// One per value, 0 for those that are believed; and back. What the wire says of it. Precondition:
+/// pinhole-radtan, all nine values.
+[[nodiscard]] std::vector<double> sigma_of_values(const DoubtfulCamera& camera);
+/// `sigma`: one per value. Nothing when all values are exact, when the model is another, or when they are
+/// none that a camera could have (focal length 0.1 to 20 times the longer side, nearly square pixels, sigmas
+/// up to 1).
+[[nodiscard]] std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
+                                                            const std::vector<double>& sigma);
+
+/// What a camera of which only the picture's size is known is likely to be: 60 degrees of view along the
+/// longer side, square pixels, centre in the middle, no distortion. Sigma 35 %: 0.5 to 1.5 times the longer
+/// side within two sigma, from wide-angle to telephoto-ish phones and web cameras.
+[[nodiscard]] DoubtfulCamera guess_camera(PictureSize size);
+
+/// A calibration that is believed roughly: focal length to 3 %, k1 to 0.05. Error (kConfiguration): a model
+/// other than pinhole-radtan.
+[[nodiscard]] Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters);
+
+}  // namespace cairn

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/camera_guess.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace cairn {
+namespace {
+
+TEST(CameraGuess, SixtyDegreesAlongTheLongerSide) {
+  for (const PictureSize size : {PictureSize{640, 480}, PictureSize{480, 640}, PictureSize{1920, 1080}}) {
+    const DoubtfulCamera guess = guess_camera(size);
+    const auto camera = make_camera(guess.parameters);
+    ASSERT_TRUE(camera);
+    const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
+    const Eigen::Vector2d half_side = size.width > size.height ? Eigen::Vector2d(0.5 * size.width, 0)
+                                                               : Eigen::Vector2d(0, 0.5 * size.height);
+    const Eigen::Vector3d axis = (*camera)->unproject(middle).normalized();
+    const Eigen::Vector3d side = (*camera)->unproject(middle + half_side).normalized();
+    EXPECT_NEAR(std::acos(axis.dot(side)), std::acos(-1.0) / 6, 1e-6);
+  }
+}
+
+TEST(CameraGuess, WhatTheWireSaysOfItComesBack) {
+  const DoubtfulCamera guess = guess_camera({640, 480});
+  const auto back = doubtful_camera(guess.parameters, sigma_of_values(guess));
+  ASSERT_TRUE(back);
+  EXPECT_EQ(back->parameters, guess.parameters);
+  EXPECT_NEAR(back->focal_sigma, guess.focal_sigma, 1e-12);
+  EXPECT_EQ(back->k1_sigma, guess.k1_sigma);
+}
+
+TEST(CameraGuess, NoCameraIsDoubtfulThatCouldBeNone) {
+  const DoubtfulCamera guess = guess_camera({640, 480});
+  const std::vector<double> sigma = sigma_of_values(guess);
+  const auto refuses = [&](const char* what, const auto& spoil) {
+    CameraParameters parameters = guess.parameters;
+    std::vector<double> spoilt = sigma;
+    spoil(&parameters, &spoilt);
+    EXPECT_FALSE(doubtful_camera(parameters, spoilt)) << what;
+  };
+  using Values = std::vector<double>;
+  for (const double focal : {1e-300, 1.0, 1e5, 1e300}) {
+    refuses("absurd focal length", [&](CameraParameters* p, Values* s) {
+      for (const size_t i : {0, 1}) {
+        (*s)[i] *= focal / p->values[i];
+        p->values[i] = focal;
+      }
+    });
+  }
+  refuses("one focal length of many", [](CameraParameters* p, Values*) { p->values[1] *= 1e6; });
+  refuses("no sigma", [](CameraParameters*, Values* s) { s->clear(); });
+  refuses("sigma of nothing", [](CameraParameters*, Values* s) { (*s)[0] = (*s)[4] = 0; });
+  refuses("sigma that is no number",
+          [](CameraParameters*, Values* s) { (*s)[0] = std::numeric_limits<double>::quiet_NaN(); });
+  refuses("sigma as large as anything", [](CameraParameters*, Values* s) { (*s)[4] = 1e9; });
+  refuses("too few values", [](CameraParameters* p, Values* s) {
+    p->values.resize(5);
+    s->resize(5);
+  });
+  refuses("another model", [](CameraParameters* p, Values*) { p->model = CameraModel::kKannalaBrandt; });
+}
+
+TEST(CameraGuess, ARoughCalibrationIsBelievedRoughly) {
+  const CameraParameters rough{CameraModel::kPinholeRadtan, 640, 480, {500, 501, 320, 240}};
+  const auto doubtful = doubt_camera(rough);
+  ASSERT_TRUE(doubtful);
+  EXPECT_TRUE(doubtful_camera(doubtful->parameters, sigma_of_values(*doubtful))) << "as the wire says it";
+  EXPECT_EQ(doubtful->parameters.values[0], 500);
+  EXPECT_FALSE(doubt_camera({CameraModel::kFov, 640, 480, {500, 500, 320, 240, 0.9}}));
+}
+
+}  // namespace
+}  // namespace cairn
