@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <ctime>
 #include <nlohmann/json.hpp>
 #include <utility>
 
@@ -31,6 +30,22 @@ Json percentiles(const Histogram& times) {
           {"p99", rounded_ms(times.percentile(0.99))}};
 }
 
+/// Points that are looked through, newest first, for one of a new keyframe: those of the last few keyframes.
+constexpr int kBlocksLookedThrough = 32;
+/// A keyframe without new points (all that it shows was known) is not waited for longer than this [s].
+constexpr double kAwaitedAtMost = 5;
+
+bool has_point_of(const MapSnapshot& snapshot, KeyframeId keyframe) {
+  const auto& blocks = snapshot.point_blocks;
+  const auto least = blocks.size() - std::min<size_t>(blocks.size(), kBlocksLookedThrough);
+  return std::any_of(
+      blocks.begin() + static_cast<std::ptrdiff_t>(least), blocks.end(), [&](const auto& block) {
+        const auto& sources = block->patches->points;
+        return std::any_of(sources.begin(), sources.end(),
+                           [&](const PointSource& source) { return source.keyframe == keyframe; });
+      });
+}
+
 double share(size_t part, size_t whole) {
   return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
 }
@@ -51,12 +66,6 @@ const char* to_string(FrameState state) {
       return "dropped";
   }
   return "?";
-}
-
-std::chrono::nanoseconds thread_cpu_time() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return std::chrono::seconds(t.tv_sec) + std::chrono::nanoseconds(t.tv_nsec);
 }
 
 StageTimes StageClock::take() {
@@ -90,6 +99,7 @@ void RunStats::on_frame(const FrameReport& report) {
   if (report.snapshot) {
     map_points_ = report.snapshot->point_count();
     map_keyframes_ = report.snapshot->keyframe_count();
+    note_new_points(*report.snapshot, report.frame.time);
   }
   add(row);
 }
@@ -112,7 +122,20 @@ void RunStats::on_seed_reply(const SeedReply& reply) {
 }
 
 void RunStats::on_offer_replies(const std::vector<OfferReply>& replies) {
-  for (const auto& reply : replies) ++(reply.accepted ? offers_accepted_ : offers_refused_);
+  for (const auto& reply : replies) {
+    ++(reply.accepted ? offers_accepted_ : offers_refused_);
+    if (reply.accepted) awaited_.emplace_back(reply.keyframe, reply.time);
+  }
+}
+
+void RunStats::note_new_points(const MapSnapshot& snapshot, Timestamp now) {
+  std::erase_if(awaited_, [&](const auto& awaited) {
+    const double seconds = seconds_between(now, awaited.second);
+    if (seconds > kAwaitedAtMost) return true;
+    if (!has_point_of(snapshot, awaited.first)) return false;
+    points_after_ms_.add(1e3 * seconds);
+    return true;
+  });
 }
 
 double RunStats::tracked_share() const {
@@ -136,6 +159,8 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
   stages["total"] = percentiles(stage_ms_[kStageCount]);
   for (size_t s = 0; s < kStageCount; ++s)
     stages[to_string(static_cast<Stage>(s))] = percentiles(stage_ms_[s]);
+  json["keyframe_to_points_ms"] = percentiles(points_after_ms_);
+  json["keyframe_to_points_ms"]["count"] = points_after_ms_.count();
   json["summary"] = {
       {"tracked_share", tracked_share()},
       {"on_time_share", on_time_share()},

@@ -7,18 +7,17 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/app/frame_observer.h"
 #include "client/tracking/tracker.h"
+#include "common/base/cpu_time.h"
 #include "common/base/histogram.h"
 #include "common/base/time.h"
 #include "common/map/ids.h"
 
 namespace cairn {
-
-/// Processor time that the calling thread has used so far (CLOCK_THREAD_CPUTIME_ID).
-[[nodiscard]] std::chrono::nanoseconds thread_cpu_time();
 
 /// The tracker's stopwatch: processor time of the calling thread per stage, summed over a frame. Stages may
 /// be entered several times a frame and may nest; an inner stage is also counted in the outer one.
@@ -75,6 +74,7 @@ class RunStats final : public FrameObserver {
   };
 
   void add(const FrameRow& row);
+  void note_new_points(const MapSnapshot& snapshot, Timestamp now);
   [[nodiscard]] size_t count(FrameState state) const { return counts_[static_cast<size_t>(state)]; }
   [[nodiscard]] size_t tracked() const { return count(FrameState::kTracking) + count(FrameState::kPoor); }
   [[nodiscard]] double tracked_share() const;
@@ -96,6 +96,9 @@ class RunStats final : public FrameObserver {
   size_t offers_refused_ = 0;
   size_t map_points_ = 0;
   size_t map_keyframes_ = 0;
+  /// Accepted keyframes whose points are not in the replica yet: which, and when they were taken.
+  std::vector<std::pair<KeyframeId, Timestamp>> awaited_;
+  Histogram points_after_ms_;
   double squared_error_sum_ = 0;  ///< [px^2] of the inliers of tracked frames
   size_t inlier_sum_ = 0;
 };

@@ -45,6 +45,33 @@ class StatsTest : public ::testing::Test {
   const MapId bench_{{0xCD}};
 };
 
+TEST_F(StatsTest, AKeyframesPointsCountFromItsFrameToTheFirstThatHasThem) {
+  const auto revision_with = [](std::vector<uint64_t> keyframes) {
+    auto patches = std::make_shared<PatchBlock>();
+    for (const uint64_t keyframe : keyframes) {
+      PointSource source;
+      source.id = PointId{patches->points.size() + 1};
+      source.keyframe = KeyframeId{keyframe};
+      patches->points.push_back(source);
+    }
+    auto block = std::make_shared<PointBlock>();
+    block->patches = std::move(patches);
+    auto snapshot = std::make_shared<MapSnapshot>();
+    snapshot->point_blocks.push_back(std::move(block));
+    return snapshot;
+  };
+  snapshot_ = revision_with({1, 2});
+  add(FrameState::kTracking, desk_);
+  stats_.on_offer_replies({{1, true, "", KeyframeId{3}, at_ms(0)}, {2, true, "", KeyframeId{4}, at_ms(0)}});
+  stats_.on_offer_replies({{3, false, "too close", {}, at_ms(0)}});
+  for (int i = 0; i < 3; ++i) add(FrameState::kTracking, desk_);
+  EXPECT_EQ(json()["keyframe_to_points_ms"]["count"], 0);
+  snapshot_ = revision_with({1, 2, 3});
+  add(FrameState::kTracking, desk_);  // the fifth
+  EXPECT_EQ(json()["keyframe_to_points_ms"]["count"], 1) << "4 has none yet";
+  EXPECT_NEAR(json()["keyframe_to_points_ms"]["p50"].get<double>(), 4 * 33, 1) << "cells of 1 %";
+}
+
 TEST_F(StatsTest, TheContractsKeysCountTheFrames) {
   add(FrameState::kStarting);
   add(FrameState::kStarting);

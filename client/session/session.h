@@ -79,6 +79,8 @@ struct OfferReply {
   uint64_t seq = 0;
   bool accepted = false;
   std::string reason;
+  KeyframeId keyframe = {};  ///< what it has become
+  Timestamp time = {};       ///< of the frame
 };
 
 /// The server's word on something that was asked for.

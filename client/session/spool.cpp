@@ -16,18 +16,19 @@ void ResendTimer::send_at_once() {
 }
 
 OfferReply OfferTopic::reply(uint64_t seq, bool done, std::string reason) {
-  return {seq, done, std::move(reason)};
+  return {seq, done, std::move(reason), {}, {}};
 }
 
-OfferReply OfferTopic::reply(const wire::OfferOutcome& outcome) {
-  return reply(outcome.seq, outcome.decision == wire::OfferDecision::kAccepted, outcome.reason);
+OfferReply OfferTopic::reply(const Item& item, const wire::OfferOutcome& outcome) {
+  return {outcome.seq, outcome.decision == wire::OfferDecision::kAccepted, outcome.reason, outcome.keyframe,
+          item.time};
 }
 
 RequestReply RequestTopic::reply(uint64_t seq, bool done, std::string reason) {
   return {seq, done, std::move(reason), {}, {}};
 }
 
-RequestReply RequestTopic::reply(const wire::RequestOutcome& outcome) {
+RequestReply RequestTopic::reply(const Item& /*item*/, const wire::RequestOutcome& outcome) {
   return {outcome.seq, outcome.decision == wire::RequestDecision::kDone, outcome.reason, outcome.map,
           outcome.label};
 }
@@ -73,7 +74,7 @@ std::vector<typename Topic::Reply> CommandSpool<Topic>::apply(const typename Top
     const auto outcome = std::find_if(verdict.recent.begin(), verdict.recent.end(),
                                       [seq](const auto& o) { return o.seq == seq; });
     replies.push_back(outcome != verdict.recent.end()
-                          ? Topic::reply(*outcome)
+                          ? Topic::reply(*entries_.front().item, *outcome)
                           : Topic::reply(seq, false, "decided; the reason was missed"));
     entries_.pop_front();
   }

@@ -46,7 +46,7 @@ struct OfferTopic {
   using Verdict = wire::OfferVerdict;
   using Reply = OfferReply;
   [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
-  [[nodiscard]] static Reply reply(const wire::OfferOutcome& outcome);
+  [[nodiscard]] static Reply reply(const Item& item, const wire::OfferOutcome& outcome);
 };
 /// What people ask for in a CommandSpool.
 struct RequestTopic {
@@ -54,7 +54,7 @@ struct RequestTopic {
   using Verdict = wire::ClientReply;
   using Reply = RequestReply;
   [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
-  [[nodiscard]] static Reply reply(const wire::RequestOutcome& outcome);
+  [[nodiscard]] static Reply reply(const Item& item, const wire::RequestOutcome& outcome);
 };
 
 /// Commands of a topic from the moment they are made until the server has decided: bounded, in order, each

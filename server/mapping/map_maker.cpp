@@ -92,6 +92,7 @@ StepReport MapMaker::State::make_points(const std::function<bool()>& should_yiel
     ++pending.next_level;
   }
   map.update_depths(pending.id);
+  report.keyframe = pending.id;
   wanting_points.pop_front();
   return report;
 }

@@ -93,6 +93,7 @@ struct StepReport {
   bool changed = false;  ///< the map differs: publish
   int observations = 0;  ///< of an adjustment
   int iterations = 0;
+  KeyframeId keyframe = {};  ///< whose new points are all made, if any
 };
 
 /// What a map says of a camera that it finds out.

@@ -253,7 +253,7 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
     });
   };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
-                                     store_, std::move(listener), log_);
+                                     store_, std::move(listener), log_, options_.work_times);
 }
 
 void Switchboard::on_map_changed(MapId map, MapRevision revision) {

@@ -3,6 +3,7 @@
 #include <csignal>
 #include <cstdio>
 #include <exception>
+#include <fstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -65,6 +66,13 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
     std::fprintf(stderr,
                  "cairn-server: maps are kept in memory only and end with it; --store DIR keeps them\n");
   }
+  std::ofstream stats;
+  if (!options.stats.empty()) {
+    stats.open(options.stats, std::ios::trunc);
+    if (!stats) return complain({cairn::ErrorCode::kIo, options.stats + ": cannot be written"});
+  }
+  cairn::WorkTimes work_times;
+  service.work_times = &work_times;
   auto running = cairn::Service::start(service, log);
   if (!running) return complain(running.error());
   std::fprintf(stderr, "cairn-server: ready on domain %d, UDP port %d, profile %s\n", options.domain,
@@ -72,7 +80,11 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   int signal = 0;
   sigwait(&signals, &signal);
   log->info("stopping");
-  return 0;
+  running->reset();
+  if (!stats.is_open()) return 0;
+  stats << work_times.to_json();
+  stats.close();
+  return stats ? 0 : complain({cairn::ErrorCode::kIo, options.stats + ": cannot be written"});
 }
 
 }  // namespace

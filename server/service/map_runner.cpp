@@ -5,6 +5,7 @@
 #include <exception>
 #include <utility>
 
+#include "common/base/cpu_time.h"
 #include "common/io/image_file.h"
 #include "server/service/resume.h"
 
@@ -60,11 +61,12 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
 }
 
 MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
-                     Logger log)
+                     Logger log, WorkTimes* times)
     : background_(lanes.background),
       queue_(lanes.urgent),
       options_(options),
       store_(store),
+      times_(times),
       listener_(std::move(listener)),
       log_(std::move(log)),
       urgent_(lanes.urgent) {}
@@ -147,12 +149,13 @@ Result<SeedResult> MapRunner::make_map(SeedJob* job) {
 
 void MapRunner::offer(OfferJob job, OfferDone done) {
   ++waiting_offers_;
-  auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done)]() mutable {
+  const MonotonicTime arrival = std::chrono::steady_clock::now();
+  auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done), arrival]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
     const JobOrigin origin = std::move(job.origin);
     OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
-    self->guarded([&] { judgement = self->judge(std::move(job)); });
+    self->guarded([&] { judgement = self->judge(std::move(job), arrival); });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
     if (!accepted || !lockstep) {
       self->answer_offer(origin, std::move(judgement), std::move(done));
@@ -178,7 +181,7 @@ void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, 
   done(std::move(judgement));
 }
 
-OfferJudgement MapRunner::judge(OfferJob job) {
+OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   using wire::OfferDecision;
   if (deleted_) return {OfferDecision::kUnknownMap, kDeleted, {}, {}};
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
@@ -189,14 +192,31 @@ OfferJudgement MapRunner::judge(OfferJob job) {
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
+  if (times_ != nullptr) times_->waited(std::chrono::steady_clock::now() - arrival);
   Result<GrayImagePtr> image = decode_image(job.image);
   if (!image) return {OfferDecision::kDamaged, image.error().message, {}, {}};
   if (!fits(**image, *job.input.camera)) {
     return {OfferDecision::kDamaged, "the image is not of the camera's size", {}, {}};
   }
   job.input.image = std::move(*image);
+  const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
+  if (times_ != nullptr) {
+    times_->judged(thread_cpu_time() - before);
+    if (decision.verdict == KeyframeVerdict::kAccepted) arrivals_.emplace(decision.keyframe, arrival);
+  }
   return {to_decision(decision.verdict), std::move(decision.reason), decision.keyframe, {}};
+}
+
+StepReport MapRunner::step(const std::function<bool()>& should_yield) {
+  const auto before = thread_cpu_time();
+  const StepReport report = maker_->step(should_yield);
+  if (times_ == nullptr || report.work == MapWork::kNone) return report;
+  auto& spent = spent_[report.work];
+  spent += thread_cpu_time() - before;
+  if (report.finished) times_->worked(report, std::exchange(spent, {}));
+  if (const auto offer = arrivals_.extract(report.keyframe)) pointed_.push_back(offer.mapped());
+  return report;
 }
 
 void MapRunner::schedule_upkeep() {
@@ -209,7 +229,7 @@ void MapRunner::do_upkeep() {
   if (stopping_ || frozen_) return;
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report =
-      maker_->step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
+      step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
   if (report.changed) publish();
   if (report.work != MapWork::kNone) {
     schedule_upkeep();
@@ -232,15 +252,19 @@ void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopte
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
   lane->submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
     bool solved = false;
+    const auto before = thread_cpu_time();
     try {
       solve(problem.get(), [&self] { return self->stopping_.load(); });
       solved = true;
     } catch (const std::exception& error) {
       self->log_->error("internal error in a global adjustment, passed over: {}", error.what());
     }
-    self->queue_.post([self, problem, solved, then] {
-      then(solved && !self->stopping_ && !self->frozen_ &&
-           self->guarded([&] { self->maker_->adopt(*problem); }));
+    const auto cpu = thread_cpu_time() - before;
+    self->queue_.post([self, problem, solved, cpu, then] {
+      then(solved && !self->stopping_ && !self->frozen_ && self->guarded([&] {
+        const StepReport report = self->maker_->adopt(*problem);
+        if (self->times_ != nullptr) self->times_->worked(report, cpu);
+      }));
     });
   });
 }
@@ -250,7 +274,7 @@ void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
     // To its end, whoever waits: where a step is cut decides what comes of it.
     MapWork done = MapWork::kNone;
     if (!self->frozen_ && !self->stopping_)
-      self->guarded([&] { done = self->maker_->step([&] { return self->stopping_.load(); }).work; });
+      self->guarded([&] { done = self->step([&] { return self->stopping_.load(); }).work; });
     if (done != MapWork::kNone) return self->finish_all_work(adjustments, std::move(then));
     self->adjust_in_lockstep(adjustments, std::move(then));
   });
@@ -274,6 +298,8 @@ void MapRunner::publish() {
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
   listener_.changed({snapshot, maker_->statistics(), maker_->keyframe_views()});
   published_ = std::move(snapshot);
+  for (const MonotonicTime arrival : std::exchange(pointed_, {}))
+    times_->points_published(std::chrono::steady_clock::now() - arrival);
   save_soon();
 }
 

@@ -2,17 +2,21 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
+#include "common/base/time.h"
 #include "common/wire/messages.h"
 #include "server/mapping/map_maker.h"
 #include "server/service/map_persistence.h"
 #include "server/service/serial_queue.h"
+#include "server/service/work_times.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -79,9 +83,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
   using OfferDone = std::function<void(OfferJudgement judgement)>;
 
-  /// `store` outlives the lanes; null: nothing is kept.
-  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
-            Logger log);
+  /// `store` and `times` outlive the lanes; null: nothing is kept, nothing is counted.
+  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener, Logger log,
+            WorkTimes* times = nullptr);
 
   /// Makes the map; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
@@ -113,7 +117,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
  private:
   static constexpr const char* kDeleted = "the map was deleted";
   [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
-  [[nodiscard]] OfferJudgement judge(OfferJob job);
+  [[nodiscard]] OfferJudgement judge(OfferJob job, MonotonicTime arrival);
+  /// MapMaker::step(), counted.
+  StepReport step(const std::function<bool()>& should_yield);
   /// Runs a piece of the map's work; an exception in it (memory, a library) freezes the map. Whether it came
   /// to its end.
   bool guarded(const std::function<void()>& work);
@@ -144,6 +150,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   SerialQueue queue_;
   MapMakerOptions options_;
   MapPersistence* store_;
+  WorkTimes* times_;
   Listener listener_;
   Logger log_;
   WorkerPool& urgent_;
@@ -156,6 +163,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   // What follows belongs to the queue.
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr published_;
+  std::map<MapWork, std::chrono::nanoseconds> spent_;  ///< processor time of work that was interrupted
+  std::map<KeyframeId, MonotonicTime> arrivals_;       ///< of offers whose points are not made yet
+  std::vector<MonotonicTime> pointed_;  ///< arrivals of those whose points the next revision has
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
   bool save_scheduled_ = false;

@@ -57,6 +57,7 @@ constexpr OptionRow kOptions[] = {
      true},
     {"wearers", "FILE", "who wears which cameras: YAML, `anna: [hand-1, shoulder-1]` [as cairn-track claims]",
      true},
+    {"stats", "FILE", "writes there at the end what the map makers did and how long it took, as JSON", true},
     {"security", "DIR", "DDS Security files", false},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
 };
@@ -146,6 +147,8 @@ Result<ServerOptions> translate(const Words& words) {
       options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;
     } else if (name == "wearers") {
       options.wearers = value;
+    } else if (name == "stats") {
+      options.stats = value;
     } else if (name == "store") {
       options.store = value;
     } else if (name == "listen") {

@@ -26,6 +26,7 @@ struct ServerOptions {
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   std::string store;                             ///< folder; empty: nothing is kept
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
+  std::string stats;    ///< file; empty: none
   std::string wearers;  ///< file; empty: as clients claim
   int verbosity = 0;
 };

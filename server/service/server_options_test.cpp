@@ -49,7 +49,8 @@ TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
 }
 
 TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
-  const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512"});
+  const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512", "--stats", "server.json"});
+  EXPECT_EQ(options.stats, "server.json");
   EXPECT_EQ(options.max_maps, 3U);
   EXPECT_EQ(options.max_memory_mb, 512U);
   for (const char* none : {"0", "-1", "many"}) {
@@ -113,7 +114,7 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   EXPECT_EQ(help.code, 0);
   for (const char* word :
        {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
-        "--seed", "--max-maps", "--max-memory", "--wearer-rule", "--wearers"}) {
+        "--seed", "--max-maps", "--max-memory", "--wearer-rule", "--wearers", "--stats"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

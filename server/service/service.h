@@ -14,6 +14,7 @@
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/service/wearer_rule.h"
+#include "server/service/work_times.h"
 
 namespace cairn {
 
@@ -31,7 +32,8 @@ struct ServiceOptions {
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;
-  int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
+  WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
+  int loss_per_mille = 0;           ///< outgoing packets dropped on purpose; for tests
 };
 
 /// A random ServerId and a start count from the wall clock, for servers without a store.

@@ -58,11 +58,12 @@ def render(sequence, binaries, folder):
 
 
 class Server:
-    """A cairn-server of its own; its words go to server.log in the folder."""
+    """A cairn-server of its own; its words go to server.log in the folder, at its end its figures to server.json."""
 
     def __init__(self, binaries, domain, seed, folder):
         self.log = open(folder / "server.log", "w")
-        self.process = subprocess.Popen([str(binaries / "cairn-server"), "--domain", str(domain), "--seed", str(seed)],
+        self.process = subprocess.Popen([str(binaries / "cairn-server"), "--domain", str(domain), "--seed", str(seed),
+                                         "--stats", str(folder / "server.json")],
                                         stdout=subprocess.DEVNULL, stderr=self.log)
 
     def __enter__(self):

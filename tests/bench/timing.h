@@ -2,15 +2,15 @@
 #pragma once
 
 #include <algorithm>
-#include <ctime>
+#include <chrono>
 #include <vector>
+
+#include "common/base/cpu_time.h"
 
 namespace cairn {
 
 [[nodiscard]] inline double thread_cpu_ms() {
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) * 1e3 + static_cast<double>(t.tv_nsec) * 1e-6;
+  return std::chrono::duration<double, std::milli>(thread_cpu_time()).count();
 }
 
 /// p in 0..1; 0 for no values.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A map at work whose work fails: every job is answered all the same.
+// A map at work: what it does is counted, and when its work fails every job is answered all the same.
 #include "server/service/map_runner.h"
 
 #include <gmock/gmock.h>
@@ -8,6 +8,7 @@
 #include <atomic>
 #include <future>
 #include <new>
+#include <nlohmann/json.hpp>
 
 #include "client/session/image_encoder.h"
 #include "tests/integration/two_views.h"
@@ -36,7 +37,7 @@ class MapRunnerTest : public ::testing::Test {
                                                                     throw std::bad_alloc();
                                                                 },
                                                                 [this](const std::string&) { ++frozen_; }},
-                                            null_logger())) {}
+                                            null_logger(), &times_)) {}
   ~MapRunnerTest() override {
     runner_->stop();
     urgent_.stop();
@@ -85,6 +86,7 @@ class MapRunnerTest : public ::testing::Test {
   std::atomic<int> published_{0};
   std::atomic<int> fails_at_{0};
   std::atomic<int> frozen_{0};
+  WorkTimes times_;
   WorkerPool urgent_{1, 0, null_logger()};
   WorkerPool background_{1, 0, null_logger()};
   std::shared_ptr<MapRunner> runner_;
@@ -111,6 +113,24 @@ TEST_F(MapRunnerTest, AnOfferWhoseWorkFailsIsAnsweredAndTheMapStaysAsPublished) 
   }
   EXPECT_EQ(published_.load(), fails_at_.load()) << "frozen: nothing came after";
   EXPECT_EQ(frozen_.load(), 1) << "and said so";
+}
+
+TEST_F(MapRunnerTest, WhatIsDoneIsCounted) {
+  const auto [result, snapshot] = start();
+  ASSERT_TRUE(result) << result.error().message;
+  const auto count = [this](const char* what) {
+    return nlohmann::json::parse(times_.to_json()).at(what).at("count").get<int>();
+  };
+  EXPECT_EQ(count("offer_waited_ms"), 0);
+  const int seeds_points = count("new_points_cpu_ms");
+  EXPECT_EQ(offer(*snapshot, 5).decision, wire::OfferDecision::kAccepted);
+  EXPECT_EQ(offer(*snapshot, 5).decision, wire::OfferDecision::kTooClose);
+  EXPECT_EQ(count("offer_waited_ms"), 2);
+  EXPECT_EQ(count("offer_judged_cpu_ms"), 2);
+  EXPECT_EQ(count("new_points_cpu_ms"), seeds_points + 1);
+  EXPECT_GE(count("local_adjustment_cpu_ms"), 1);
+  EXPECT_GE(count("global_adjustment_observations"), 1);
+  EXPECT_EQ(count("offer_to_points_ms"), 1);
 }
 
 TEST_F(MapRunnerTest, WhatWaitsWhenTheMapIsDeletedIsAnsweredWithThat) {

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <mutex>
+#include <string>
+
+#include "common/base/histogram.h"
+#include "server/mapping/map_maker.h"
+
+namespace cairn {
+
+/// What the map makers of a server have done and how long it took, all maps together, since its start.
+/// Thread-safe; a call is short beside the work that it counts.
+class WorkTimes {
+ public:
+  /// From when an offer came to when it was looked at.
+  void waited(std::chrono::nanoseconds wall);
+  /// Processor time of judging an offer and taking it in.
+  void judged(std::chrono::nanoseconds cpu);
+  /// Processor time of a piece of work, whatever it was interrupted by.
+  void worked(const StepReport& report, std::chrono::nanoseconds cpu);
+  /// From when an offer came to the revision with the points made of it.
+  void points_published(std::chrono::nanoseconds wall);
+
+  /// `{"offer_waited_ms": {"count", "p50", "p95", "p99"}, "local_adjustment_cpu_ms": ...,
+  /// "local_adjustment_observations": ..., ...}`.
+  [[nodiscard]] std::string to_json() const;
+
+ private:
+  static constexpr size_t kWorks = static_cast<size_t>(MapWork::kCull) + 1;
+
+  mutable std::mutex mutex_;
+  Histogram waited_ms_;
+  Histogram judged_ms_;
+  Histogram published_ms_;
+  std::array<Histogram, kWorks> work_ms_;       ///< by MapWork
+  std::array<Histogram, kWorks> observations_;  ///< of adjustments, by MapWork
+};
+
+}  // namespace cairn
