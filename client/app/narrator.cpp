@@ -57,10 +57,13 @@ void Narrator::tell_map(const FrameReport& report) {
 }
 
 void Narrator::tell_tracking(const FrameReport& report) {
-  if (report.state == FrameState::kLost && !lost_since_) {
+  const std::string why = report.result.note.empty() ? "" : ": " + report.result.note;
+  if (report.state == FrameState::kLost && !map_) {
+    if (!std::exchange(looks_for_place_, true))
+      log_->info("frame {}: not in a map yet{}", report.number, why);
+  } else if (report.state == FrameState::kLost && !lost_since_) {
     lost_since_ = report.number;
-    log_->warn("frame {}: lost{}{}", report.number, report.result.note.empty() ? "" : ": ",
-               report.result.note);
+    log_->warn("frame {}: lost{}", report.number, why);
   } else if (is_tracked(report.state) && lost_since_) {
     log_->info("frame {}: found again after {} frames", report.number, report.number - *lost_since_);
     lost_since_.reset();
@@ -166,6 +169,7 @@ void Narrator::on_start_over(const StartOverReport& report) {
              report.makes_map ? "starting a new map" : "looking for another map");
   map_ = {};
   lost_since_.reset();
+  looks_for_place_ = false;
 }
 
 void Narrator::finish() {

@@ -54,6 +54,7 @@ class Narrator final : public FrameObserver {
   size_t dropped_ = 0;
   MapId map_;
   std::optional<size_t> lost_since_;
+  bool looks_for_place_ = false;                 ///< has been said
   bool made_map_ = false;                        ///< of our own views
   bool map_seen_ = false;                        ///< tracked in or not
   CameraWord camera_word_ = CameraWord::kMayBe;  ///< the last one said

@@ -17,8 +17,10 @@ namespace {
 constexpr int kReadableWidth = 640;  ///< [px] below this the picture is enlarged
 constexpr int kStatusRow = 22;       ///< [px] height of a status line
 constexpr int kStatusRows = 2;
+constexpr int kTextMargin = 6;  ///< [px]
 constexpr double kFontScale = 0.45;
-constexpr int kShift = 4;  ///< binary digits after the point of coordinates given to OpenCV
+constexpr double kSmallest = 0.6;  ///< of the font: to this a long line is made to fit, then it is cut
+constexpr int kShift = 4;          ///< binary digits after the point of coordinates given to OpenCV
 constexpr int kGridHalfCells = 8;
 constexpr int kSegmentsPerCell = 2;  ///< straight pieces of a grid line per cell: lens distortion bends it
 
@@ -210,9 +212,13 @@ void Overlay::draw_labels(const OverlayFrame& frame, LabelId selected) {
 }
 
 void Overlay::draw_text(const std::string& text, int row, const cv::Scalar& color) {
-  const int baseline = camera_area_.rows + row * kStatusRow + kStatusRow * 3 / 4;
-  cv::putText(canvas_, printable(text), {6, baseline}, cv::FONT_HERSHEY_SIMPLEX, kFontScale, color, 1,
-              cv::LINE_AA);
+  const cv::Point origin(kTextMargin, camera_area_.rows + row * kStatusRow + kStatusRow * 3 / 4);
+  const std::string line = printable(text);
+  int below = 0;
+  const int width = cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kFontScale, 1, &below).width;
+  const double fit = static_cast<double>(canvas_.cols - 2 * kTextMargin) / std::max(1, width);
+  cv::putText(canvas_, line, origin, cv::FONT_HERSHEY_SIMPLEX, kFontScale * std::clamp(fit, kSmallest, 1.0),
+              color, 1, cv::LINE_AA);
 }
 
 void Overlay::draw_status(const OverlayFrame& frame) {

@@ -73,6 +73,14 @@ TEST_F(OverlayTest, WithoutPoseThePictureStaysGreyAndTheStatusIsWritten) {
   EXPECT_GT(colored_pixels(picture, {0, camera_->height(), camera_->width(), 40}), 50);
 }
 
+TEST_F(OverlayTest, ALongStatusIsMadeToFit) {
+  auto frame = plain_frame(*camera_);
+  frame.note = "looking from where it was before; nobody answers, more cannot be done here";
+  const auto& picture = overlay_.draw(frame);
+  EXPECT_GT(colored_pixels(picture, {camera_->width() / 2, camera_->height(), camera_->width() / 2, 20}), 50);
+  EXPECT_EQ(colored_pixels(picture, {camera_->width() - 3, camera_->height(), 3, 20}), 0) << "nothing is cut";
+}
+
 TEST_F(OverlayTest, TheGridLiesWhereTheCameraProjectsIt) {
   auto frame = plain_frame(*camera_);
   frame.state = FrameState::kTracking;
