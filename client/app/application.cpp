@@ -189,7 +189,7 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
   log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
             camera.focal_length(), 100 * chosen.sigma.front() / camera.parameters().values.front());
   log->info(
-      "maps know it as that of client '{}': under the same --name a later run goes on where this one ends",
+      "maps know it as that of client '{}': a later run under the same --name takes up what is known of it",
       options.name);
   const std::filesystem::path path = path_of_found_camera(options);
   const Status writable = check_writable(path);

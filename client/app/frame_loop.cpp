@@ -140,8 +140,7 @@ void FrameLoop::deliver_replies() {
 }
 
 void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
-  if (!snapshot) return;
-  const auto news = link_.take_camera(*snapshot);
+  const auto news = link_.take_camera(snapshot);
   if (!news) return;
   camera_ = news->camera;
   tracker_.use_camera(camera_);

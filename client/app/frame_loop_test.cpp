@@ -254,6 +254,11 @@ TEST(FrameLoop, TheCameraOfARevisionIsInUseBeforeItIsTracked) {
   ASSERT_TRUE(in_map.run());
   EXPECT_THAT(in_map.tracker.words, ElementsAre("camera of 71 px at frame 0"));
   EXPECT_THAT(in_map.notes.words, ::testing::Contains("camera 2"));
+
+  Rig without({tracking});
+  without.link.first_camera = CameraNews{0, *other, 0.35, 0.1, false, false};
+  ASSERT_TRUE(without.run());
+  EXPECT_THAT(without.tracker.words, ElementsAre("camera of 71 px at frame 0")) << "a map was left";
 }
 
 TEST(FrameLoop, AStatusIsToldWhenItChangesAndNotBefore) {

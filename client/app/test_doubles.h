@@ -129,8 +129,8 @@ class ScriptedLink final : public MapLink {
   LabelListPtr labels(MapId wanted) const override {
     return map && map->map == wanted ? map_labels : nullptr;
   }
-  std::optional<CameraNews> take_camera(const MapSnapshot&) override {
-    return std::exchange(camera, std::nullopt);
+  std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot) override {
+    return std::exchange(snapshot ? camera : first_camera, std::nullopt);
   }
   SessionStatus status() const override { return session_status; }
   bool wait_until_settled(std::chrono::milliseconds) override {
@@ -146,6 +146,7 @@ class ScriptedLink final : public MapLink {
   std::optional<PlaceAnswer> place_answer;   ///< once
   std::optional<PlaceAnswer> always_answer;  ///< before every frame
   std::optional<CameraNews> camera;          ///< once
+  std::optional<CameraNews> first_camera;    ///< likewise, without a map
   std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
   bool settles = true;

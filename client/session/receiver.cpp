@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <random>
+#include <tuple>
 #include <utility>
 
 #include "common/geometry/camera_guess.h"
@@ -229,11 +230,14 @@ void Receiver::act_on(const wire::CameraEstimate& estimate) {
     return;
   }
   state_.unsound_cameras.erase(estimate.map);
-  auto& [epoch, news] = state_.found_out[estimate.map];
-  if (estimate.epoch < epoch) return;
-  epoch = estimate.epoch;
-  news = {estimate.version, *camera,         doubt->focal_sigma,
-          doubt->k1_sigma,  estimate.frozen, estimate.cannot_be_known};
+  auto& kept = state_.found_out[estimate.map];
+  if (!kept.empty() &&
+      std::tie(estimate.epoch, estimate.version) <= std::tie(kept.back().epoch, kept.back().news.version))
+    return;  // a repetition, or a late word of a server that has died
+  if (kept.size() == SessionState::kEstimatesKept) kept.pop_front();
+  kept.push_back({estimate.epoch,
+                  {estimate.version, *camera, doubt->focal_sigma, doubt->k1_sigma, estimate.frozen,
+                   estimate.cannot_be_known}});
 }
 
 void Receiver::forget_camera(const wire::CameraEstimate& key) {

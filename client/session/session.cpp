@@ -87,6 +87,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
     announced.camera = number_by_size(*camera);
     state->shared.first_focal_sigma = options.camera_sigma.at(0) / announced.parameters.values.at(0);
     state->shared.first_k1_sigma = options.camera_sigma.at(4);
+    state->shared.first_camera = camera;
   }
   announced.sigma = options.camera_sigma;
   announced.frozen = options.camera_sigma.empty();
@@ -209,26 +210,20 @@ std::optional<PlaceAnswer> Session::take_place_answer() {
   return std::exchange(state_->shared.place_answer, std::nullopt);
 }
 
-std::optional<CameraNews> Session::take_camera(const MapSnapshot& snapshot) {
+std::optional<CameraNews> Session::take_camera(const MapSnapshotPtr& snapshot) {
   SessionState& shared = state_->shared;
   const std::scoped_lock lock(shared.mutex);
-  const auto other = shared.other_camera_of(snapshot);
-  const CameraNews* there = other ? shared.find_camera(*other) : nullptr;
+  if (snapshot == nullptr) {
+    const bool keeps = !shared.camera_source || shared.camera.frozen || shared.map_in_use;
+    if (keeps) return std::nullopt;
+    return shared.use_camera(std::nullopt, shared.first_guess());
+  }
+  const auto other = shared.other_camera_of(*snapshot);
+  const SessionState::FoundCamera* there = other ? shared.find_camera(*other) : nullptr;
   if (there == nullptr) return std::nullopt;
-  const auto& [epoch, news] = shared.found_out.at(snapshot.map);
-  const SessionState::CameraSource source{snapshot.map, epoch, news.version};
+  const SessionState::CameraSource source{snapshot->map, there->epoch, there->news.version};
   if (source == shared.camera_source) return std::nullopt;
-  shared.camera_source = source;
-  ++shared.camera.version;
-  shared.camera.parameters = news.camera->parameters();
-  // What one map believes of so far, the next one would take for what was known before it.
-  shared.camera.sigma =
-      sigma_of_values({shared.camera.parameters, news.frozen ? news.focal_sigma : shared.first_focal_sigma,
-                       news.frozen ? news.k1_sigma : shared.first_k1_sigma});
-  shared.camera.frozen = news.frozen;
-  shared.camera_due = true;
-  shared.for_sender.notify_one();
-  return news;
+  return shared.use_camera(source, there->news);
 }
 
 SessionStatus Session::status() const {

@@ -128,8 +128,10 @@ class Session {
   [[nodiscard]] std::vector<OfferReply> take_offer_replies();
   [[nodiscard]] std::optional<PlaceAnswer> take_place_answer();
   /// The values of our camera that go with this snapshot, when they are others than before: to be tracked
-  /// with from now on. What is sent from now on names them.
-  [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshot& snapshot);
+  /// with from now on. What is sent from now on names them. Null, after leave_map(): those that the session
+  /// began with, unless the camera is known by now; what a map merely believed is not handed on to the next,
+  /// whose prior would wander from map to map.
+  [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot);
   [[nodiscard]] SessionStatus status() const;
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.

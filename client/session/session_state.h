@@ -14,6 +14,7 @@
 #include "client/session/link_monitor.h"
 #include "client/session/session.h"
 #include "client/session/spool.h"
+#include "common/geometry/camera_guess.h"
 #include "common/wire/messages.h"
 
 namespace cairn {
@@ -73,12 +74,15 @@ struct SessionState {
   /// How well it was known when the session began: DoubtfulCamera.
   double first_focal_sigma = 0;
   double first_k1_sigma = 0;
+  CameraPtr first_camera;
   /// What a map has found out about the camera.
   struct FoundCamera {
     Epoch epoch;
     CameraNews news;
   };
-  std::map<MapId, FoundCamera> found_out;  ///< the latest of each map
+  /// Estimates overtake revisions: so many are kept of each map, the newest last.
+  static constexpr size_t kEstimatesKept = 8;
+  std::map<MapId, std::deque<FoundCamera>> found_out;
   /// Where values come from: each map and epoch counts its own versions.
   struct CameraSource {
     MapId map;
@@ -138,13 +142,34 @@ struct SessionState {
     const CameraSource source{map.map, map.epoch, named->version};
     return source == camera_source ? std::nullopt : std::optional(source);
   }
-  /// The values that the revision was made with, or later ones of its map; null when they are not there yet.
-  [[nodiscard]] const CameraNews* find_camera(const CameraSource& source) const {
+  /// The values that the revision was made with or, where those were overtaken, the next later ones of its
+  /// map; null when they are not there yet.
+  [[nodiscard]] const FoundCamera* find_camera(const CameraSource& source) const {
     const auto found = found_out.find(source.map);
     if (found == found_out.end()) return nullptr;
-    const auto& [epoch, news] = found->second;
-    const bool is_there = epoch > source.epoch || (epoch == source.epoch && news.version >= source.version);
-    return is_there ? &news : nullptr;
+    const auto there =
+        std::find_if(found->second.begin(), found->second.end(), [&](const FoundCamera& estimate) {
+          return estimate.epoch > source.epoch ||
+                 (estimate.epoch == source.epoch && estimate.news.version >= source.version);
+        });
+    return there == found->second.end() ? nullptr : &*there;
+  }
+  /// What is known of the camera before any map.
+  [[nodiscard]] CameraNews first_guess() const {
+    return {0, first_camera, first_focal_sigma, first_k1_sigma, false, false};
+  }
+  /// From now on; announces them. What a map believes so far, the next one would take for what was known
+  /// before it: the sigma is that of the beginning until the camera is known.
+  CameraNews use_camera(const std::optional<CameraSource>& source, CameraNews news) {
+    camera_source = source;
+    ++camera.version;
+    camera.parameters = news.camera->parameters();
+    camera.sigma = sigma_of_values({camera.parameters, news.frozen ? news.focal_sigma : first_focal_sigma,
+                                    news.frozen ? news.k1_sigma : first_k1_sigma});
+    camera.frozen = news.frozen;
+    camera_due = true;
+    for_sender.notify_one();
+    return news;
   }
   /// Whether a revision can be tracked on: what it was made with is in use, or there to be used.
   [[nodiscard]] bool has_camera_of(const MapSnapshot& map) const {

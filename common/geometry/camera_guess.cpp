@@ -17,6 +17,11 @@ constexpr double kRoughK1 = 0.05;
 
 }  // namespace
 
+bool is_focal_length(double focal, int width, int height) {
+  const double sides = focal / std::max(width, height);
+  return sides >= 0.1 && sides <= 20;
+}
+
 std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
   std::vector<double> sigma(camera.parameters.values.size(), 0.0);
   for (const size_t focal : {0, 1}) sigma[focal] = camera.focal_sigma * camera.parameters.values[focal];
@@ -31,10 +36,11 @@ std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters
     return std::nullopt;
   const double focal = parameters.values[0];
   const double focal_sigma = sigma[0] / focal;
-  const double sides = focal / std::max(parameters.width, parameters.height);
   const double aspect = parameters.values[1] / focal;
   const auto lies = [](double value, double least, double most) { return value >= least && value <= most; };
-  const bool sound = lies(sides, 0.1, 20) && lies(aspect, 0.2, 5) && lies(focal_sigma, kLeastDoubt, 1) &&
+  constexpr double kRounding = 1e-9;  // of a sigma that went through a product with the focal length
+  const bool sound = is_focal_length(focal, parameters.width, parameters.height) && lies(aspect, 0.2, 5) &&
+                     lies(focal_sigma, kLeastDoubt * (1 - kRounding), 1 + kRounding) &&
                      lies(sigma[kK1], kLeastDoubt, 1);
   if (!sound) return std::nullopt;
   return DoubtfulCamera{parameters, focal_sigma, sigma[kK1]};

@@ -14,6 +14,9 @@ inline constexpr double kLeastDoubt = 1e-6;
 /// Of pinhole-radtan.
 inline constexpr size_t kDoubtfulValues = 9;
 
+/// Whether a camera could have it: 0.1 to 20 times the longer side of its picture.
+[[nodiscard]] bool is_focal_length(double focal, int width, int height);
+
 /// A camera and how far its values are believed.
 struct DoubtfulCamera {
   CameraParameters parameters;  ///< pinhole-radtan, all nine values

@@ -8,8 +8,8 @@ namespace cairn {
 
 /// Of points, and of keyframes, in a map: 131 072 of each.
 inline constexpr size_t kMaxBlocks = 2048;
-/// Keyframe blocks in a map: 32 768 keyframes ever made, 50 GB of pictures at 1.5 MB each, before memory ends
-/// it. Fewer than point blocks, so that the commit of the largest map stays below 64 kB.
+/// Keyframe blocks in a map: 32 768 keyframes ever made, removed ones included. Fewer than point blocks, so
+/// that the commit of the largest map stays below 64 kB.
 inline constexpr size_t kMaxKeyframeBlocks = 512;
 
 /// Of a two-view start: the answer names a point for each, and stays below 64 kB.

@@ -65,22 +65,40 @@ void choose_judged(const MapState& map, MapProblem* problem) {
   for (const auto& [rank, i] : ranked) problem->bundle.free_cameras[i].judge = true;
 }
 
-void free_cameras(const MapState& map, MapProblem* problem) {
+/// By camera of the map: those that an adjustment moves. Few at a time, those with most new keyframes: each
+/// is a border of the reduced system, and a map may have 64 whose clients have long gone.
+std::vector<bool> choose_free(const MapState& map) {
   constexpr size_t kFewestKeyframes = 3;
+  constexpr size_t kMostFree = 4;
+  std::vector<std::pair<ptrdiff_t, size_t>> ranked;  // minus the new keyframes, camera
+  for (size_t i = 0; i < map.cameras().size(); ++i) {
+    const MapCamera& c = map.cameras()[i];
+    const KeyframeCount count = map.keyframes_of(static_cast<int>(i));
+    if (!c.frozen && count.live >= kFewestKeyframes)
+      ranked.emplace_back(static_cast<ptrdiff_t>(c.judged_keyframes) - static_cast<ptrdiff_t>(count.made), i);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), kMostFree));
+  std::vector<bool> free(map.cameras().size(), false);
+  for (const auto& [rank, i] : ranked) free[i] = true;
+  return free;
+}
+
+void free_cameras(const MapState& map, MapProblem* problem) {
   constexpr size_t kFewestForDistortion = 6;
   constexpr double kHeld = 1e-3;  // sigma of k1: less than 0.1 px in the corners of a picture of 60 degrees
+  const std::vector<bool> is_free = choose_free(map);
   std::vector<int> free_index;
   for (size_t i = 0; i < map.cameras().size(); ++i) {
     const MapCamera& c = map.cameras()[i];
     const CutCamera cut{static_cast<int>(i), c.version, map.keyframes_of(static_cast<int>(i))};
-    const bool is_free = !c.frozen && cut.keyframes.live >= kFewestKeyframes;
-    free_index.push_back(is_free ? static_cast<int>(problem->cameras.size()) : -1);
-    if (!is_free) continue;
+    free_index.push_back(is_free[i] ? static_cast<int>(problem->cameras.size()) : -1);
+    if (!is_free[i]) continue;
     problem->cameras.push_back(cut);
     Intrinsics prior_sigma = c.prior_sigma;
     // Over few views, most of all of a plane, distortion makes up for a wrong focal length: one after the
     // other.
-    if (cut.keyframes.live < kFewestForDistortion) prior_sigma[1] = kHeld;
+    if (cut.keyframes.made < kFewestForDistortion) prior_sigma[1] = kHeld;
     problem->bundle.free_cameras.push_back({.camera = c.camera,
                                             .prior_mean = c.prior_mean,
                                             .prior_sigma = prior_sigma,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
+#include "common/geometry/camera_guess.h"
 #include "common/map/limits.h"
 #include "server/mapping/map_record.h"
 
@@ -69,7 +70,9 @@ class Assembly {
   static MapCamera known_camera(const CameraPtr& camera) {
     MapCamera known;
     known.camera = camera;
-    known.searched = intrinsics_of(*camera);
+    known.searched = known.prior_mean = intrinsics_of(*camera);
+    known.sigma = known.prior_sigma =
+        Intrinsics::Constant(kLeastDoubt);  // not 0: it is written and read again
     known.frozen = true;
     return known;
   }

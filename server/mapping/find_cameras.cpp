@@ -214,6 +214,7 @@ BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) 
     const auto judged = camera.judge ? judge(*problem, residuals, c, report.squared_cutoff, options)
                                      : std::optional<Eigen::Matrix2d>();
     camera.covariance = judged.value_or(before[c]);
+    camera.judge = judged.has_value();
   }
   return report;
 }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/geometry/camera_guess.h"
+
 namespace cairn {
 namespace {
 
@@ -26,6 +28,7 @@ CameraPtr with_intrinsics(const Camera& camera, const Intrinsics& intrinsics) {
   values[kFx] = std::exp(intrinsics[0]);
   values[kFy] = aspect * values[kFx];
   values[kK1] = intrinsics[1];
+  if (!is_focal_length(values[kFx], parameters.width, parameters.height)) return nullptr;
   return make_camera(parameters).value_or(nullptr);
 }
 

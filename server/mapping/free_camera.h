@@ -14,7 +14,7 @@ using Intrinsics = Eigen::Matrix<double, kIntrinsics, 1>;
 
 /// Of a pinhole-radtan camera.
 [[nodiscard]] Intrinsics intrinsics_of(const Camera& camera);
-/// The camera with other intrinsics; null when they make none.
+/// The camera with other intrinsics; null when they make none (is_focal_length()).
 [[nodiscard]] CameraPtr with_intrinsics(const Camera& camera, const Intrinsics& intrinsics);
 /// d pixel / d intrinsics [px] at a point in camera coordinates that projects.
 [[nodiscard]] Eigen::Matrix<double, 2, kIntrinsics> d_pixel_d_intrinsics(const Camera& camera,
@@ -35,7 +35,8 @@ struct FreeCamera {
   Intrinsics prior_sigma = Intrinsics::Ones();
   /// Of the intrinsics, once adjusted: noise as large as the residuals say, and the prior.
   Eigen::Matrix<double, kIntrinsics, kIntrinsics> covariance = Eigen::Matrix2d::Zero();
-  /// Whether find_cameras() tries other focal lengths and judges the covariance; else that stays.
+  /// Whether find_cameras() tries other focal lengths and judges the covariance; else that stays. After it:
+  /// whether the covariance was judged.
   bool judge = true;
 };
 

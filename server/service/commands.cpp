@@ -189,6 +189,18 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
   write_verdicts(client->second);
 }
 
+CameraPtr Switchboard::best_known(const Client& client, uint32_t camera,
+                                  const AnnouncedCamera& announced) const {
+  if (!announced.doubt) return announced.camera;
+  for (const auto& [map, entry] : maps_.all()) {
+    for (const CameraEstimate& estimate : entry.statistics.cameras) {
+      if (estimate.frozen && estimate.version.client == client.id && estimate.version.camera == camera)
+        return estimate.camera;
+    }
+  }
+  return announced.camera;
+}
+
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
@@ -200,17 +212,17 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   client.camera_missed_at.reset();
   client.query_in_work = true;
   const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
-  lanes_.questions.submit(
-      [this, name = client.name, camera = announced->camera, message = std::move(message), scope]() mutable {
-        const wire::CommandId command = message.command;
-        try {
-          look_up(name, camera, std::move(message), scope);
-        } catch (const std::exception& problem) {  // memory, a library
-          post([this, name, command, why = std::string("internal error: ") + problem.what()] {
-            on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
-          });
-        }
+  lanes_.questions.submit([this, name = client.name, camera = best_known(client, message.camera, *announced),
+                           message = std::move(message), scope]() mutable {
+    const wire::CommandId command = message.command;
+    try {
+      look_up(name, camera, std::move(message), scope);
+    } catch (const std::exception& problem) {  // memory, a library
+      post([this, name, command, why = std::string("internal error: ") + problem.what()] {
+        on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
       });
+    }
+  });
 }
 
 void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,

@@ -158,6 +158,9 @@ class Switchboard {
   void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   void on_query(Client& client, wire::RelocQuery message);
+  /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
+  [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
+                                     const AnnouncedCamera& announced) const;
   /// On a worker of the questions.
   void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
                const SearchScope& scope);

@@ -19,6 +19,7 @@ namespace {
 using testing::bytes_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 class MapFileTest : public testing::KeptMapFixture {
  protected:
@@ -116,18 +117,19 @@ TEST_F(MapFileTest, ANewEpochSaysWhatTheOldOneHadGivenOut) {
 TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
   keep();
   const std::vector<uint8_t> before = bytes_of(load().record);
-  {
+  for (const auto& [as_written, labels] :
+       {std::pair("DROP TABLE found_cameras; PRAGMA user_version=2", 1),
+        std::pair("DROP TABLE labels; DROP TABLE found_cameras; PRAGMA user_version=1", 0)}) {
+    ASSERT_TRUE(open_raw().execute(as_written));
+    const StoredMap stored = load();
+    EXPECT_THAT(stored.damage, IsEmpty());
+    EXPECT_THAT(stored.labels, SizeIs(labels));
+    EXPECT_TRUE(bytes_of(stored.record) == before);
     sqlite::Database database = open_raw();
-    ASSERT_TRUE(database.execute(
-        "DROP TABLE labels; DROP TABLE found_cameras; PRAGMA user_version=1"));  // as version 1 wrote it
+    EXPECT_EQ(*database.number("PRAGMA user_version"), map_schema_version());
+    EXPECT_EQ(*database.number("SELECT count(*) FROM labels"), labels);
+    EXPECT_EQ(*database.number("SELECT count(*) FROM found_cameras"), 0);
   }
-  const StoredMap stored = load();
-  EXPECT_THAT(stored.damage, IsEmpty());
-  EXPECT_THAT(stored.labels, IsEmpty());
-  EXPECT_TRUE(bytes_of(stored.record) == before);
-  sqlite::Database database = open_raw();
-  EXPECT_EQ(*database.number("PRAGMA user_version"), map_schema_version());
-  EXPECT_EQ(*database.number("SELECT count(*) FROM labels"), 0);
 }
 
 TEST_F(MapFileTest, AFileOfANewerVersionIsLeftAlone) {

@@ -106,6 +106,9 @@ bool could_be_found_out(const MapCamera& camera) {
 
 }  // namespace
 
+/// Successive estimates that agree: a few are enough, and nobody counts as far as this.
+constexpr int32_t kMostAgreements = 1'000'000;
+
 std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
                                                      const CameraRows& cameras) {
   ByteReader in(row);
@@ -124,7 +127,8 @@ std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const 
   camera.judged_keyframes = in.get<uint64_t>();
   camera.agreements = in.get<int32_t>();
   const auto values = cameras.find(found_camera_row(index));
-  sound = sound && in.finished() && frozen <= 1 && values != cameras.end() && camera.agreements >= 0;
+  sound = sound && in.finished() && frozen <= 1 && values != cameras.end() && camera.agreements >= 0 &&
+          camera.agreements <= kMostAgreements;
   if (!sound) return std::nullopt;
   camera.frozen = frozen == 1;
   camera.camera = values->second;

@@ -145,7 +145,7 @@ class CameraSession : public ::testing::Test {
   }
   /// Focal length of the values that are to be used from now on; 0: those in use stay.
   [[nodiscard]] double taken_focal() {
-    const auto news = session_->take_camera(*session_->snapshot());
+    const auto news = session_->take_camera(session_->snapshot());
     return news ? news->camera->focal_length() : 0;
   }
 
@@ -174,6 +174,36 @@ TEST_F(CameraSession, LaterValuesDoWhereThoseNamedWereLost) {
   server_.commit(kMapA, kEpoch, 2, {version(4)});
   ASSERT_TRUE(comes_to(kMapA, 2));
   EXPECT_EQ(taken_focal(), 0) << "they are in use";
+}
+
+TEST_F(CameraSession, ValuesThatOvertookTheirRevisionWaitForTheirs) {
+  server_.tell(kMapA, kEpoch, 2, 310);
+  server_.commit(kMapB, kEpoch, 1, {});
+  ASSERT_TRUE(comes_to(kMapB, 1));  // the middleware keeps the last: 2 has been taken by now
+  server_.tell(kMapA, kEpoch, 3, 320);
+  server_.commit(kMapA, kEpoch, 1, {version(2)});
+  ASSERT_TRUE(comes_to(kMapA, 1));
+  EXPECT_EQ(taken_focal(), 310);
+  server_.commit(kMapA, kEpoch, 2, {version(3)});
+  ASSERT_TRUE(comes_to(kMapA, 2));
+  EXPECT_EQ(taken_focal(), 320);
+}
+
+TEST_F(CameraSession, WhatAMapMerelyBelievesIsNotHandedOn) {
+  const CameraParameters first = server_.announced().parameters;
+  server_.tell(kMapA, kEpoch, 2, 310);
+  server_.commit(kMapA, kEpoch, 1, {version(2)});
+  ASSERT_TRUE(comes_to(kMapA, 1));
+  EXPECT_EQ(taken_focal(), 310);
+  session_->leave_map();
+  const auto again = session_->take_camera(nullptr);
+  ASSERT_TRUE(again);
+  EXPECT_EQ(again->camera->parameters(), first);
+  EXPECT_FALSE(session_->take_camera(nullptr)) << "once";
+  ASSERT_TRUE(eventually([&] { return server_.announced().version == 3; }));
+  EXPECT_EQ(server_.announced().parameters, first);
+  ASSERT_TRUE(comes_to(kMapA, 1));
+  EXPECT_EQ(taken_focal(), 310) << "in that map they hold";
 }
 
 TEST_F(CameraSession, EachMapCountsItsOwnVersions) {
@@ -300,7 +330,7 @@ class FoundCamera : public ::testing::Test {
   }
   [[nodiscard]] static std::optional<CameraNews> take_camera(Session& session) {
     const MapSnapshotPtr map = session.snapshot();
-    return map ? session.take_camera(*map) : std::nullopt;
+    return map ? session.take_camera(map) : std::nullopt;
   }
   [[nodiscard]] static bool gets(Session& session, MapId map) {
     session.use_map(map);
@@ -424,12 +454,12 @@ TEST_F(KeptCamera, ASuccessorGoesOnFindingItOut) {
   ASSERT_TRUE(session->wait_for_server(60s));
   session->send_seed(testing::make_seed(scene_));
   ASSERT_TRUE(session->wait_until_settled(60s)) << session->status().text;
-  ASSERT_TRUE(session->take_camera(*session->snapshot()));
+  ASSERT_TRUE(session->take_camera(session->snapshot()));
   const Epoch before = session->snapshot()->epoch;
   server->end(SIGKILL);
   server = std::make_unique<testing::ServerProcess>(options.domain, arguments());
   ASSERT_TRUE(eventually([&] { return session->snapshot()->epoch > before; })) << "its values have come, too";
-  EXPECT_TRUE(session->take_camera(*session->snapshot())) << "counted in the new epoch";
+  EXPECT_TRUE(session->take_camera(session->snapshot())) << "counted in the new epoch";
   ASSERT_EQ(session->snapshot()->cameras.size(), 1U);
 }
 

@@ -149,10 +149,20 @@ class Cameras(OnTheDesk):
         found = re.search(r"intrinsics: *\[([^\]]*)\]", saved.read_text())
         focal = float(found.group(1).split(",")[0])
         self.assertLess(abs(focal / float(truth[2]) - 1), 0.03, said)
+        kept = saved.read_bytes()
         with ServerProcess("--store", store) as server:
             stats, said = self.track(server, "again", "--calibration", saved, "--role", "reader", "--pace", "lockstep")
-        self.assertEqual(self.map_row("again"), self.map_row("auto"))
+            self.assertEqual(self.map_row("again"), self.map_row("auto"))
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
+            path, row = (self.folder / "auto.txt").read_bytes(), self.map_row("auto")
+            stats, said = self.track(server, "auto", "--calibration", "auto", "--save-calibration", saved, "--pace", "lockstep")
+        self.assertEqual(self.map_row("auto"), row, "the map knows the camera of that name, which begins with a guess again")
         self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
+        self.assertIn("the camera is known", said)
+        with ServerProcess() as server:
+            self.track(server, "auto", "--calibration", "auto", "--save-calibration", saved, "--pace", "lockstep")
+        self.assertEqual((self.folder / "auto.txt").read_bytes(), path, "a run is repeated to the byte")
+        self.assertEqual(saved.read_bytes(), kept)
 
     def test_a_camera_that_is_not_known_in_the_end_is_said_to_be_so_and_not_written(self):
         brief = self.folder / "brief"
