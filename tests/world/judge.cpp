@@ -13,7 +13,7 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::nanoseconds kSameTime = std::chrono::milliseconds(1);
-constexpr int kHomeRows = 30;  // that decide a map's home, and with fewer of which a place is no further one
+constexpr int kHomeRows = 30;  // that decide a map's home, and fewer of which tell too little of a frame
 
 /// What a frame shows and where the tracker believed to be.
 struct JudgedFrame {
@@ -159,13 +159,14 @@ class Judge {
     }
   }
 
-  /// The map's frames in the phase in which it was begun.
+  /// The map's frames in the phase in which it was begun; where these are few, in the phases after it too.
   [[nodiscard]] Rows first_frames(size_t map) const {
     Rows first;
     for (const JudgedWalk& walk : walks_) {
       for (const JudgedFrame& frame : walk.frames) {
-        if (frame.map == map && (first.empty() || frame.phase == first.front()->phase))
-          first.push_back(&frame);
+        if (frame.map != map) continue;
+        if (first.size() >= kHomeRows && frame.phase != first.back()->phase) break;
+        first.push_back(&frame);
       }
       if (!first.empty()) break;
     }

@@ -228,6 +228,20 @@ TEST(Judge, NothingTrackedIsNothingFound) {
   EXPECT_FALSE(verdict.passes());
 }
 
+TEST(Judge, MapBegunAtTheEndOfAPhaseHasItsFrameFromTheNext) {
+  const auto a_little_off = [](WalkBuilder* walk) {
+    return [walk](Trajectory* estimate, Timestamp time, const SE3& pose) {
+      walk->in(kFirst, kPhaseFrames - 3, shifted(0.01 * std::sin(1e3 * time.seconds())))(estimate, time,
+                                                                                         pose);
+    };
+  };
+  WalkBuilder walk({"a"});
+  walk.phase(PhaseKind::kWalk, 0, a_little_off(&walk))
+      .phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst));
+  EXPECT_TRUE(judge({walk.get()}).passes());
+}
+
 TEST(Judge, MapOfAStandingCameraIsNotTakenForRight) {
   WalkBuilder walk({"a"});
   walk.phase(PhaseKind::kMap, 0, [](Trajectory* estimate, Timestamp time, const SE3& /*pose*/) {
