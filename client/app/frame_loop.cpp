@@ -148,16 +148,25 @@ void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
 }
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {
-  if (answer.verdict == PlaceVerdict::kNotThere) return tracker_.place_left_open();
+  const bool tried = try_place(answer);
+  notify(&FrameObserver::on_place_answer, PlaceReport{frames_seen_, asked_, answer, tried});
+}
+
+bool FrameLoop::try_place(const PlaceAnswer& answer) {
+  if (answer.verdict == PlaceVerdict::kNotThere) {
+    tracker_.place_left_open();
+    return false;
+  }
   const auto place = best_place(answer);
   const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
                                                                place->camera_from_keyframe})
                                 : std::nullopt;
   const PlaceUse use = tracker_.place_answered(suggestion);
   if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kTried);
-  if (use != PlaceUse::kTried) return;
+  if (use != PlaceUse::kTried) return false;
   link_.use_map(place->map, place->epoch, place->revision);
   on_trial_ = place->map;
+  return true;
 }
 
 /// A tracker that has found its pose in the map it was in stays there, whatever was suggested meanwhile.
@@ -178,7 +187,10 @@ bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   // A server that does not know the map would refuse each keyframe of it.
   if (result.keyframe && (!last_status_ || last_status_->map_known))
     link_.send_offer(*result.keyframe, frame.image, frame.time);
-  if (result.place_question) link_.send_question(result.place_question, frame.time);
+  if (result.place_question) {
+    link_.send_question(result.place_question, frame.time);
+    asked_ = frame.time;
+  }
   return result.seed || result.keyframe || result.place_question;
 }
 

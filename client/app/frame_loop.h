@@ -52,6 +52,8 @@ class FrameLoop {
   void handle(const UndecodableFrame& undecodable);
   void observe_status(const SessionStatus& status);
   void deliver_place(const PlaceAnswer& answer);
+  /// Whether the tracker will.
+  [[nodiscard]] bool try_place(const PlaceAnswer& answer);
   void keep_proven_map(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
@@ -83,7 +85,8 @@ class FrameLoop {
   /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
   /// did not hold costs a start no patience.
   bool has_tracked_ = false;
-  MapId on_trial_;  ///< in use because a place in it was suggested, and not proven yet
+  Timestamp asked_;  ///< of the frame of the latest question
+  MapId on_trial_;   ///< in use because a place in it was suggested, and not proven yet
 };
 
 }  // namespace cairn

@@ -69,6 +69,10 @@ class Notes final : public FrameObserver {
     for (const auto& reply : replies)
       words.emplace_back(reply.accepted ? "accepted" : "refused: " + reply.reason);
   }
+  void on_place_answer(const PlaceReport& report) override {
+    answers.push_back(fmt::format("{} ms: {}{}", (report.asked - Timestamp()).count() / 1'000'000,
+                                  to_string(report.answer.verdict), report.tried ? ", tried" : ""));
+  }
   void on_status(const SessionStatus& status) override { words.push_back(status.text); }
   void on_camera(const CameraNews& news) override { words.push_back(fmt::format("camera {}", news.version)); }
   void on_unsettled(size_t) override { words.emplace_back("unsettled"); }
@@ -78,6 +82,7 @@ class Notes final : public FrameObserver {
   std::vector<size_t> numbers;
   std::vector<LabelListPtr> labels;
   std::vector<std::string> words;
+  std::vector<std::string> answers;
 };
 
 struct Rig {
@@ -190,6 +195,19 @@ TEST(FrameLoop, InLockstepTheNextFrameWaitsForTheReplicaOfThePlace) {
   rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle", "use 7 at 5", "settle"));
+}
+
+TEST(FrameLoop, AnAnswerIsReportedWithTheFrameThatWasAskedAbout) {
+  Rig rig({lost, asking, lost, asking, lost});
+  rig.options.pace = Pace::kLockstep;
+  rig.link.on_settled = [&rig] {
+    rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kUnconfirmed);
+    rig.link.on_settled = [&rig] {  // of the replica
+      rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kNotThere); };
+    };
+  };
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.notes.answers, ElementsAre("33 ms: unconfirmed, tried", "99 ms: not there"));
 }
 
 TEST(FrameLoop, ATrackerThatFindsBackByItselfStaysInItsMap) {

@@ -54,6 +54,14 @@ struct StartOverReport {
   bool makes_map = true;
 };
 
+/// The server's answer to the question where the camera is.
+struct PlaceReport {
+  size_t number = 0;  ///< of the next frame
+  Timestamp asked;    ///< of the frame of the latest question, to which this is the answer
+  const PlaceAnswer& answer;
+  bool tried = false;  ///< its place will be, in the next frame that comes with the map
+};
+
 /// Hears what happens in the frame loop, in order, on its thread: must return at once.
 class FrameObserver {
  public:
@@ -64,6 +72,7 @@ class FrameObserver {
   virtual void on_seed_reply(const SeedReply&) {}
   /// Those that came since the frame before, at least one.
   virtual void on_offer_replies(const std::vector<OfferReply>&) {}
+  virtual void on_place_answer(const PlaceReport&) {}
   /// The link to the server is in another state, or its words have changed.
   virtual void on_status(const SessionStatus&) {}
   /// Other values of the camera, with which this frame and those that follow are tracked.

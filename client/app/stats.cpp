@@ -46,6 +46,10 @@ bool has_point_of(const MapSnapshot& snapshot, KeyframeId keyframe) {
       });
 }
 
+Json map_json(const MapId& map) {
+  return map ? Json(to_hex(map.bytes)) : Json(nullptr);
+}
+
 double share(size_t part, size_t whole) {
   return whole == 0 ? 0.0 : static_cast<double>(part) / static_cast<double>(whole);
 }
@@ -89,7 +93,10 @@ void RunStats::on_frame(const FrameReport& report) {
   if (!first_map_frame_ && report.state != FrameState::kStarting) first_map_frame_ = frames_total_;
   if (is_tracked(report.state)) {
     row.map = result.map;
-    if (current_map_ && current_map_ != result.map) ++switches_;
+    if (current_map_ && current_map_ != result.map) {
+      ++switches_;
+      awaited_.clear();  // keyframes of the other map
+    }
     current_map_ = result.map;
     for (size_t s = 0; s < kStageCount; ++s) stage_ms_[s].add(to_ms(report.stages[s]));
     stage_ms_[kStageCount].add(row.cpu_ms);
@@ -138,6 +145,14 @@ void RunStats::note_new_points(const MapSnapshot& snapshot, Timestamp now) {
   });
 }
 
+void RunStats::on_place_answer(const PlaceReport& report) {
+  if (list_ == FrameList::kLeftOut) return;
+  const PlaceAnswer& answer = report.answer;
+  AnswerRow row{report.asked, answer.verdict, {}, report.tried};
+  if (has_place(answer.verdict) && !answer.candidates.empty()) row.map = answer.candidates.front().map;
+  answers_.push_back(row);
+}
+
 double RunStats::tracked_share() const {
   return first_map_frame_ ? share(tracked(), frames_total_ - *first_map_frame_) : 0.0;
 }
@@ -175,13 +190,21 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
   for (const auto& row : frames_) {
     frames.push_back({{"t", row.time.seconds()},
                       {"state", to_string(row.state)},
-                      {"map", row.map ? Json(to_hex(row.map.bytes)) : Json(nullptr)},
+                      {"map", map_json(row.map)},
                       {"inliers", row.inliers},
                       {"attempted", row.attempted},
                       {"cpu_ms", rounded_ms(row.cpu_ms)},
                       {"wall_ms", rounded_ms(row.wall_ms)}});
   }
   json["frames"] = std::move(frames);
+  Json answers = Json::array();
+  for (const auto& row : answers_) {
+    answers.push_back({{"t", row.asked.seconds()},
+                       {"verdict", to_string(row.verdict)},
+                       {"map", map_json(row.map)},
+                       {"tried", row.tried}});
+  }
+  json["answers"] = std::move(answers);
   return json.dump(1) + "\n";
 }
 

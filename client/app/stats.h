@@ -39,7 +39,8 @@ class StageClock final : public StageProbe {
 /// Collects what `--stats` writes. Used from the thread of the frame loop.
 class RunStats final : public FrameObserver {
  public:
-  /// The list of frames grows with the run, all else does not: without it a camera may run for months.
+  /// The lists of frames and answers grow with the run, all else does not: without it a camera may run for
+  /// months.
   enum class FrameList : uint8_t { kKept, kLeftOut };
   explicit RunStats(FrameList list) : list_(list) {}
 
@@ -48,6 +49,7 @@ class RunStats final : public FrameObserver {
   void on_undecodable(const UndecodableReport& report) override;
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
+  void on_place_answer(const PlaceReport& report) override;
 
   /// The JSON of client/app/README.md. Percentiles are over tracked frames. `first_map_frame`, of all frames
   /// of the source from 0, is the first that had a map to be tracked in, whether it was or not; null without
@@ -73,6 +75,13 @@ class RunStats final : public FrameObserver {
     double wall_ms = 0;
   };
 
+  struct AnswerRow {
+    Timestamp asked;
+    PlaceVerdict verdict = PlaceVerdict::kNotKnown;
+    MapId map;  ///< of the best place; none: no place
+    bool tried = false;
+  };
+
   void add(const FrameRow& row);
   void note_new_points(const MapSnapshot& snapshot, Timestamp now);
   [[nodiscard]] size_t count(FrameState state) const { return counts_[static_cast<size_t>(state)]; }
@@ -82,6 +91,7 @@ class RunStats final : public FrameObserver {
 
   const FrameList list_;
   std::vector<FrameRow> frames_;
+  std::vector<AnswerRow> answers_;
   size_t frames_total_ = 0;
   std::array<size_t, 5> counts_{};  ///< by FrameState
   size_t on_time_ = 0;

@@ -110,6 +110,26 @@ TEST_F(StatsTest, AFrameHasTheContractsFields) {
   EXPECT_TRUE(frames[1]["map"].is_null());
 }
 
+TEST_F(StatsTest, AnAnswerHasTheFrameThatWasAskedAboutAndItsBestPlace) {
+  PlaceAnswer answer;
+  answer.verdict = PlaceVerdict::kUnconfirmed;
+  answer.candidates.resize(2);
+  answer.candidates[0].map = bench_;
+  answer.candidates[1].map = desk_;
+  stats_.on_place_answer({3, at_ms(66), answer, true});
+  answer.verdict = PlaceVerdict::kNotKnown;  // these are what was looked at in vain
+  stats_.on_place_answer({5, at_ms(133), answer, false});
+  const auto answers = json()["answers"];
+  ASSERT_EQ(answers.size(), 2U);
+  EXPECT_DOUBLE_EQ(answers[0]["t"], 0.066);
+  EXPECT_EQ(answers[0]["verdict"], "unconfirmed");
+  EXPECT_EQ(answers[0]["map"], to_hex(bench_.bytes));
+  EXPECT_EQ(answers[0]["tried"], true);
+  EXPECT_EQ(answers[1]["verdict"], "not known");
+  EXPECT_TRUE(answers[1]["map"].is_null());
+  EXPECT_EQ(answers[1]["tried"], false);
+}
+
 TEST_F(StatsTest, PercentilesAreOverTrackedFramesOnly) {
   add(FrameState::kStarting, {}, milliseconds(900));
   for (int i = 1; i <= 100; ++i) add(FrameState::kTracking, desk_, milliseconds(i));
@@ -157,7 +177,7 @@ TEST_F(StatsTest, AMapThatWasNeverTrackedInIsNoSuccess) {
   EXPECT_THAT(stats_.summary_lines(), ::testing::Contains("in a map from frame 1, never tracked"));
 }
 
-TEST_F(StatsTest, WithoutTheListTheFiguresAreTheSame) {
+TEST_F(StatsTest, WithoutTheListsTheFiguresAreTheSame) {
   RunStats counts(RunStats::FrameList::kLeftOut);
   const Frame frame = make_frame(0, at_ms(0));
   const auto add_to_both = [&](FrameState state) {
@@ -169,12 +189,16 @@ TEST_F(StatsTest, WithoutTheListTheFiguresAreTheSame) {
   for (const FrameState state : {FrameState::kStarting, FrameState::kTracking, FrameState::kLost}) {
     add_to_both(state);
   }
+  for (RunStats* stats : {&counts, &stats_}) stats->on_place_answer({1, at_ms(0), PlaceAnswer{}, false});
   auto kept = json();
   auto left_out = nlohmann::json::parse(counts.to_json(1234, 5678));
   EXPECT_EQ(kept["frames"].size(), 3U);
-  EXPECT_TRUE(left_out["frames"].empty());
-  kept.erase("frames");
-  left_out.erase("frames");
+  EXPECT_EQ(kept["answers"].size(), 1U);
+  for (const char* list : {"frames", "answers"}) {
+    EXPECT_TRUE(left_out[list].empty());
+    kept.erase(list);
+    left_out.erase(list);
+  }
   EXPECT_EQ(kept, left_out);
   EXPECT_EQ(stats_.summary_lines(), counts.summary_lines());
 }

@@ -172,7 +172,7 @@ void Receiver::act_on(const wire::SeedVerdict& verdict) {
     state_.choose_map(verdict.map);
     state_.own_map = verdict.map;
     state_.monitor.map_listed(verdict.map, state_.monitor.server());
-    state_.required = RequiredRevision{verdict.map, verdict.epoch, verdict.revision};
+    state_.require({verdict.map, verdict.epoch, verdict.revision});
   } else {
     state_.seed_reply = SeedReply{std::nullopt, verdict.reason};
   }
@@ -197,7 +197,7 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
   for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
   if (!verdict.recent.empty() && verdict.recent.back().revision) {
     const wire::OfferOutcome& newest = verdict.recent.back();
-    state_.required = RequiredRevision{newest.map, newest.epoch, newest.revision};
+    state_.require({newest.map, newest.epoch, newest.revision});
   }
   state_.for_sender.notify_one();  // there may be credit again
   state_.for_waiters.notify_all();

@@ -114,7 +114,7 @@ void Session::use_map(MapId map, Epoch epoch, Revision revision) {
   {
     const std::scoped_lock lock(state_->shared.mutex);
     state_->shared.choose_map(map);
-    if (map) state_->shared.required = RequiredRevision{map, epoch, revision};
+    if (map) state_->shared.require({map, epoch, revision});
     state_->shared.tracker_changed = true;
   }
   state_->receiver->map_changed();

@@ -176,6 +176,14 @@ struct SessionState {
     const auto other = other_camera_of(map);
     return !other || find_camera(*other) != nullptr;
   }
+  /// A revision is to be waited for, unless a later one of its map is or another map is in use: the server
+  /// tells its latest verdict on offers again with each one on a seed, and what that asks for is over.
+  void require(const RequiredRevision& wanted) {
+    if (wanted.map != map_in_use) return;
+    const bool is_later = !required || required->map != wanted.map || required->epoch < wanted.epoch ||
+                          (required->epoch == wanted.epoch && required->revision < wanted.revision);
+    if (is_later) required = wanted;
+  }
   /// Whether `required` is swapped in.
   [[nodiscard]] bool is_current() const {
     if (!required || required->map != map_in_use) return true;

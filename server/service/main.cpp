@@ -51,6 +51,7 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.profile = options.profile;
   service.seed = options.seed;
   service.mapping.adjuster = options.adjuster;
+  service.relocalization.method = options.relocalizer;
   service.max_maps = options.max_maps;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.store = options.store;

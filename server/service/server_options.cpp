@@ -48,6 +48,10 @@ constexpr OptionRow kOptions[] = {
     {"seed", "N", "makes all ids reproducible; 0: random [0]", true},
     {"adjuster", "own|ceres", "solver of bundle adjustment; ceres is the slow, independent check [own]",
      true},
+    {"relocalizer", "improved|paper",
+     "how a lost camera is found: paper is the method of 2008, for comparison, which takes the picture most "
+     "alike for the place, wherever that is [improved]",
+     true},
     {"max-maps", "N", "maps at most [1000]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
@@ -132,6 +136,9 @@ Result<ServerOptions> translate(const Words& words) {
     } else if (name == "adjuster") {
       if (value != "own" && value != "ceres") return refuse("expected own or ceres");
       options.adjuster = value == "own" ? Adjuster::kOwn : Adjuster::kCeres;
+    } else if (name == "relocalizer") {
+      if (value != "improved" && value != "paper") return refuse("expected improved or paper");
+      options.relocalizer = value == "improved" ? RelocMethod::kImproved : RelocMethod::kPaper;
     } else if (name == "max-maps") {
       const auto maps = to_number<size_t>(value);
       if (!maps || *maps == 0) return refuse("expected a number from 1 on");

@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
 #include "server/service/wearer_rule.h"
 
 namespace cairn {
@@ -22,6 +23,7 @@ struct ServerOptions {
   std::string profile = "loopback";
   uint64_t seed = 0;  ///< 0: ids are random
   Adjuster adjuster = Adjuster::kOwn;
+  RelocMethod relocalizer = RelocMethod::kImproved;
   size_t max_maps = 1000;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   std::string store;                             ///< folder; empty: nothing is kept

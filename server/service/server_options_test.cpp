@@ -67,6 +67,15 @@ TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
   EXPECT_THAT(refused({"--wearer-rule", "none"}).text, HasSubstr("first or only"));
 }
 
+TEST_F(ServerOptionsTest, TheRelocalizerIsChosen) {
+  EXPECT_EQ(accepted({}).relocalizer, RelocMethod::kImproved);
+  EXPECT_EQ(accepted({"--relocalizer", "paper"}).relocalizer, RelocMethod::kPaper);
+  const auto path = configuration("relocalizer: paper\n");
+  EXPECT_EQ(accepted({"--config", path}).relocalizer, RelocMethod::kPaper);
+  EXPECT_EQ(accepted({"--config", path, "--relocalizer=improved"}).relocalizer, RelocMethod::kImproved);
+  EXPECT_THAT(refused({"--relocalizer", "2008"}).text, HasSubstr("improved or paper"));
+}
+
 TEST_F(ServerOptionsTest, TheCommandLineWinsOverTheFile) {
   const auto path = configuration("domain: 7\nprofile: wifi\nseed: 12345678901234567890\n");
   const ServerOptions options = accepted({"--config", path, "--domain=9", "-v"});
@@ -114,7 +123,7 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   EXPECT_EQ(help.code, 0);
   for (const char* word :
        {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
-        "--seed", "--max-maps", "--max-memory", "--wearer-rule", "--wearers", "--stats"}) {
+        "--seed", "--max-maps", "--max-memory", "--relocalizer", "--wearer-rule", "--wearers", "--stats"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -112,6 +112,21 @@ TEST_F(SessionTest, InLockstepAnAcceptedKeyframeIsInTheReplicaWhenTheWaitEnds) {
   }
 }
 
+TEST_F(SessionTest, InLockstepAMapBegunAfterAnotherIsThereWhenTheWaitEnds) {
+  seed();
+  testing::Frame frame = testing::make_offer(scene_, *session_->snapshot(), 4);
+  session_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{4});
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  session_->leave_map();
+  session_->send_seed(testing::make_seed(testing::Scene(12)));
+  ASSERT_TRUE(session_->wait_until_settled(60s)) << session_->status().text;
+  const auto reply = session_->take_seed_reply();
+  ASSERT_TRUE(reply && reply->answer) << (reply ? reply->reason : "no reply");
+  ASSERT_NE(session_->snapshot(), nullptr);
+  EXPECT_EQ(session_->snapshot()->map, reply->answer->map);
+  EXPECT_EQ(service_->maps().size(), 2U);
+}
+
 TEST_F(SessionTest, ARefusedOfferHasAReason) {
   seed();
   testing::Frame frame = testing::make_offer(scene_, *session_->snapshot(), testing::kSecondView);

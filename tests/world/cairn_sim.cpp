@@ -127,6 +127,7 @@ struct JudgeRequest {
   std::vector<std::string> pairs;  ///< recording, trajectory, recording, ...
   bool json = false;
   bool check = false;
+  MapExtent extent = MapExtent::kOnePlace;
 };
 
 CLI::App* declare_judge(CLI::App* app, JudgeRequest* request) {
@@ -138,13 +139,16 @@ CLI::App* declare_judge(CLI::App* app, JudgeRequest* request) {
       ->required()
       ->type_name("RECORDING TRAJECTORY");
   command->add_flag("--json", request->json, "one JSON document on stdout");
+  command->add_flag_callback(
+      "--many-places", [request] { request->extent = MapExtent::kManyPlaces; },
+      "a map is the map of every place that was mapped in it, not only of the first; tells its drift");
   command->add_flag(
       "--check", request->check,
       "exit code 1 unless every place is mapped and found at every visit, without a wrong lock");
   return command;
 }
 
-Result<Verdict> judge_files(const std::vector<std::string>& pairs) {
+Result<Verdict> judge_files(const std::vector<std::string>& pairs, MapExtent extent) {
   if (pairs.size() % 2 != 0)
     return fail(ErrorCode::kUsage, "judge: pairs of recording and trajectory, please");
   std::vector<WalkRecord> walks;
@@ -153,7 +157,7 @@ Result<Verdict> judge_files(const std::vector<std::string>& pairs) {
     if (!walk) return tl::unexpected(walk.error());
     walks.push_back(std::move(*walk));
   }
-  return judge(walks);
+  return judge(walks, extent);
 }
 
 int report(const Error& error) {
@@ -206,7 +210,7 @@ int run(int argc, char** argv) {
     return finish_output();
   }
   if (judge_command->parsed()) {
-    const auto verdict = judge_files(judge_request.pairs);
+    const auto verdict = judge_files(judge_request.pairs, judge_request.extent);
     if (!verdict) return report(verdict.error());
     std::cout << (judge_request.json ? verdict_json(*verdict) : verdict_text(*verdict));
     if (const int code = finish_output(); code != 0) return code;

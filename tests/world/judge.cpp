@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 #include <numbers>
+#include <ranges>
 
 #include "common/geometry/alignment.h"
 #include "common/io/text.h"
@@ -12,19 +13,29 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::nanoseconds kSameTime = std::chrono::milliseconds(1);
-constexpr int kHomeRows = 30;  // that decide a map's home
+constexpr int kHomeRows = 30;  // that decide a map's home, and fewer of which tell too little of a frame
 
 /// What a frame shows and where the tracker believed to be.
 struct JudgedFrame {
   Timestamp time;
   std::optional<int> shown;   ///< the place that fills most of it
-  std::vector<SE3> map_from;  ///< of every place, as last seen
+  std::vector<SE3> map_from;  ///< of every place, as seen last, or first if not yet
   SE3 map_from_camera;        ///< truth
   size_t phase = 0;           ///< index
   std::optional<size_t> map;  ///< index of the map that it was tracked in
   SE3 estimate;               ///< camera in that map
   std::optional<double> off;  ///< m from the truth
   bool right = false;
+};
+using Rows = std::vector<const JudgedFrame*>;
+/// A part of a map: its frame and scale about a place.
+struct Home {
+  int place = 0;
+  Similarity3 home_from_map;
+};
+struct PoseError {
+  double metres = 0;
+  double degrees = 0;
 };
 struct JudgedWalk {
   std::vector<JudgedFrame> frames;
@@ -38,8 +49,39 @@ auto find_time(Items& items, Timestamp time, TimeOf time_of) {
   return found != items.end() && std::invoke(time_of, *found) - time <= kSameTime ? &*found : nullptr;
 }
 
+PoseError error_about(const Home& home, const JudgedFrame& frame) {
+  const SE3 truth = frame.map_from[static_cast<size_t>(home.place)].inverse() * frame.map_from_camera;
+  const SE3 estimate = home.home_from_map.transform_camera(frame.estimate.inverse()).inverse();
+  return {(estimate.translation() - truth.translation()).norm(),
+          truth.rotation().angularDistance(estimate.rotation()) * 180 / std::numbers::pi};
+}
+
+/// None where the camera moved too little.
+std::optional<Home> find_home(int place, const Rows& rows) {
+  std::vector<Eigen::Vector3d> estimate;
+  std::vector<Eigen::Vector3d> truth;
+  for (const JudgedFrame* frame : rows) {
+    estimate.push_back(frame->estimate.translation());
+    truth.push_back(
+        (frame->map_from[static_cast<size_t>(place)].inverse() * frame->map_from_camera).translation());
+  }
+  const auto aligned = align_points(estimate, truth, true);
+  return aligned ? std::optional(Home{place, *aligned}) : std::nullopt;
+}
+
+/// How far off the rows are, in metres: the median.
+double drift_about(const Home& home, const Rows& rows) {
+  std::vector<double> metres;
+  for (const JudgedFrame* frame : rows) metres.push_back(error_about(home, *frame).metres);
+  const auto middle = metres.begin() + static_cast<ptrdiff_t>(metres.size() / 2);
+  std::nth_element(metres.begin(), middle, metres.end());
+  return *middle;
+}
+
 class Judge {
  public:
+  explicit Judge(MapExtent extent) : extent_(extent) {}
+
   Verdict run(const std::vector<WalkRecord>& walks) {
     for (const WalkRecord& walk : walks) list_places(walk.annotation);
     for (const WalkRecord& walk : walks) {
@@ -77,19 +119,19 @@ class Judge {
     JudgedWalk walk;
     walk.phases = annotation.phases;
     for (Annotation::TimedPhase& phase : walk.phases) phase.place = known[static_cast<size_t>(phase.place)];
-    std::vector<SE3> map_from(verdict_.places.size());
+    map_from_.resize(verdict_.places.size());
+    // Before it is seen, a place is where it is seen first.
+    for (const Annotation::Frame& frame : std::views::reverse(annotation.frames)) see(frame, known);
     size_t phase = 0;
     for (const Annotation::Frame& frame : annotation.frames) {
-      for (const auto& share : frame.shares) {
-        map_from[static_cast<size_t>(known[static_cast<size_t>(share.place)])] = share.map_from_place;
-      }
+      see(frame, known);
       while (phase + 1 < walk.phases.size() && frame.time >= walk.phases[phase].end) ++phase;
       const StampedPose* truth = find_time(record.truth, frame.time, &StampedPose::time);
       if (truth == nullptr) continue;
       JudgedFrame judged;
       judged.time = frame.time;
       if (!frame.shares.empty()) judged.shown = known[static_cast<size_t>(frame.shares.front().place)];
-      judged.map_from = map_from;
+      judged.map_from = map_from_;
       judged.map_from_camera = truth->map_from_camera;
       judged.phase = phase;
       walk.frames.push_back(std::move(judged));
@@ -97,11 +139,17 @@ class Judge {
     walks_.push_back(std::move(walk));
   }
 
+  void see(const Annotation::Frame& frame, const std::vector<int>& known) {
+    for (const auto& share : frame.shares) {
+      map_from_[static_cast<size_t>(known[static_cast<size_t>(share.place)])] = share.map_from_place;
+    }
+  }
+
   void enter_estimate(const Trajectory& estimate) {
     for (const TrajectorySegment& segment : estimate.segments) {
       const auto found = std::ranges::find(verdict_.maps, segment.map, &MapVerdict::id);
       const auto map = static_cast<size_t>(found - verdict_.maps.begin());
-      if (found == verdict_.maps.end()) verdict_.maps.push_back({segment.map, segment.map_name, {}});
+      if (found == verdict_.maps.end()) verdict_.maps.push_back({segment.map, segment.map_name, {}, {}});
       for (const StampedPose& row : segment.poses) {
         JudgedFrame* frame = find_time(walks_.back().frames, row.time, &JudgedFrame::time);
         if (frame == nullptr) continue;
@@ -111,20 +159,21 @@ class Judge {
     }
   }
 
-  /// The map's frames in the phase in which it was begun.
-  [[nodiscard]] std::vector<const JudgedFrame*> first_frames(size_t map) const {
-    std::vector<const JudgedFrame*> first;
+  /// The map's frames in the phase in which it was begun; where these are few, in the phases after it too.
+  [[nodiscard]] Rows first_frames(size_t map) const {
+    Rows first;
     for (const JudgedWalk& walk : walks_) {
       for (const JudgedFrame& frame : walk.frames) {
-        if (frame.map == map && (first.empty() || frame.phase == first.front()->phase))
-          first.push_back(&frame);
+        if (frame.map != map) continue;
+        if (first.size() >= kHomeRows && frame.phase != first.back()->phase) break;
+        first.push_back(&frame);
       }
       if (!first.empty()) break;
     }
     return first;
   }
 
-  static std::optional<int> home_of(const std::vector<const JudgedFrame*>& first) {
+  static std::optional<int> home_of(const Rows& first) {
     std::map<int, int> votes;
     for (const JudgedFrame* frame : std::span(first).first(std::min<size_t>(first.size(), kHomeRows))) {
       if (frame->shown) ++votes[*frame->shown];
@@ -135,36 +184,55 @@ class Judge {
 
   void judge_map(size_t map) {
     MapVerdict& verdict = verdict_.maps[map];
-    const auto first = first_frames(map);
+    const Rows first = first_frames(map);
     verdict.home = home_of(first);
-    std::optional<Similarity3> home_from_map;
-    if (verdict.home) {
-      const auto home = static_cast<size_t>(*verdict.home);
-      ++verdict_.places[home].maps;
-      std::vector<Eigen::Vector3d> estimate;
-      std::vector<Eigen::Vector3d> truth;
-      for (const JudgedFrame* frame : first) {
-        estimate.push_back(frame->estimate.translation());
-        truth.push_back((frame->map_from[home].inverse() * frame->map_from_camera).translation());
-      }
-      if (const auto aligned = align_points(estimate, truth, true)) home_from_map = *aligned;
+    if (verdict.home) ++verdict_.places[static_cast<size_t>(*verdict.home)].maps;
+    std::vector<Home> homes;
+    if (const auto home = verdict.home ? find_home(*verdict.home, first) : std::nullopt) {
+      homes.push_back(*home);
+      verdict.homes.push_back({home->place, 0});
+      if (extent_ == MapExtent::kManyPlaces) add_homes(map, &homes);
     }
-    verdict.judged = home_from_map.has_value();
+    verdict.judged = !homes.empty();
     for (JudgedWalk& walk : walks_) {
       for (JudgedFrame& frame : walk.frames) {
         if (frame.map != map) continue;
-        if (home_from_map) judge_row(*verdict.home, *home_from_map, &frame);
+        if (verdict.judged) judge_row(homes, &frame);
         ++(frame.right ? verdict.right : verdict.wrong);
       }
     }
   }
 
-  static void judge_row(int home, const Similarity3& home_from_map, JudgedFrame* frame) {
-    const SE3 truth = frame->map_from[static_cast<size_t>(home)].inverse() * frame->map_from_camera;
-    const SE3 estimate = home_from_map.transform_camera(frame->estimate.inverse()).inverse();
-    frame->off = (estimate.translation() - truth.translation()).norm();
-    const double degrees = truth.rotation().angularDistance(estimate.rotation()) * 180 / std::numbers::pi;
-    frame->right = *frame->off <= kRightMetres && degrees <= kRightDegrees;
+  /// The further places that are mapped in it.
+  void add_homes(size_t map, std::vector<Home>* homes) {
+    for (const JudgedWalk& walk : walks_) {
+      for (size_t phase = 0; phase < walk.phases.size(); ++phase) {
+        const int place = walk.phases[phase].place;
+        if (walk.phases[phase].kind != PhaseKind::kMap || place == homes->front().place) continue;
+        Rows rows;
+        for (const JudgedFrame& frame : walk.frames) {
+          if (frame.phase == phase && frame.map == map) rows.push_back(&frame);
+        }
+        if (rows.size() < kHomeRows) continue;
+        const auto home = find_home(place, rows);
+        const double drift = drift_about(homes->front(), rows);
+        if (!home || drift > kMostDrift) continue;
+        homes->push_back(*home);
+        verdict_.maps[map].homes.push_back({place, drift});
+        ++verdict_.places[static_cast<size_t>(place)].maps;
+      }
+    }
+  }
+
+  static void judge_row(const std::vector<Home>& homes, JudgedFrame* frame) {
+    const auto distance = [&](const Home& home) {
+      return (frame->map_from[static_cast<size_t>(home.place)].translation() -
+              frame->map_from_camera.translation())
+          .norm();
+    };
+    const PoseError off = error_about(*std::ranges::min_element(homes, {}, distance), *frame);
+    frame->off = off.metres;
+    frame->right = off.metres <= kRightMetres && off.degrees <= kRightDegrees;
   }
 
   void judge_visits(const JudgedWalk& walk) {
@@ -184,12 +252,16 @@ class Judge {
     if (!frame.map) return;
     if (!frame.right) {
       ++visit->wrong;
-    } else if (verdict_.maps[*frame.map].home == place) {
+    } else if (is_home(verdict_.maps[*frame.map], place)) {
       if (!visit->frames_to_lock) visit->frames_to_lock = visit->frames - 1;
       ++visit->right;
     } else {
       ++visit->elsewhere;
     }
+  }
+
+  static bool is_home(const MapVerdict& map, int place) {
+    return std::ranges::find(map.homes, place, &HomeVerdict::place) != map.homes.end();
   }
 
   void list_wrong_locks(const JudgedWalk& walk) {
@@ -213,7 +285,9 @@ class Judge {
     }
   }
 
+  const MapExtent extent_;
   Verdict verdict_;
+  std::vector<SE3> map_from_;  ///< of every place, as last seen, also in an earlier walk
   std::vector<JudgedWalk> walks_;
 };
 
@@ -262,8 +336,8 @@ bool Verdict::passes() const {
   return places_mapped() == places_to_map() && places_found() == places_to_map() && wrong_locks.empty();
 }
 
-Verdict judge(const std::vector<WalkRecord>& walks) {
-  return Judge().run(walks);
+Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent) {
+  return Judge(extent).run(walks);
 }
 
 }  // namespace cairn

@@ -28,16 +28,33 @@ struct WalkRecord {
 constexpr double kRightMetres = 0.15;
 constexpr double kRightDegrees = 10;
 
+/// A place whose part of a map has moved further than this is not a part of it.
+constexpr double kMostDrift = 0.5;
+
+/// How many places a map may be the map of.
+enum class MapExtent : uint8_t {
+  kOnePlace,
+  kManyPlaces,  ///< of every place in whose phase kMap it was tracked for a second at least
+};
+
+/// What a map is the map of. Its frame and scale there are found from the rows of the phase.
+struct HomeVerdict {
+  int place = 0;
+  double drift = 0;  ///< [m] of the phase's poses by the first home's frame and scale: median; 0 of the first
+};
+
 /// A map by its home, the place that it was begun at. Its frame and scale are found from the rows of the
 /// phase in which it was begun; a later row is right if, moved by the same similarity, it agrees with the
-/// truth about the home, wherever the home has moved since.
+/// truth about the home, wherever the home has moved since. Of several homes, the one nearest to the camera
+/// counts.
 struct MapVerdict {
   MapId id;
   std::string name;
-  std::optional<int> home;  ///< none if no place was in view
-  bool judged = false;      ///< false without a home, or where the camera moved too little to find the frame
-  int right = 0;            ///< rows
-  int wrong = 0;            ///< rows, also all of a map that cannot be judged
+  std::optional<int> home;         ///< none if no place was in view
+  std::vector<HomeVerdict> homes;  ///< `home` first, if judged; more of kManyPlaces only
+  bool judged = false;  ///< false without a home, or where the camera moved too little to find the frame
+  int right = 0;        ///< rows
+  int wrong = 0;        ///< rows, also all of a map that cannot be judged
 };
 
 struct VisitVerdict {
@@ -51,7 +68,7 @@ struct VisitVerdict {
 struct PlaceVerdict {
   std::string name;
   bool to_map = false;  ///< it has a phase kMap
-  int maps = 0;         ///< that have their home here
+  int maps = 0;         ///< that have a home here
   std::vector<VisitVerdict> visits;
 };
 
@@ -84,7 +101,7 @@ struct Verdict {
 };
 
 /// Walks in order, all in one world (places are matched by name); maps carry over from one to the next.
-[[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks);
+[[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent = MapExtent::kOnePlace);
 
 /// For people: one row a place, then the sums. And for machines: one JSON document.
 [[nodiscard]] std::string verdict_text(const Verdict& verdict);

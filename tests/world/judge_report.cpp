@@ -40,6 +40,14 @@ std::string verdict_text(const Verdict& verdict) {
     }
     text += '\n';
   }
+  for (const MapVerdict& map : verdict.maps) {
+    if (map.homes.size() < 2) continue;
+    text += fmt::format("map {} is of {} places; drift in metres from {}:", map_text(map.id, map.name),
+                        map.homes.size(), place_name(verdict, map.home));
+    for (const HomeVerdict& home : std::span(map.homes).subspan(1))
+      text += fmt::format(" {} {:.3f}", place_name(verdict, home.place), home.drift);
+    text += '\n';
+  }
   for (const WrongLock& lock : verdict.wrong_locks) {
     text +=
         fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}{}\n",
@@ -69,9 +77,13 @@ std::string verdict_json(const Verdict& verdict) {
         {{"name", place.name}, {"to_map", place.to_map}, {"maps", place.maps}, {"visits", visits}});
   }
   for (const MapVerdict& map : verdict.maps) {
+    auto homes = nlohmann::json::array();
+    for (const HomeVerdict& home : map.homes)
+      homes.push_back({{"place", place_name(verdict, home.place)}, {"drift", home.drift}});
     json["maps"].push_back({{"id", to_hex(map.id.bytes)},
                             {"name", map.name},
                             {"home", place_name(verdict, map.home)},
+                            {"homes", homes},
                             {"judged", map.judged},
                             {"right", map.right},
                             {"wrong", map.wrong}});

@@ -139,6 +139,20 @@ TEST(Judge, NeighbourSeenRightlyIsNeitherFoundNorWrong) {
   EXPECT_FALSE(verdict.places[1].visits[0].frames_to_lock);
 }
 
+TEST(Judge, HomeOutOfViewIsWhereItWasOrWillBeSeen) {
+  WalkBuilder making({"a", "b"});
+  making.phase(PhaseKind::kMap, 1, making.in(kFirst));
+  WalkBuilder coming({"a", "b"});
+  coming.phase(PhaseKind::kVisit, 0, coming.in(kFirst, 0, shifted(-3)));  // b's map reaches to a
+  WalkBuilder moved({"a", "b"});
+  moved.move(1, shifted(2))
+      .phase(PhaseKind::kVisit, 0, moved.in(kFirst, 0, shifted(-5)))
+      .phase(PhaseKind::kVisit, 1, moved.in(kFirst));
+  const Verdict verdict = judge({making.get(), coming.get(), moved.get()});
+  EXPECT_TRUE(verdict.wrong_locks.empty());
+  EXPECT_EQ(verdict.places[0].visits[0].elsewhere, kPhaseFrames);
+}
+
 TEST(Judge, MapGoesWithItsHome) {
   const SE3 moved(so3_exp({0, 0, 0.6}), Eigen::Vector3d(-2, 0.5, 0));
   WalkBuilder walk({"robot"});
@@ -169,6 +183,42 @@ TEST(Judge, HeldTooLongIsNotTakenForAnotherPlace) {
   EXPECT_FALSE(verdict.passes());
 }
 
+/// Three places in one map, the second a little off in it and the third in quite another place.
+WalkRecord walk_in_one_map() {
+  WalkBuilder walk({"a", "b", "c"});
+  const auto at = [](int place, double drift) { return shifted(3 * place + drift); };
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kMap, 1, walk.in(kFirst, 0, at(1, 2 * kRightMetres)))
+      .phase(PhaseKind::kMap, 2, walk.in(kFirst, 0, at(2, 2 * kMostDrift)))
+      .phase(PhaseKind::kVisit, 1, walk.in(kFirst, 5, at(1, 2 * kRightMetres)))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 5, at(1, 2 * kRightMetres)))  // b's part, as if it were b
+      .phase(PhaseKind::kVisit, 2, walk.in(kFirst, 5, at(2, 2 * kMostDrift)));
+  return walk.get();
+}
+
+TEST(Judge, OfAMapOfManyPlacesEachIsJudgedByItself) {
+  const Verdict verdict = judge({walk_in_one_map()}, MapExtent::kManyPlaces);
+  ASSERT_EQ(verdict.maps.size(), 1U);
+  const auto& homes = verdict.maps[0].homes;
+  ASSERT_EQ(homes.size(), 2U);  // the third has drifted too far to be one
+  EXPECT_EQ(homes[1].place, 1);
+  EXPECT_NEAR(homes[1].drift, 2 * kRightMetres, 1e-6);
+  EXPECT_EQ(verdict.places_mapped(), 2);
+  EXPECT_EQ(verdict.places[1].visits[0].frames_to_lock, 5);
+  EXPECT_EQ(verdict.places[1].visits[0].right, kPhaseFrames - 5);
+  EXPECT_EQ(verdict.places[0].visits[0].wrong, kPhaseFrames - 5);
+  EXPECT_EQ(verdict.places[2].visits[0].wrong, kPhaseFrames - 5);
+  EXPECT_NE(verdict_text(verdict).find("is of 2 places; drift in metres from a: b 0.300"), std::string::npos);
+  EXPECT_EQ(nlohmann::json::parse(verdict_json(verdict))["maps"][0]["homes"][1]["place"], "b");
+}
+
+TEST(Judge, AMapIsOfOnePlaceUnlessSaidOtherwise) {
+  const Verdict verdict = judge({walk_in_one_map()});
+  EXPECT_EQ(verdict.maps[0].homes.size(), 1U);
+  EXPECT_EQ(verdict.places_mapped(), 1);
+  EXPECT_EQ(verdict.places[1].visits[0].wrong, kPhaseFrames - 5);  // off by more than is right
+}
+
 TEST(Judge, NothingTrackedIsNothingFound) {
   WalkBuilder walk({"a"});
   walk.phase(PhaseKind::kMap, 0, WalkBuilder::lost).phase(PhaseKind::kVisit, 0, WalkBuilder::lost);
@@ -176,6 +226,20 @@ TEST(Judge, NothingTrackedIsNothingFound) {
   EXPECT_EQ(verdict.places_mapped(), 0);
   EXPECT_EQ(verdict.places_found(), 0);
   EXPECT_FALSE(verdict.passes());
+}
+
+TEST(Judge, MapBegunAtTheEndOfAPhaseHasItsFrameFromTheNext) {
+  const auto a_little_off = [](WalkBuilder* walk) {
+    return [walk](Trajectory* estimate, Timestamp time, const SE3& pose) {
+      walk->in(kFirst, kPhaseFrames - 3, shifted(0.01 * std::sin(1e3 * time.seconds())))(estimate, time,
+                                                                                         pose);
+    };
+  };
+  WalkBuilder walk({"a"});
+  walk.phase(PhaseKind::kWalk, 0, a_little_off(&walk))
+      .phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst));
+  EXPECT_TRUE(judge({walk.get()}).passes());
 }
 
 TEST(Judge, MapOfAStandingCameraIsNotTakenForRight) {
