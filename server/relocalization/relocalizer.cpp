@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 #include "server/relocalization/votes.h"
@@ -15,6 +16,9 @@ namespace {
 /// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
 /// lists are most of the time from some thousand keyframes on.
 constexpr size_t kVotingPictures = 512;
+/// Length of the two orders of merit that are fused. Where pictures or words are led astray (other light) the
+/// place is far down in both, yet at a like rank.
+constexpr size_t kFused = 128;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -25,17 +29,19 @@ std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vecto
   constexpr float kDamping = 60;
   constexpr float kOpposite = 2;  // cost of a picture that cannot be compared: a correlation of -1
   std::vector<std::pair<float, Ranked>> fused;
+  std::unordered_map<const IndexedKeyframe*, size_t> position;
   float rank = kDamping;
-  for (const Ranked& r : by_picture) fused.emplace_back(1 / ++rank, r);
+  for (const Ranked& r : by_picture) {
+    position.emplace(&r.indexed(), fused.size());
+    fused.emplace_back(1 / ++rank, r);
+  }
   rank = kDamping;
   for (const Voted& v : by_words) {
-    const auto same = std::find_if(fused.begin(), fused.end(), [&](const auto& f) {
-      return f.second.map == v.map && f.second.keyframe == v.keyframe;
-    });
-    if (same != fused.end()) {
-      same->first += 1 / ++rank;
+    const IndexedKeyframe& keyframe = *v.map->keyframes[v.keyframe];
+    if (const auto same = position.find(&keyframe); same != position.end()) {
+      fused[same->second].first += 1 / ++rank;
     } else {
-      const float cost = unlikeness(*v.map->keyframes[v.keyframe], query);
+      const float cost = unlikeness(keyframe, query);
       fused.emplace_back(1 / ++rank, Ranked{std::isfinite(cost) ? cost : kOpposite, v.map, v.keyframe});
     }
   }
@@ -114,10 +120,12 @@ class Inquiry {
   bool search(const PlaceIndex& index, const QueryPicture& picture) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = tried_.size();
-    const auto ranked = find_alike(index, picture, shortlist, options_.search);
-    if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    const auto first = find_alike(index, picture, shortlist, options_.search);
+    if (try_out(first, before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    const auto by_picture = find_alike(index, picture, kFused, options_.search);
     const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    return try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist);
+    const auto by_words = vote(index, maps, view_, cells_, kFused);
+    return try_out(fuse(by_picture, by_words, picture), before + shortlist);
   }
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
 
