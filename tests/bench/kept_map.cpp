@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/kept_map.h"
 
+#include <iterator>
 #include <utility>
 
 #include "server/mapping/map_maker.h"
