@@ -132,6 +132,9 @@ class MapRecorder {
                                const WorkRecord& work);
   /// What was given out has been lost: everything again.
   void reset() { *this = MapRecorder(); }
+  [[nodiscard]] bool has_given_image(KeyframeId id) const {
+    return id.value <= has_image_.size() && has_image_[id.value - 1];
+  }
 
  private:
   std::vector<uint64_t> cameras_;    ///< digests by index

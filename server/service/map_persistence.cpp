@@ -48,7 +48,8 @@ MapPersistence::~MapPersistence() {
   thread_.join();
 }
 
-MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options) const {
+MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options,
+                                            RestoredImages images) const {
   Loaded loaded{.map = map, .damage = {}};
   const auto fail_with = [&loaded](const Error& error) {
     loaded.restored = tl::unexpected(error);
@@ -67,7 +68,13 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
                                   stored->record.foundation->plane_aligned,
                                   std::move(stored->epochs),
                                   std::move(stored->decisions),
-                                  std::move(stored->labels)};
+                                  std::move(stored->labels),
+                                  {}};
+    MapMaker& maker = *loaded.restored->maker;
+    loaded.restored->indexed = index_map(nullptr, maker.snapshot(), maker.keyframe_views());
+    if (!loaded.damage.empty()) return loaded;  // settle() keeps all of it anew
+    (void)maker.take_changes();                 // from here on, only what changes
+    if (images == RestoredImages::kLetGo && !maker.has_work()) maker.let_images_go();
   } catch (const std::exception& problem) {  // memory, a library
     return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
   }
@@ -90,9 +97,8 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
     return std::move(loaded.restored);
   }
   RestoredMap& map = *loaded.restored;
-  MapRecord whole = map.maker->take_changes();  // from here on, only what changes
   if (!loaded.damage.empty()) {
-    const MapUpdate saved{std::move(whole), map.decisions, map.labels, {}};
+    const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}};
     const auto aside = store_->replace(map.header, saved, loaded.damage);
     log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
                 aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
@@ -100,12 +106,13 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   return std::move(loaded.restored);
 }
 
-std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads) {
+std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads,
+                                                 RestoredImages images) {
   const std::vector<MapId> maps = store_->maps();
   std::vector<Loaded> loaded(maps.size());
   std::atomic<size_t> next{0};
   const auto load_some = [&] {
-    for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options);
+    for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options, images);
   };
   std::vector<std::thread> helpers;
   for (int i = 1; i < threads; ++i) helpers.emplace_back(load_some);
@@ -118,10 +125,19 @@ std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options,
   return restored;
 }
 
-void MapPersistence::restore_one(MapId map, const MapMakerOptions& options,
+void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
                                  std::function<void(Result<RestoredMap>)> done) {
-  auto loaded = std::make_shared<Loaded>(load(map, options));
+  auto loaded = std::make_shared<Loaded>(load(map, options, images));
   run([this, loaded, done = std::move(done)](Store&) { done(settle(std::move(*loaded))); });
+}
+
+void MapPersistence::read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done) {
+  run([this, map, keyframes = std::move(keyframes), done = std::move(done)](Store& store) {
+    Result<std::vector<ImageRow>> rows =
+        fail(ErrorCode::kInternal, "internal error; the server's log says more");
+    (void)guarded([&] { return rows = store.read_images(map, keyframes), Status(); });
+    done(std::move(rows));
+  });
 }
 
 void MapPersistence::create(MapHeader header, MapUpdate whole, Done done) {

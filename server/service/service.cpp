@@ -62,7 +62,7 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     state->store = std::move(*store);
     known.server = state->store->server();
     known.start_count = state->store->start_count();
-    restored = state->store->restore(options.mapping, options.workers);
+    restored = state->store->restore(options.mapping, options.workers, restored_images(options.rest_after));
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
   auto switchboard = Switchboard::start(known, {state->urgent, state->background, state->questions},

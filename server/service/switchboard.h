@@ -150,6 +150,8 @@ class Switchboard {
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
   void resume_clients(const std::vector<RestoredMap>& restored);
+  /// Those that have not been in use for long.
+  void let_maps_rest(MonotonicTime now);
 
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
