@@ -172,8 +172,8 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
 }
 
 Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapIdentity& identity,
-                                             const MapMakerOptions& options) {
-  auto assembled = assemble_map(record);
+                                             const MapMakerOptions& options, RestoredImages images) {
+  auto assembled = assemble_map(record, images);
   if (!assembled) return tl::unexpected(assembled.error());
   MapState& map = assembled->state;
   const FoundationRecord& foundation = *record.foundation;

@@ -132,6 +132,9 @@ struct MapIdentity {
   Epoch epoch;
 };
 
+/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::let_images_go().
+enum class RestoredImages : uint8_t { kStay, kLetGo };
+
 class MapMaker {
  public:
   /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant
@@ -146,7 +149,8 @@ class MapMaker {
     std::vector<std::string> repairs;
   };
   [[nodiscard]] static Result<Restored> restore(const MapRecord& record, const MapIdentity& identity,
-                                                const MapMakerOptions& options);
+                                                const MapMakerOptions& options,
+                                                RestoredImages images = RestoredImages::kStay);
   ~MapMaker();
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;

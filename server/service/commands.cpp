@@ -255,7 +255,10 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
   };
   listener.rested = [this, map](MapStatistics now) {
     post([this, map, now = std::move(now)] {
-      if (MapEntry* entry = maps_.find(map)) entry->statistics = now;
+      MapEntry* entry = maps_.find(map);
+      if (entry == nullptr) return;
+      memory_freed_ = memory_freed_ || now.without_images > entry->statistics.without_images;
+      entry->statistics = now;
     });
   };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,

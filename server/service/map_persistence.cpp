@@ -12,6 +12,21 @@ namespace {
 
 constexpr int kBesideNice = 5;  ///< an operator's work gives way to what trackers wait for
 
+/// Of a map maker without images: for the index.
+std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::vector<ImageRecord>& images) {
+  std::vector<KeyframeView> views = maker.keyframe_views();
+  for (KeyframeView& view : views) {
+    const auto image = std::find_if(images.begin(), images.end(),
+                                    [&](const ImageRecord& r) { return r.keyframe == view.id; });
+    if (image == images.end()) continue;
+    auto pyramid = std::make_shared<Pyramid>();
+    pyramid->build(image->image->view());
+    view.pyramid = std::move(pyramid);
+  }
+  std::erase_if(views, [](const KeyframeView& view) { return view.pyramid == nullptr; });
+  return views;
+}
+
 }  // namespace
 
 /// A restored map, or one that has to be set aside.
@@ -60,21 +75,27 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
     if (!stored) return fail_with(stored.error());
     loaded.damage = std::move(stored->damage);
     const MapHeader& header = stored->header;
-    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options);
+    // Indexed first, and only then, if they are needed, made ready to be worked on: that takes several times
+    // as long.
+    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options,
+                                  RestoredImages::kLetGo);
     if (!made) return fail_with(made.error());
     loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
+    MapMaker& maker = *made->maker;
+    IndexedMapPtr indexed =
+        index_map(nullptr, maker.snapshot(), views_with_pictures(maker, stored->record.images));
+    if (images == RestoredImages::kStay || !loaded.damage.empty() || maker.has_work()) {
+      for (const ImageRecord& r : stored->record.images)
+        (void)maker.give_image_back(r.keyframe, r.image->view());
+    }
+    if (loaded.damage.empty()) (void)maker.take_changes();  // from here on, only what changes
     loaded.restored = RestoredMap{header,
                                   std::move(made->maker),
                                   stored->record.foundation->plane_aligned,
                                   std::move(stored->epochs),
                                   std::move(stored->decisions),
                                   std::move(stored->labels),
-                                  {}};
-    MapMaker& maker = *loaded.restored->maker;
-    loaded.restored->indexed = index_map(nullptr, maker.snapshot(), maker.keyframe_views());
-    if (!loaded.damage.empty()) return loaded;  // settle() keeps all of it anew
-    (void)maker.take_changes();                 // from here on, only what changes
-    if (images == RestoredImages::kLetGo && !maker.has_work()) maker.let_images_go();
+                                  std::move(indexed)};
   } catch (const std::exception& problem) {  // memory, a library
     return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
   }

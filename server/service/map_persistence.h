@@ -31,8 +31,7 @@ struct RestoredMap {
   IndexedMapPtr indexed;  ///< its part of the place index, as it is now
 };
 
-/// What becomes of the images of a map that comes from the store and has nothing to do, once it is indexed.
-enum class RestoredImages : uint8_t { kStay, kLetGo };
+/// Of maps from the store that have nothing to do.
 [[nodiscard]] constexpr RestoredImages restored_images(std::chrono::seconds rest_after) {
   return rest_after.count() > 0 ? RestoredImages::kLetGo : RestoredImages::kStay;
 }

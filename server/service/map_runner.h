@@ -146,8 +146,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   [[nodiscard]] bool needs_images() const;
   /// Then calls `then`, on the queue, whatever has happened: when they cannot be had, the map is frozen.
   void read_images_back(std::function<void()> then);
-  void read_next_images();
-  void give_images_back(std::shared_ptr<const Result<std::vector<ImageRow>>> rows, size_t next);
+  using Continuations = std::vector<std::function<void()>>;
+  using ImageRows = Result<std::vector<ImageRow>>;
+  void read_next_images(const std::shared_ptr<Continuations>& waiting);
+  void give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
+                        const std::shared_ptr<Continuations>& waiting);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();
@@ -184,9 +187,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
   bool save_scheduled_ = false;
-  std::vector<std::function<void()>> awaiting_images_;  ///< not empty: they are being read back
-  std::vector<DecisionRecord> refusals_;                ///< to be kept with the next save
-  std::vector<EpochRecord> epochs_;                     ///< of the map
+  std::weak_ptr<Continuations> awaiting_images_;  ///< held by what reads them back; expired: nothing does
+  std::vector<DecisionRecord> refusals_;          ///< to be kept with the next save
+  std::vector<EpochRecord> epochs_;               ///< of the map
   bool frozen_ = false;  ///< its work has failed: it is served as last published and takes no keyframes
 };
 

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <malloc.h>
+
 #include <exception>
+#include <utility>
 
 #include "server/service/resume.h"
 #include "server/service/switchboard.h"
@@ -58,10 +61,12 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
 
 void Switchboard::let_maps_rest(MonotonicTime now) {
   if (store_ == nullptr || options_.rest_after.count() == 0) return;
+  // What is freed here and there stays with the process otherwise. Some milliseconds.
+  if (std::exchange(memory_freed_, false)) lanes_.background.submit([] { malloc_trim(0); });
   const auto index = places_->index();
   for (const auto& [map, entry] : maps_.all()) {
     const bool is_awake = entry.statistics.keyframes > entry.statistics.without_images;
-    if (entry.runner == nullptr || entry.snapshot == nullptr || !is_awake ||
+    if (entry.runner == nullptr || entry.snapshot == nullptr || !entry.frozen.empty() || !is_awake ||
         now - entry.used_at < options_.rest_after)
       continue;
     const IndexedMap* indexed = index->find(map);

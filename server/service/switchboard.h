@@ -207,6 +207,7 @@ class Switchboard {
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
+  bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;
   int ticks_ = 0;
