@@ -72,6 +72,7 @@ class KeptMap {
 
   Result<SeedResult> start(const SeedInput& input) {
     SeedJob job;
+    job.origin = next_origin();
     job.input = input;
     job.first_image = raw(*input.first_image);
     job.second_image = raw(*input.second_image);
@@ -84,6 +85,7 @@ class KeptMap {
   }
   std::future<OfferJudgement> send(const KeyframeInput& input, bool lockstep = true) {
     OfferJob job;
+    job.origin = next_origin();
     job.input = input;
     job.epoch = newest().snapshot->epoch;
     job.image = raw(*input.image);
@@ -133,12 +135,14 @@ class KeptMap {
   }
 
  private:
+  [[nodiscard]] JobOrigin next_origin() { return {"anna", {SessionId{1}, ++commands_}}; }
   template <typename Set>
   void set(Set change) {
     const std::scoped_lock lock(mutex_);
     change();
   }
   const std::filesystem::path folder_;
+  uint64_t commands_ = 0;
   mutable std::mutex mutex_;
   MapRevision newest_;
   std::string frozen_;
