@@ -166,6 +166,13 @@ class MapRestingTest : public testing::KeptMapFixture {
   [[nodiscard]] KeyframeInput frame(const KeptMap& map, int step) const {
     return testing::make_offer(scene_, *map.newest().snapshot, step);
   }
+  /// Nothing comes between what `post` puts into a queue.
+  void at_once(const std::function<void()>& post) {
+    const auto release = std::make_shared<std::promise<void>>();
+    urgent_.submit([release] { release->get_future().wait(); });  // its only worker
+    post();
+    release->set_value();
+  }
   WorkerPool urgent_{1, 0, null_logger()};
   WorkerPool background_{1, 0, null_logger()};
 };
@@ -203,8 +210,6 @@ TEST_F(MapRestingTest, WhatNeedsNoImagesDoesNotWakeIt) {
 
 TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   const auto map = start_map("map");
-  map->ask_to_rest();
-  EXPECT_EQ(map->without_images(), 0U) << "not all of it is kept yet";
   map->rest();
   (void)map->offer(frame(*map, 5));
   (void)answer_to<bool>([&](auto done) { map->runner().flush([done] { done(true); }); });
@@ -212,12 +217,20 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "what it is now has not been indexed";
 
-  ASSERT_TRUE(urgent_.urgent_waits() == false);
-  std::promise<void> release;
-  urgent_.submit([&] { release.get_future().wait(); });  // its only worker
-  auto offered = map->send(frame(*map, 8), false);
-  map->runner().rest(map->newest().snapshot->revision);
-  release.set_value();
+  const Revision next{map->newest().snapshot->revision.value + 1};
+  at_once([&] {
+    map->runner().rename("bench", [](const Status&) {});
+    map->runner().rest(next);
+  });
+  map->settle();
+  EXPECT_EQ(map->newest().snapshot->revision, next);
+  EXPECT_EQ(map->without_images(), 0U) << "its name is not kept yet";
+
+  std::future<OfferJudgement> offered;
+  at_once([&] {
+    offered = map->send(frame(*map, 8), false);
+    map->runner().rest(Revision{next.value + 1});
+  });
   EXPECT_EQ(value_of(std::move(offered)).decision, wire::OfferDecision::kAccepted);
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "there is work to do";

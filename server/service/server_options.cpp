@@ -53,8 +53,7 @@ constexpr OptionRow kOptions[] = {
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
     {"rest-after", "SECONDS",
      "with --store, pictures of a map that nobody has worked on for so long are let go until somebody does; "
-     "0: never "
-     "[60]",
+     "0: never [60]",
      true},
     {"wearer-rule", "first|only",
      "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
