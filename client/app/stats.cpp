@@ -131,11 +131,15 @@ void RunStats::on_seed_reply(const SeedReply& reply) {
 void RunStats::on_offer_replies(const std::vector<OfferReply>& replies) {
   for (const auto& reply : replies) {
     ++(reply.accepted ? offers_accepted_ : offers_refused_);
-    if (reply.accepted) awaited_.emplace_back(reply.keyframe, reply.time);
+    if (!reply.accepted) continue;
+    awaited_.emplace_back(reply.keyframe, reply.time);
+    looked_through_ = {};  // its points may have come before the word on it
   }
 }
 
 void RunStats::note_new_points(const MapSnapshot& snapshot, Timestamp now) {
+  if (awaited_.empty() || snapshot.revision == looked_through_) return;
+  looked_through_ = snapshot.revision;
   std::erase_if(awaited_, [&](const auto& awaited) {
     const double seconds = seconds_between(now, awaited.second);
     if (seconds > kAwaitedAtMost) return true;

@@ -108,6 +108,7 @@ class RunStats final : public FrameObserver {
   size_t map_keyframes_ = 0;
   /// Accepted keyframes whose points are not in the replica yet: which, and when they were taken.
   std::vector<std::pair<KeyframeId, Timestamp>> awaited_;
+  Revision looked_through_;  ///< for points of them; none: the next
   Histogram points_after_ms_;
   double squared_error_sum_ = 0;  ///< [px^2] of the inliers of tracked frames
   size_t inlier_sum_ = 0;

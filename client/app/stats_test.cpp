@@ -58,6 +58,7 @@ TEST_F(StatsTest, AKeyframesPointsCountFromItsFrameToTheFirstThatHasThem) {
     block->patches = std::move(patches);
     auto snapshot = std::make_shared<MapSnapshot>();
     snapshot->point_blocks.push_back(std::move(block));
+    snapshot->revision = Revision{keyframes.size()};
     return snapshot;
   };
   snapshot_ = revision_with({1, 2});
