@@ -148,7 +148,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     return refuse(wire::OfferDecision::kDamaged, unknown_camera(message.camera, message.camera_version));
   }
   client.camera_missed_at.reset();
-  const MapEntry* entry = maps_.find(message.map);
+  MapEntry* entry = maps_.find(message.map);
   if (entry == nullptr || entry->snapshot == nullptr) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
@@ -169,6 +169,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
   outcome.epoch = entry->snapshot->epoch;
+  entry->used_at = steady_clock::now();
   entry->runner->offer(std::move(job),
                        [this, name = client.name, session, outcome](OfferJudgement judgement) mutable {
                          outcome.decision = judgement.decision;
@@ -264,6 +265,14 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
       if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
     });
   };
+  listener.rested = [this, map](MapStatistics now) {
+    post([this, map, now = std::move(now)] {
+      MapEntry* entry = maps_.find(map);
+      if (entry == nullptr) return;
+      memory_freed_ = memory_freed_ || now.without_images > entry->statistics.without_images;
+      entry->statistics = now;
+    });
+  };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
                                      store_, std::move(listener), log_, options_.work_times);
 }
@@ -278,8 +287,10 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
   const MapSnapshotPtr snapshot = revision.snapshot;
   entry->snapshot = snapshot;
   entry->statistics = revision.statistics;
+  entry->used_at = steady_clock::now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
-  if (entry->runner != nullptr) places_->report(snapshot, std::move(revision.views));
+  if (entry->runner != nullptr)
+    places_->report(snapshot, std::move(revision.views), std::move(revision.indexed));
   move_labels(map, *entry);
   info_due_[map] = true;
   {

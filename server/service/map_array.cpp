@@ -91,10 +91,19 @@ size_t MapArray::live_count() const {
       maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.snapshot != nullptr; }));
 }
 
+size_t MapArray::resting_count() const {
+  return static_cast<size_t>(
+      std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_at_rest(entry.second); }));
+}
+
 size_t MapArray::bytes() const {
   size_t sum = 0;
   for (const auto& [map, entry] : maps_) sum += bytes_of(entry);
   return sum;
+}
+
+bool is_at_rest(const MapEntry& entry) {
+  return entry.statistics.without_images > 0;
 }
 
 size_t bytes_of(const MapEntry& entry) {

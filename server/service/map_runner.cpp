@@ -93,7 +93,8 @@ void MapRunner::answer_seed(const SeedJob& job, Result<SeedResult> result, const
 MapRevision MapRunner::resume(RestoredMap restored) {
   maker_ = std::move(restored.maker);
   epochs_ = std::move(restored.epochs);
-  MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views()};
+  MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views(),
+                       std::move(restored.indexed)};
   published_ = first.snapshot;
   return first;
 }
@@ -227,6 +228,7 @@ void MapRunner::schedule_upkeep() {
 void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
   if (stopping_ || frozen_) return;
+  if (needs_images()) return read_images_back([self = shared_from_this()] { self->schedule_upkeep(); });
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report =
       step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
@@ -271,6 +273,10 @@ void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopte
 
 void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
   queue_.post([self = shared_from_this(), adjustments, then = std::move(then)]() mutable {
+    if (self->needs_images()) {
+      return self->read_images_back(
+          [self, adjustments, then = std::move(then)] { self->finish_all_work(adjustments, then); });
+    }
     // To its end, whoever waits: where a step is cut decides what comes of it.
     MapWork done = MapWork::kNone;
     if (!self->frozen_ && !self->stopping_)

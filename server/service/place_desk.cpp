@@ -1,14 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/place_desk.h"
 
+#include <algorithm>
 #include <exception>
 #include <utility>
 
 namespace cairn {
 
-void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views) {
+namespace {
+
+/// Whether index_map() will take a view over as it is in `known`, or has the picture to make it anew.
+bool can_be_indexed(const IndexedMap* known, const KeyframeView& view) {
+  if (view.pyramid != nullptr) return true;
+  if (known == nullptr) return false;
+  const auto same = std::find_if(known->keyframes.begin(), known->keyframes.end(),
+                                 [&](const IndexedKeyframePtr& k) { return k->id == view.id; });
+  return same != known->keyframes.end() &&
+         std::equal((*same)->measured.begin(), (*same)->measured.end(), view.measurements.begin(),
+                    view.measurements.end(),
+                    [](PointId id, const PointMeasurement& m) { return id == m.id; });
+}
+
+}  // namespace
+
+void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed) {
   const MapId map = snapshot->map;
-  note(map, Reported{std::move(snapshot), std::move(views)});
+  note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed)});
 }
 
 void PlaceDesk::remove(const MapId& map) {
@@ -17,7 +34,10 @@ void PlaceDesk::remove(const MapId& map) {
 
 void PlaceDesk::note(const MapId& map, Reported reported) {
   const std::scoped_lock lock(mutex_);
-  reported_.insert_or_assign(map, std::move(reported));
+  Reported& newest = reported_[map];
+  if (reported.snapshot != nullptr && reported.indexed == nullptr)
+    reported.indexed = std::move(newest.indexed);
+  newest = std::move(reported);
   if (std::exchange(scheduled_, true)) return;
   lanes_.indexers.submit([self = shared_from_this()] {
     {
@@ -40,7 +60,9 @@ void PlaceDesk::catch_up() {
     if (reported.snapshot == nullptr) {
       next.remove(map);
     } else {
-      next.put(index_map(next.find(map), std::move(reported.snapshot), reported.views));
+      const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
+      std::erase_if(reported.views, [known](const KeyframeView& v) { return !can_be_indexed(known, v); });
+      next.put(index_map(known, std::move(reported.snapshot), reported.views));
     }
     publish(std::move(next));
   }

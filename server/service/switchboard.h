@@ -150,6 +150,8 @@ class Switchboard {
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
   void resume_clients(const std::vector<RestoredMap>& restored);
+  /// Those that have not been in use for long.
+  void let_maps_rest(MonotonicTime now);
 
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
@@ -208,6 +210,7 @@ class Switchboard {
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
+  bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;
   int ticks_ = 0;

@@ -77,6 +77,29 @@ TEST_F(MapFileTest, WhatIsReadIsWhatWasWritten) {
   EXPECT_EQ(restored->maker->statistics().measurements, maker_->statistics().measurements);
 }
 
+TEST_F(MapFileTest, ImagesAreReadOneByOneAsTheyWereWritten) {
+  keep();
+  auto file = MapFile::open(path_);
+  ASSERT_TRUE(file);
+  const std::vector<KeyframeId> wanted{KeyframeId{3}, KeyframeId{1}};
+  const auto rows = file->read_images(wanted);
+  ASSERT_TRUE(rows) << rows.error().message;
+  ASSERT_EQ(rows->size(), 2U);
+  const MapRecord record = whole();
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ((*rows)[i].keyframe, wanted[i]);
+    EXPECT_TRUE((*rows)[i].data == encode_image_row(*record.images[wanted[i].value - 1].image));
+  }
+  ASSERT_TRUE(open_raw().execute("UPDATE images SET id = 7 WHERE id = 3"));
+  for (const uint64_t id : {3, 7}) {
+    const auto refused = file->read_images(std::vector{KeyframeId{1}, KeyframeId{id}});
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, ErrorCode::kDamaged);
+    EXPECT_THAT(refused.error().message, HasSubstr("table images, row " + std::to_string(id)));
+  }
+  EXPECT_TRUE(file->read_images(std::vector{KeyframeId{2}})) << "it goes on";
+}
+
 TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {
   doubt_camera(1.04);
   keep();
