@@ -320,6 +320,11 @@ void MapMaker::let_images_go() {
   }
 }
 
+bool MapMaker::lacks_any_images() const {
+  const auto& keyframes = state_->map.keyframes();
+  return std::any_of(keyframes.begin(), keyframes.end(), lacks_images);
+}
+
 std::vector<KeyframeId> MapMaker::lacking_images() const {
   std::vector<KeyframeId> lacking;
   for (const MapKeyframe& k : state_->map.keyframes()) {
@@ -338,13 +343,16 @@ bool MapMaker::give_image_back(KeyframeId id, const GrayView& image) {
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
   MapStatistics stats;
+  size_t& bytes_of_lacking = has_work() ? stats.bytes : stats.bytes_let_go;
   for (const MapKeyframe& k : map.keyframes()) {
     stats.keyframes += k.live ? 1 : 0;
     stats.measurements += k.measurements.size();
     stats.bytes +=
         sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
     if (k.images) stats.bytes += k.images->bytes();
-    if (lacks_images(k)) ++stats.without_images;
+    if (!lacks_images(k)) continue;
+    ++stats.without_images;
+    bytes_of_lacking += expected_image_bytes(*k.camera);
   }
   std::array<std::vector<float>, 3> coordinates;
   for (const MapPoint& p : map.points()) {

@@ -109,7 +109,8 @@ struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
   size_t measurements = 0;
-  size_t bytes = 0;           ///< memory of the map, images included as far as they are there
+  size_t bytes = 0;           ///< memory of the map, with the images that are there or that due work needs
+  size_t bytes_let_go = 0;    ///< of images that are not there and will only be needed by new work; about
   size_t without_images = 0;  ///< keyframes whose images have been let go
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
@@ -204,6 +205,8 @@ class MapMaker {
   /// Not while there is work. The map can be looked at, renamed and kept, and takes keyframes, which bring
   /// their images; step() and adopt() need all images back.
   void let_images_go();
+  /// Whether any keyframe's images have been let go.
+  [[nodiscard]] bool lacks_any_images() const;
   /// Keyframes whose images have been let go, ascending.
   [[nodiscard]] std::vector<KeyframeId> lacking_images() const;
   /// Gives an image back as it was kept (ImageRecord): with all of them the map is what it was. False when it

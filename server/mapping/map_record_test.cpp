@@ -231,6 +231,7 @@ TEST_F(MapRecordTest, ImagesThatWereLetGoAndGivenBackChangeNothing) {
     apply(maker_->take_changes(), &kept);
     maker_->let_images_go();
     EXPECT_EQ(maker_->statistics().without_images, maker_->statistics().keyframes);
+    EXPECT_GT(maker_->statistics().bytes_let_go, 0U);
     EXPECT_TRUE(maker_->take_changes().empty()) << "that is no change";
     const KeyframeInput next = testing::make_offer(scene_, *maker_->snapshot(), step);
     ASSERT_EQ(maker_->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);

@@ -35,6 +35,9 @@ struct KeyframeImages {
   [[nodiscard]] size_t bytes() const;
 };
 
+/// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
+[[nodiscard]] size_t expected_image_bytes(const Camera& camera);
+
 /// Pyramid, FAST-10 corners (thresholds 10, 15, 15, 10) and candidates of an image.
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image);
 

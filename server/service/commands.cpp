@@ -153,7 +153,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
-  if (std::string why = why_memory_is_full(); !why.empty()) {
+  if (std::string why = why_memory_is_full(bytes_to_wake(*entry)); !why.empty()) {
     return refuse(wire::OfferDecision::kFull, std::move(why));
   }
 
@@ -170,14 +170,20 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.lockstep = message.lockstep;
   outcome.epoch = entry->snapshot->epoch;
   entry->used_at = steady_clock::now();
-  entry->runner->offer(std::move(job),
-                       [this, name = client.name, session, outcome](OfferJudgement judgement) mutable {
-                         outcome.decision = judgement.decision;
-                         outcome.reason = std::move(judgement.reason);
-                         outcome.keyframe = judgement.keyframe;
-                         outcome.revision = judgement.revision;
-                         post([this, name, session, outcome] { on_offer_decided(name, session, outcome); });
-                       });
+  const auto done = [this, name = client.name, session, outcome,
+                     runner = entry->runner](OfferJudgement judgement) mutable {
+    outcome.decision = judgement.decision;
+    outcome.reason = std::move(judgement.reason);
+    outcome.keyframe = judgement.keyframe;
+    outcome.revision = judgement.revision;
+    post([this, name, session, outcome, runner] {
+      MapEntry* judged = maps_.find(outcome.map);
+      if (judged != nullptr && judged->runner == runner) --judged->offers_in_work;
+      on_offer_decided(name, session, outcome);
+    });
+  };
+  entry->runner->offer(std::move(job), done);
+  ++entry->offers_in_work;
 }
 
 void Switchboard::on_offer_decided(const std::string& client_name, SessionId session,
@@ -366,11 +372,13 @@ void Switchboard::forget_cameras(MapId map, Client& client) {
   }
 }
 
-std::string Switchboard::why_memory_is_full() const {
+std::string Switchboard::why_memory_is_full(size_t more) const {
   constexpr size_t kMegabyte = 1'000'000;
   const size_t bytes = maps_.bytes();
-  if (bytes < options_.max_memory_bytes) return {};
-  return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
+  if (bytes + more < options_.max_memory_bytes) return {};
+  std::string why = "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB";
+  if (more > 0) why += ", and this one, which rests, needs " + std::to_string(more / kMegabyte) + " MB more";
+  return why + " (--max-memory)";
 }
 
 std::string Switchboard::why_full() const {

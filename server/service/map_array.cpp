@@ -108,11 +108,16 @@ bool is_at_rest(const MapEntry& entry) {
 
 size_t bytes_of(const MapEntry& entry) {
   size_t sum = entry.statistics.bytes + entry.statistics.keyframes * kIndexedKeyframeBytes;
+  if (entry.offers_in_work > 0) sum += entry.statistics.bytes_let_go;
   if (entry.snapshot == nullptr) return sum;
   for (const auto& block : entry.snapshot->point_blocks)
     sum += block->patches->points.size() *
            (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
   return sum;
+}
+
+size_t bytes_to_wake(const MapEntry& entry) {
+  return entry.offers_in_work > 0 ? 0 : entry.statistics.bytes_let_go;
 }
 
 wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry) {

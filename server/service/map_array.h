@@ -27,11 +27,15 @@ struct MapEntry {
   std::optional<MapRevision> undecided = {};  ///< its newest revision, while seeding
   std::string frozen = {};                    ///< why it takes nothing any more; empty: it does
   MonotonicTime used_at = {};                 ///< when it last changed or was offered a keyframe
+  int offers_in_work = 0;                     ///< each may wake it
 };
 
-/// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests), its
-/// published copy, its part of the place index.
+/// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
+/// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);
+
+/// What an offer to it adds to that before its own: its images, while it rests.
+[[nodiscard]] size_t bytes_to_wake(const MapEntry& entry);
 
 /// Whether its images have been let go.
 [[nodiscard]] bool is_at_rest(const MapEntry& entry);

@@ -4,13 +4,15 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <new>
 #include <optional>
 #include <utility>
 
 namespace cairn {
 namespace {
 
-constexpr int kBesideNice = 5;  ///< an operator's work gives way to what trackers wait for
+constexpr int kMostDoublings = 6;  ///< of the delay after a failure: two minutes
+constexpr int kBesideNice = 5;     ///< an operator's work gives way to what trackers wait for
 
 /// Of a map maker without images: for the index.
 std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::vector<ImageRecord>& images) {
@@ -23,7 +25,6 @@ std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::
     pyramid->build(image->image->view());
     view.pyramid = std::move(pyramid);
   }
-  std::erase_if(views, [](const KeyframeView& view) { return view.pyramid == nullptr; });
   return views;
 }
 
@@ -154,9 +155,10 @@ void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, Rest
 
 void MapPersistence::read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done) {
   run([this, map, keyframes = std::move(keyframes), done = std::move(done)](Store& store) {
-    Result<std::vector<ImageRow>> rows =
-        fail(ErrorCode::kInternal, "internal error; the server's log says more");
-    (void)guarded([&] { return rows = store.read_images(map, keyframes), Status(); });
+    Result<std::vector<ImageRow>> rows;
+    const Status read =
+        guarded([&] { return rows = store.read_images(map, keyframes, kReadPerTurn), Status(); });
+    if (!read) rows = tl::unexpected(read.error());
     done(std::move(rows));
   });
 }
@@ -184,6 +186,10 @@ void MapPersistence::post(Job job) {
 
 void MapPersistence::run_beside(std::function<void(Store& store)> task) {
   beside_.submit([this, task = std::move(task)] { task(*store_); });
+}
+
+std::chrono::seconds MapPersistence::delay_after(int failures) {
+  return kSaveDelay * (1 << std::min(failures, kMostDoublings));
 }
 
 void MapPersistence::later(std::function<void()> task, std::chrono::milliseconds delay) {
@@ -278,6 +284,8 @@ void MapPersistence::finish(const Job& job, const Status& written) {
 Status MapPersistence::guarded(const std::function<Status()>& work) {
   try {
     return work();
+  } catch (const std::bad_alloc&) {
+    return fail(ErrorCode::kIo, "no memory");
   } catch (const std::exception& problem) {
     log_->error("internal error while keeping maps: {}", problem.what());
     return fail(ErrorCode::kInternal, "internal error; the server's log says more");

@@ -47,6 +47,7 @@ class MapPersistence {
   /// Changes that no answer waits for are saved after this time at the latest (5 s). While nothing can be
   /// kept, the store is tried again as often.
   static constexpr std::chrono::seconds kSaveDelay{2};
+  static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
   /// Errors: as Store::open().
   [[nodiscard]] static Result<std::unique_ptr<MapPersistence>> start(const std::filesystem::path& folder,
@@ -73,8 +74,10 @@ class MapPersistence {
   void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
                    std::function<void(Result<RestoredMap>)> done);
 
-  /// Images that have been let go (Store::read_images()). `done` is called by the writer, in its turn: with
-  /// all that was handed in before, whatever happens.
+  /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
+  /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
+  /// writer, in its turn: with all that was handed in before, whatever happens. Error kIo: it may be over
+  /// soon.
   using ImagesRead = std::function<void(Result<std::vector<ImageRow>> rows)>;
   void read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done);
 
@@ -85,6 +88,9 @@ class MapPersistence {
   /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
   /// maps are being written; dropped at the end.
   void run_beside(std::function<void(Store& store)> task);
+  /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
+  /// long each time, two minutes at most.
+  [[nodiscard]] static std::chrono::seconds delay_after(int failures);
   /// Runs `task` on the writer's thread after a time; dropped at the end.
   void later(std::function<void()> task, std::chrono::milliseconds delay = kSaveDelay);
 

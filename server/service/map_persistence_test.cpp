@@ -168,6 +168,17 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   EXPECT_TRUE(testing::bytes_of(map.take_changes()) == testing::bytes_of(maker_->take_changes()));
 }
 
+TEST_F(MapPersistenceTest, WhoeverFailsAtWhatHasBeenReadTakesNobodyWithIt) {
+  keep_a_map();
+  const auto store = open();
+  store->read_images(header_.id, {KeyframeId{1}}, [](const auto&) { throw std::runtime_error("no room"); });
+  auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
+  store->read_images(header_.id, {KeyframeId{1}}, [read](auto rows) { read->set_value(std::move(rows)); });
+  auto answer = read->get_future();
+  ASSERT_EQ(answer.wait_for(kDeadline), std::future_status::ready);
+  EXPECT_TRUE(answer.get());
+}
+
 TEST_F(MapPersistenceTest, WhatIsWrongWithOneMapIsNoTroubleOfTheStore) {
   keep_a_map();
   const auto store = open();

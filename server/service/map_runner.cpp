@@ -106,6 +106,14 @@ void MapRunner::go_on() {
   });
 }
 
+void MapRunner::retire() {
+  deleted_ = true;
+  stopping_ = true;
+  queue_.post([self = shared_from_this()] {
+    if (const auto waiting = self->awaiting_images_.lock()) self->end_reading(waiting);
+  });
+}
+
 void MapRunner::measure(std::function<void(double)> done) {
   queue_.post([self = shared_from_this(), done = std::move(done)] {
     double rms = 0;
@@ -173,7 +181,11 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
 void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
   const OfferJudgement failed{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
   if (judgement.decision == wire::OfferDecision::kAccepted) {
-    if (frozen_ || !guarded([this] { publish(); })) judgement = failed;
+    if (deleted_) {
+      judgement = {wire::OfferDecision::kUnknownMap, kDeleted, {}, {}};
+    } else if (frozen_ || !guarded([this] { publish(); })) {
+      judgement = failed;
+    }
   }
   if (published_ != nullptr) judgement.revision = published_->revision;
   if (guarded([&] { keep_offer(origin, judgement, done); })) return;
@@ -202,6 +214,7 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   job.input.image = std::move(*image);
   const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
+  if (decision.verdict == KeyframeVerdict::kAccepted) ++changes_;
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);
     if (decision.verdict == KeyframeVerdict::kAccepted) arrivals_.emplace(decision.keyframe, arrival);
@@ -273,10 +286,10 @@ void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopte
 
 void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
   queue_.post([self = shared_from_this(), adjustments, then = std::move(then)]() mutable {
-    if (self->needs_images()) {
-      return self->read_images_back(
-          [self, adjustments, then = std::move(then)] { self->finish_all_work(adjustments, then); });
-    }
+    if (self->needs_images() && self->guarded([&] {
+          self->read_images_back([self, adjustments, then] { self->finish_all_work(adjustments, then); });
+        }))
+      return;
     // To its end, whoever waits: where a step is cut decides what comes of it.
     MapWork done = MapWork::kNone;
     if (!self->frozen_ && !self->stopping_)

@@ -105,10 +105,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   }
   /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
   /// wait.
-  void retire() {
-    deleted_ = true;
-    stopping_ = true;
-  }
+  void retire();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// pictures the place index has; else nothing happens. With a store only. Does not wait.
   void rest(Revision indexed);
@@ -144,13 +141,19 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   [[nodiscard]] bool may_rest(Revision indexed) const;
   /// Whether the next step of its work needs images that have been let go.
   [[nodiscard]] bool needs_images() const;
-  /// Then calls `then`, on the queue, whatever has happened: when they cannot be had, the map is frozen.
+  /// Then calls `then`, on the queue, whatever has happened: when they can never be had, the map is frozen.
+  /// What may pass (a busy disk, no memory) is waited for. An exception: nothing has been done.
   void read_images_back(std::function<void()> then);
-  using Continuations = std::vector<std::function<void()>>;
+  using Continuations = std::shared_ptr<std::vector<std::function<void()>>>;
   using ImageRows = Result<std::vector<ImageRow>>;
-  void read_next_images(const std::shared_ptr<Continuations>& waiting);
-  void give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
-                        const std::shared_ptr<Continuations>& waiting);
+  /// Runs a part of that; unless it says that another one is under way, it was the last.
+  void read_on(const Continuations& waiting, const std::function<bool()>& part);
+  [[nodiscard]] bool read_next_images(const Continuations& waiting);
+  /// From rows[next] on.
+  [[nodiscard]] bool give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
+                                      const Continuations& waiting);
+  [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
+  void end_reading(const Continuations& waiting);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();
@@ -187,9 +190,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
   bool save_scheduled_ = false;
-  std::weak_ptr<Continuations> awaiting_images_;  ///< held by what reads them back; expired: nothing does
-  std::vector<DecisionRecord> refusals_;          ///< to be kept with the next save
-  std::vector<EpochRecord> epochs_;               ///< of the map
+  uint64_t changes_ = 0;                      ///< counts what is taken in, and what is handed to the store
+  Continuations::weak_type awaiting_images_;  ///< held by what reads them back; expired: nothing does
+  int reads_failed_ = 0;                      ///< one after another
+  std::vector<DecisionRecord> refusals_;      ///< to be kept with the next save
+  std::vector<EpochRecord> epochs_;           ///< of the map
   bool frozen_ = false;  ///< its work has failed: it is served as last published and takes no keyframes
 };
 

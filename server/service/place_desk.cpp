@@ -1,27 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/place_desk.h"
 
-#include <algorithm>
 #include <exception>
 #include <utility>
 
 namespace cairn {
-
-namespace {
-
-/// Whether index_map() will take a view over as it is in `known`, or has the picture to make it anew.
-bool can_be_indexed(const IndexedMap* known, const KeyframeView& view) {
-  if (view.pyramid != nullptr) return true;
-  if (known == nullptr) return false;
-  const auto same = std::find_if(known->keyframes.begin(), known->keyframes.end(),
-                                 [&](const IndexedKeyframePtr& k) { return k->id == view.id; });
-  return same != known->keyframes.end() &&
-         std::equal((*same)->measured.begin(), (*same)->measured.end(), view.measurements.begin(),
-                    view.measurements.end(),
-                    [](PointId id, const PointMeasurement& m) { return id == m.id; });
-}
-
-}  // namespace
 
 void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed) {
   const MapId map = snapshot->map;
@@ -61,7 +44,6 @@ void PlaceDesk::catch_up() {
       next.remove(map);
     } else {
       const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
-      std::erase_if(reported.views, [known](const KeyframeView& v) { return !can_be_indexed(known, v); });
       next.put(index_map(known, std::move(reported.snapshot), reported.views));
     }
     publish(std::move(next));

@@ -40,7 +40,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
   /// without a picture are of keyframes that are indexed, in `indexed` (what was indexed of the map
-  /// elsewhere) or here, with the same measurements; others are left out.
+  /// elsewhere) or here, and stay as they are there; others are left out.
   void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {});
   /// The map is gone: soon no question is answered with it. Does not wait.
   void remove(const MapId& map);

@@ -99,6 +99,10 @@ TEST_F(PlaceDeskTest, APictureThatWasLetGoIsFoundAsItWasIndexed) {
   desk_->report(snapshot_with(1, 2), {without_picture(first), second});
   desk_->report(snapshot_with(1, 2), {without_picture(first), without_picture(second)});
   EXPECT_EQ(ask(first).candidates.front().keyframe, KeyframeId{1});
+  KeyframeView measured_anew = without_picture(second);
+  measured_anew.measurements.push_back({PointId{1}, 0, {10, 10}});
+  desk_->report(snapshot_with(1, 2), {without_picture(first), measured_anew});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
   const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second});
   desk_->remove(snapshot_with(1, 2)->map);
   desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)}, indexed);

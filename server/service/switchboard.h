@@ -183,8 +183,8 @@ class Switchboard {
   void on_map_changed(MapId map, MapRevision revision);
   /// The map has been deleted, or was never made: nobody is told of it any more.
   void forget_map(MapId map);
-  /// Why no map may grow; empty when it may.
-  [[nodiscard]] std::string why_memory_is_full() const;
+  /// Why no map may grow, and first take so much memory `more`; empty when it may.
+  [[nodiscard]] std::string why_memory_is_full(size_t more = 0) const;
   /// Why there may be no more maps; empty when there may.
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);

@@ -263,12 +263,16 @@ Result<Blob> MapFile::read_row(std::string_view table, int64_t id) {
   return row;
 }
 
-Result<std::vector<ImageRow>> MapFile::read_images(std::span<const KeyframeId> keyframes) {
+Result<std::vector<ImageRow>> MapFile::read_images(std::span<const KeyframeId> keyframes,
+                                                   size_t enough_bytes) {
   std::vector<ImageRow> rows;
+  size_t bytes = 0;
   for (const KeyframeId keyframe : keyframes) {
     auto row = read_row("images", static_cast<int64_t>(keyframe.value));
     if (!row) return tl::unexpected(row.error());
+    bytes += row->size();
     rows.push_back({keyframe, std::move(*row)});
+    if (bytes >= enough_bytes) break;
   }
   return rows;
 }

@@ -114,8 +114,10 @@ class MapFile {
   Status begin_epoch(Epoch epoch);
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load();
-  /// The images of some keyframes, in their order. Error kDamaged: the first row that is missing or damaged.
-  [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes);
+  /// The images of some keyframes, in their order, until there are `enough_bytes`; one at least. Error
+  /// kDamaged: the first row that is missing or damaged.
+  [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes,
+                                                          size_t enough_bytes);
   /// A copy in one file, consistent and compact. `path` must not exist.
   Status copy_to(const std::filesystem::path& path);
   /// Writes a long log back to the file. After answers have gone out: it takes some ten milliseconds.

@@ -87,13 +87,20 @@ Status time_waking(const std::filesystem::path& folder) {
     if (lacking.empty()) continue;  // it has work to do
     keyframes = lacking.size();
     at_rest = map.maker->statistics().bytes;
-    auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
-    (*persistence)->read_images(map.header.id, lacking, [read](auto rows) { read->set_value(rows); });
-    const auto rows = read->get_future().get();
-    if (!rows) return tl::unexpected(rows.error());
-    reads.push_back(ms_since(begin));
-    for (const ImageRow& row : *rows)
-      (void)map.maker->give_image_back(row.keyframe, decode_image_row(row.data)->view());
+    double reading = 0;
+    while (map.maker->lacks_any_images()) {
+      const auto turn = Clock::now();
+      auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
+      (*persistence)->read_images(map.header.id, map.maker->lacking_images(), [read](auto rows) {
+        read->set_value(rows);
+      });
+      const auto rows = read->get_future().get();
+      if (!rows) return tl::unexpected(rows.error());
+      reading += ms_since(turn);
+      for (const ImageRow& row : *rows)
+        (void)map.maker->give_image_back(row.keyframe, decode_image_row(row.data)->view());
+    }
+    reads.push_back(reading);
     wakes.push_back(ms_since(begin));
     awake = map.maker->statistics().bytes;
   }
