@@ -97,6 +97,7 @@ TEST_F(PlaceDeskTest, APictureThatWasLetGoIsFoundAsItWasIndexed) {
   desk_->report(snapshot_with(1, 2), {first, without_picture(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{1}) << "never seen: left out";
   desk_->report(snapshot_with(1, 2), {without_picture(first), second});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
   desk_->report(snapshot_with(1, 2), {without_picture(first), without_picture(second)});
   EXPECT_EQ(ask(first).candidates.front().keyframe, KeyframeId{1});
   KeyframeView measured_anew = without_picture(second);
