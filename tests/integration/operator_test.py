@@ -173,6 +173,23 @@ class Operator(OnTheDesk):
             self.assertIn("frozen", self.ctl("status", server=server)["health"])
             self.assertEqual(self.map_1(server)["keyframes"], made["keyframes"])
 
+    def test_a_resting_map_wakes_only_where_there_is_memory_for_its_images(self):
+        store = self.folder / "little-memory"
+        with ServerProcess("--store", store, "--rest-after", 1) as server:
+            self.render_half()
+            self.track(server, "maker", "--pace", "lockstep", recording="half")
+            made = self.wait_for_rest(server)
+        enough_at_rest = made["memory_bytes"] // 1_000_000 + 1
+        with ServerProcess("--store", store, "--rest-after", 1, "--max-memory", enough_at_rest) as server:
+            stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
+            there = self.map_1(server)
+            self.assertTrue(there["at_rest"])
+            self.assertEqual(there["keyframes"], made["keyframes"])
+        with ServerProcess("--store", store, "--rest-after", 0, "--max-memory", 10 * enough_at_rest) as server:
+            self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            self.assertGreater(self.map_1(server)["keyframes"], made["keyframes"])
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"
