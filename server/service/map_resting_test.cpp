@@ -141,9 +141,9 @@ class KeptMap {
   }
   OfferJudgement offer(const KeyframeInput& input) { return value_of(send(input)); }
 
-  /// What was begun on the queue has come to its end.
+  /// What was begun on the queue, and what that has posted to it, has come to its end.
   void settle_queue() {
-    (void)answer_to<double>([this](auto done) { runner_->measure(done); });
+    for (int i = 0; i < 3; ++i) (void)answer_to<double>([this](auto done) { runner_->measure(done); });
   }
   /// So has what was handed to the writer.
   void settle_writer() {
@@ -440,7 +440,6 @@ TEST_F(MapRestingTest, NothingIsLetGoBeforeTheWriterHasComeToIt) {
   const auto writer = map->block_writer();
   map->ask_to_rest();
   map->settle_queue();
-  map->settle_queue();
   EXPECT_EQ(map->without_images(), 0U);
   writer->release();
   map->settle();
@@ -641,9 +640,10 @@ TEST_F(MapRestingTest, AMapThatIsDeletedBeforeItsImagesAreReadAnswers) {
   const auto map = start_map();
   map->rest();
   const auto writer = map->block_writer();
-  auto waiting = map->send(frame(*map, 5));
-  map->runner().retire();
   map->store().run([id = map->id()](Store& store) { EXPECT_TRUE(store.remove(id)); });
+  auto waiting = map->send(frame(*map, 5));
+  map->settle_queue();
+  map->runner().retire();
   expect_deleted(std::move(waiting));  // whatever the disk does
   writer->release();
   map->settle();
