@@ -65,7 +65,7 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     known.server = state->store->server();
     known.start_count = state->store->start_count();
     restored = state->store->restore(options.mapping, options.workers, restored_images(options.rest_after));
-    malloc_trim(0);  // what reading took
+    malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
   auto switchboard = Switchboard::start(known, {state->urgent, state->background, state->questions},
