@@ -284,7 +284,8 @@ void MapPersistence::finish(const Job& job, const Status& written) {
 Status MapPersistence::guarded(const std::function<Status()>& work) {
   try {
     return work();
-  } catch (const std::bad_alloc&) {
+  } catch (const std::bad_alloc&) {  // there may be some soon
+    log_->error("no memory while keeping maps");
     return fail(ErrorCode::kIo, "no memory");
   } catch (const std::exception& problem) {
     log_->error("internal error while keeping maps: {}", problem.what());
