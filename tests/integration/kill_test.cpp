@@ -33,7 +33,7 @@ constexpr int kCyclesPerStore = 10;  ///< maps pile up: a new folder now and the
 constexpr int kLastStep = 16;        ///< of Scene::pose(): beyond, too little of the first views is seen
 constexpr unsigned kShortestLifeMs = 50;
 constexpr unsigned kLongestLifeMs = 750;
-constexpr unsigned kRestingLifeMs = 3000;  ///< more for maps to come to rest: that takes a second or two
+constexpr unsigned kRestingLifeMs = 5000;  ///< more for maps to come to rest: kept after 2 s, idle for 1
 constexpr int kCyclesPerRest = 5;          ///< in between those that rest are woken, and killed meanwhile
 
 int number_from(const char* variable, int otherwise) {
