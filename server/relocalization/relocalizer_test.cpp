@@ -341,6 +341,13 @@ TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
   EXPECT_NE(first->keyframes[1], second->keyframes[1]);
   EXPECT_EQ(first->keyframes[2], second->keyframes[2]);
 
+  views[1].pyramid = nullptr;
+  views[1].measurements.pop_back();
+  const IndexedMapPtr third = index_map(second.get(), map().snapshot(), views);
+  ASSERT_EQ(third->keyframes.size(), 3U);
+  EXPECT_EQ(second->keyframes[1], third->keyframes[1]) << "there is no picture to describe it anew";
+  EXPECT_EQ(index_map(nullptr, map().snapshot(), views)->keyframes.size(), 2U);
+
   views[0].id = KeyframeId{9};  // the snapshot does not have it
   EXPECT_EQ(index_map(second.get(), map().snapshot(), views)->keyframes.size(), 2U);
 

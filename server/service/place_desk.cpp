@@ -6,9 +6,9 @@
 
 namespace cairn {
 
-void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views) {
+void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed) {
   const MapId map = snapshot->map;
-  note(map, Reported{std::move(snapshot), std::move(views)});
+  note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed)});
 }
 
 void PlaceDesk::remove(const MapId& map) {
@@ -17,7 +17,10 @@ void PlaceDesk::remove(const MapId& map) {
 
 void PlaceDesk::note(const MapId& map, Reported reported) {
   const std::scoped_lock lock(mutex_);
-  reported_.insert_or_assign(map, std::move(reported));
+  Reported& newest = reported_[map];
+  if (reported.snapshot != nullptr && reported.indexed == nullptr)
+    reported.indexed = std::move(newest.indexed);
+  newest = std::move(reported);
   if (std::exchange(scheduled_, true)) return;
   lanes_.indexers.submit([self = shared_from_this()] {
     {
@@ -40,7 +43,8 @@ void PlaceDesk::catch_up() {
     if (reported.snapshot == nullptr) {
       next.remove(map);
     } else {
-      next.put(index_map(next.find(map), std::move(reported.snapshot), reported.views));
+      const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
+      next.put(index_map(known, std::move(reported.snapshot), reported.views));
     }
     publish(std::move(next));
   }
