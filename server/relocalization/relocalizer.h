@@ -33,6 +33,9 @@ struct RelocOptions {
   /// Pictures that are scanned before a forest is planted.
   size_t most_scanned = kMostScanned;
   ConfirmOptions confirm;
+  /// Share of the corners found that no place refused explains as well: below, what was found may be what
+  /// places here have in common.
+  double least_peculiar = 0.25;
 };
 
 /// Which maps a question is put to.
