@@ -98,31 +98,42 @@ struct Tried {
   Confirmation said;
 };
 
-/// Of the corners found by one try, those that no place refused explains: keyframes of other maps.
-size_t count_peculiar(const Tried& of, std::span<const Tried> tried) {
-  std::vector<size_t> left = of.said.found;
+/// What places that have been refused, of other maps, explain of a picture for which another is confirmed.
+struct Rivalry {
+  size_t most = 0;                 ///< corners that one of them explains
+  std::vector<size_t> peculiar{};  ///< corners found that none of them explains
+};
+
+Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
+  Rivalry rivalry{0, confirmed.said.found};
   for (const Tried& rival : tried) {
-    if (rival.said.confirmed || rival.candidate.map == of.candidate.map) continue;
-    std::vector<size_t> kept;
-    std::set_difference(left.begin(), left.end(), rival.said.explained.begin(), rival.said.explained.end(),
-                        std::back_inserter(kept));
-    left = std::move(kept);
+    if (rival.said.confirmed || rival.candidate.map == confirmed.candidate.map) continue;
+    const std::vector<size_t>& explained = rival.said.explained;
+    rivalry.most = std::max(rivalry.most, explained.size());
+    std::vector<size_t> left;
+    std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
+    rivalry.peculiar = std::move(left);
   }
-  return left.size();
+  return rivalry;
 }
 
-/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (Cummins and
-/// Newman's perceptual aliasing, IJRR 2008): confirmed stays who has something to show of its own. A place
-/// confirmed is no witness against another: where maps overlap, both are right.
+/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
+/// aliasing of Cummins and Newman, IJRR 2008): confirmed stays what has something to show of its own and
+/// explains clearly more than what it is not. A place confirmed is no rival: where maps overlap, both are
+/// right.
 void refuse_what_is_common(const RelocOptions& options, std::span<Tried> tried) {
   for (Tried& t : tried) {
     if (!t.said.confirmed) continue;
-    const size_t peculiar = count_peculiar(t, tried);
-    if (static_cast<double>(peculiar) >= options.least_peculiar * t.said.inliers) continue;
+    const Rivalry rivalry = compare_with_rivals(t, tried);
+    const auto found = static_cast<double>(t.said.found.size());
+    const auto explained = static_cast<double>(t.said.explained.size());
+    if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * found &&
+        explained >= options.least_margin * static_cast<double>(rivalry.most))
+      continue;
     t.candidate.confirmed = false;
-    t.candidate.reason =
-        fmt::format("{} of {} points that agree are seen at other places, too: more than one looks like this",
-                    static_cast<size_t>(t.said.inliers) - peculiar, t.said.inliers);
+    t.candidate.reason = fmt::format(
+        "it explains {} corners, a place that looks like it {}, and {} of {} found are its own only",
+        t.said.explained.size(), rivalry.most, rivalry.peculiar.size(), t.said.found.size());
   }
 }
 

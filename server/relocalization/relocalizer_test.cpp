@@ -200,7 +200,7 @@ TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
     const PlaceAnswer neither = ask(both, unmapped, step);
     EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
     EXPECT_TRUE(std::ranges::any_of(neither.candidates, [](const PlaceCandidate& c) {
-      return c.reason.find("more than one looks like this") != std::string::npos;
+      return c.reason.find("a place that looks like it") != std::string::npos;
     }));
     const PlaceAnswer right = ask(both, empty, step);
     ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
