@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <tuple>
 #include <utility>
 
@@ -15,6 +16,12 @@ namespace {
 /// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
 /// lists are most of the time from some thousand keyframes on.
 constexpr size_t kVotingPictures = 512;
+
+/// Keyframes of a map that has been confirmed are tried up to this number, for the best pose; then other maps
+/// are, which may look as much like it.
+constexpr size_t kTriesOfConfirmed = 4;
+/// Where those of other maps that stand high have been tried, they are looked for among so many as many.
+constexpr size_t kRivalsPerTry = 4;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -88,15 +95,54 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 
 struct Tried {
   PlaceCandidate candidate;
-  double alikeness = -1;
+  Confirmation said;
 };
+
+/// What places that have been refused, of other maps, explain of a picture for which another is confirmed.
+struct Rivalry {
+  size_t most = 0;                 ///< corners that one of them explains
+  std::vector<size_t> peculiar{};  ///< corners found that none of them explains
+};
+
+Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
+  Rivalry rivalry{0, confirmed.said.found};
+  for (const Tried& rival : tried) {
+    if (rival.said.confirmed || rival.candidate.map == confirmed.candidate.map) continue;
+    const std::vector<size_t>& explained = rival.said.explained;
+    rivalry.most = std::max(rivalry.most, explained.size());
+    std::vector<size_t> left;
+    std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
+    rivalry.peculiar = std::move(left);
+  }
+  return rivalry;
+}
+
+/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
+/// aliasing of Cummins and Newman, IJRR 2008): confirmed stays what has something to show of its own and
+/// explains clearly more than what it is not. A place confirmed is no rival: where maps overlap, both are
+/// right.
+void refuse_what_is_common(const RelocOptions& options, std::span<Tried> tried) {
+  for (Tried& t : tried) {
+    if (!t.said.confirmed) continue;
+    const Rivalry rivalry = compare_with_rivals(t, tried);
+    const auto found = static_cast<double>(t.said.found.size());
+    const auto explained = static_cast<double>(t.said.explained.size());
+    if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * found &&
+        explained >= options.least_margin * static_cast<double>(rivalry.most))
+      continue;
+    t.candidate.confirmed = false;
+    t.candidate.reason = fmt::format(
+        "it explains {} corners, a place that looks like it {}, and {} of {} found are its own only",
+        t.said.explained.size(), rivalry.most, rivalry.peculiar.size(), t.said.found.size());
+  }
+}
 
 /// Confirmed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
 /// and inliers do not tell. The rest in the order they were tried.
 std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
   std::stable_sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
-    return a.candidate.confirmed && a.alikeness > b.alikeness;
+    return a.candidate.confirmed && a.said.alikeness > b.said.alikeness;
   });
   std::vector<PlaceCandidate> candidates;
   candidates.reserve(tried.size());
@@ -117,21 +163,44 @@ class Inquiry {
     const auto ranked = find_alike(index, picture, shortlist, options_.search);
     if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
     const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    return try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist);
+    if (try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist))
+      return true;
+    const bool is_any_confirmed =
+        std::any_of(tried_.begin(), tried_.end(), [](const Tried& t) { return t.said.confirmed; });
+    if (!is_any_confirmed || tried_.size() >= before + shortlist) return false;
+    const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
+    return try_out(rivals, before + shortlist);
   }
-  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
+  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
+    refuse_what_is_common(options_, tried_);
+    return in_order(std::move(tried_));
+  }
 
  private:
+  /// Whether the map has been confirmed and enough of it been asked about: the others are its rivals.
+  [[nodiscard]] bool is_settled(const MapId& map) const {
+    size_t of_map = 0;
+    bool confirmed = false;
+    for (const Tried& t : tried_) {
+      if (t.candidate.map != map) continue;
+      ++of_map;
+      confirmed |= t.said.confirmed;
+    }
+    return confirmed && of_map >= kTriesOfConfirmed;
+  }
+
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
   /// have been tried in all.
   bool try_out(std::span<const Ranked> ranked, size_t most) {
     for (const Ranked& r : ranked) {
       if (tried_.size() >= most) return false;
       if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
-      const Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
+      if (is_settled(r.map->snapshot->map)) continue;
+      Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
-      tried_.push_back({make_candidate(r, said), said.alikeness});
-      if (is_clear(said, options_)) return true;
+      PlaceCandidate candidate = make_candidate(r, said);
+      tried_.push_back({std::move(candidate), std::move(said)});
+      if (is_clear(tried_.back().said, options_)) return true;
     }
     return false;
   }

@@ -33,13 +33,19 @@ PlaceView describe_image(const GrayView& image) {
   return describe_place(pyramid, find_corners(pyramid));
 }
 
+SE3 pose_at(int step, double advance) {
+  return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -advance)) * Scene::pose(step);
+}
+
 /// A map of a scene made without a map maker: keyframes at some steps of its camera, their corners as points
 /// at their exact places.
 class ExactMap {
  public:
-  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps) : scene_(scene) {
+  /// From `advance` metres further on than Scene::pose() says.
+  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps, double advance = 0)
+      : scene_(scene) {
     auto keyframes = std::make_shared<KeyframeBlock>();
-    for (const int step : steps) add_keyframe(step, keyframes.get());
+    for (const int step : steps) add_keyframe(step, advance, keyframes.get());
     auto snapshot = std::make_shared<MapSnapshot>();
     snapshot->map.bytes[0] = id;
     snapshot->epoch = Epoch{3};
@@ -65,9 +71,9 @@ class ExactMap {
   [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
 
  private:
-  void add_keyframe(int step, KeyframeBlock* keyframes) {
+  void add_keyframe(int step, double advance, KeyframeBlock* keyframes) {
     const KeyframeId id{views_.size() + 1};
-    const SE3 pose = Scene::pose(step);
+    const SE3 pose = pose_at(step, advance);
     auto pyramid = std::make_shared<Pyramid>();
     pyramid->build(scene_.render(pose, static_cast<uint64_t>(step))->view());
     KeyframeView view{id, scene_.camera(), pyramid, {}};
@@ -166,6 +172,39 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
     EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown) << step;
     EXPECT_FALSE(answer.reason.empty());
     for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
+  }
+}
+
+/// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
+/// the empty one explains all it has, and so does the full one in part. Then it is neither.
+TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
+  constexpr double kAdvance = 0.3;
+  constexpr double kFewThings = 0.1;
+  const std::vector<int> steps = {2, 4, 6};
+  const Scene empty(11, 21, kFewThings);
+  const Scene full(11, 22, 1);
+  const Scene unmapped(11, 23, kFewThings);
+  const ExactMap empty_map(empty, 1, steps, kAdvance);
+  PlaceIndex alone;
+  alone.put(empty_map.index());
+  PlaceIndex both = alone;
+  both.put(ExactMap(full, 2, steps, kAdvance).index());
+  const auto ask = [&](const PlaceIndex& index, const Scene& scene, int step) {
+    const auto image = scene.render(pose_at(step, kAdvance), 200 + static_cast<uint64_t>(step));
+    return relocalize(index, *scene.camera(), describe_image(image->view()));
+  };
+  for (const int step : {3, 5}) {
+    SCOPED_TRACE(step);
+    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
+        << "nothing tells that what is seen is common";
+    const PlaceAnswer neither = ask(both, unmapped, step);
+    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
+    EXPECT_TRUE(std::ranges::any_of(neither.candidates, [](const PlaceCandidate& c) {
+      return c.reason.find("a place that looks like it") != std::string::npos;
+    }));
+    const PlaceAnswer right = ask(both, empty, step);
+    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
+    EXPECT_EQ(right.candidates.front().map, empty_map.snapshot()->map);
   }
 }
 
