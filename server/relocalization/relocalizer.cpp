@@ -19,7 +19,7 @@ constexpr size_t kVotingPictures = 512;
 
 /// Keyframes of a map that has been confirmed are tried up to this number, for the best pose; then other maps
 /// are, which may look as much like it.
-constexpr size_t kTriesOfConfirmed = 4;
+constexpr size_t kTriesOfConfirmed = 6;
 /// Where those of other maps that stand high have been tried, they are looked for among so many as many.
 constexpr size_t kRivalsPerTry = 4;
 
@@ -150,6 +150,9 @@ std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
   return candidates;
 }
 
+/// Which keyframes are tried.
+enum class Tries : uint8_t { kRivalsFirst, kAll };
+
 /// One question on its way through the keyframes.
 class Inquiry {
  public:
@@ -163,13 +166,11 @@ class Inquiry {
     const auto ranked = find_alike(index, picture, shortlist, options_.search);
     if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
     const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    if (try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist))
-      return true;
-    const bool is_any_confirmed =
-        std::any_of(tried_.begin(), tried_.end(), [](const Tried& t) { return t.said.confirmed; });
-    if (!is_any_confirmed || tried_.size() >= before + shortlist) return false;
+    const auto fused = fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture);
+    if (try_out(fused, before + shortlist)) return true;
+    if (!is_any_confirmed()) return false;
     const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
-    return try_out(rivals, before + shortlist);
+    return try_out(rivals, before + shortlist) || try_out(fused, before + shortlist, Tries::kAll);
   }
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
     refuse_what_is_common(options_, tried_);
@@ -189,13 +190,17 @@ class Inquiry {
     return confirmed && of_map >= kTriesOfConfirmed;
   }
 
+  [[nodiscard]] bool is_any_confirmed() const {
+    return std::any_of(tried_.begin(), tried_.end(), [](const Tried& t) { return t.said.confirmed; });
+  }
+
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
   /// have been tried in all.
-  bool try_out(std::span<const Ranked> ranked, size_t most) {
+  bool try_out(std::span<const Ranked> ranked, size_t most, Tries tries = Tries::kRivalsFirst) {
     for (const Ranked& r : ranked) {
       if (tried_.size() >= most) return false;
       if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
-      if (is_settled(r.map->snapshot->map)) continue;
+      if (tries == Tries::kRivalsFirst && is_settled(r.map->snapshot->map)) continue;
       Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
       PlaceCandidate candidate = make_candidate(r, said);
