@@ -17,9 +17,10 @@ namespace {
 /// lists are most of the time from some thousand keyframes on.
 constexpr size_t kVotingPictures = 512;
 
-/// Keyframes of a map that has been confirmed are tried up to this number, for the best pose; then other maps
-/// are, which may look as much like it.
-constexpr size_t kTriesOfConfirmed = 6;
+/// So many keyframes of a map that has been confirmed are tried; then other maps are, which may look as much
+/// like it; then so many more, for the best pose.
+constexpr size_t kTriesOfConfirmed = 4;
+constexpr size_t kMoreForPose = 4;
 /// Where those of other maps that stand high have been tried, they are looked for among so many as many.
 constexpr size_t kRivalsPerTry = 4;
 
@@ -170,7 +171,8 @@ class Inquiry {
     if (try_out(fused, before + shortlist)) return true;
     if (!is_any_confirmed()) return false;
     const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
-    return try_out(rivals, before + shortlist) || try_out(fused, before + shortlist, Tries::kAll);
+    return try_out(rivals, before + shortlist) ||
+           try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
     refuse_what_is_common(options_, tried_);
