@@ -136,6 +136,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     pose = optimize_pose(camera, pose->camera_from_map, to_observations(view, guided.matches), refinement);
     if (!pose) {
       result.reason = pose.error().message;
+      result.found.clear();
       return result;
     }
     result.camera_from_map = pose->camera_from_map;

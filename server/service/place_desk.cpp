@@ -39,16 +39,28 @@ void PlaceDesk::catch_up() {
     waiting.swap(reported_);
   }
   for (auto& [map, reported] : waiting) {
-    PlaceIndex next = *index();
-    if (reported.snapshot == nullptr) {
-      next.remove(map);
-    } else {
-      const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
-      next.put(index_map(known, std::move(reported.snapshot), reported.views));
+    try {
+      adopt(map, reported);
+    } catch (
+        const std::exception& problem) {  // memory: of a map at rest nothing else brings its pictures again
+      log_->error("map {}: not searched as it is now: {}; tried again with the next change",
+                  reported.snapshot ? reported.snapshot->name : to_hex(map.bytes), problem.what());
+      const std::scoped_lock lock(mutex_);
+      reported_.try_emplace(map, std::move(reported));
     }
-    publish(std::move(next));
   }
   plant_if_needed();
+}
+
+void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
+  PlaceIndex next = *index();
+  if (reported.snapshot == nullptr) {
+    next.remove(map);
+  } else {
+    const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
+    next.put(index_map(known, reported.snapshot, reported.views));
+  }
+  publish(std::move(next));
 }
 
 void PlaceDesk::plant_if_needed() {

@@ -58,6 +58,8 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
   void catch_up();
+  /// With changing_ held.
+  void adopt(const MapId& map, const Reported& reported);
   /// Has a forest planted unless the index is well served or one is on its way. With changing_ held.
   void plant_if_needed();
   void plant();
