@@ -16,7 +16,7 @@ namespace cairn {
 struct KeyframeView {
   KeyframeId id;
   CameraPtr camera;
-  std::shared_ptr<const Pyramid> pyramid;
+  std::shared_ptr<const Pyramid> pyramid;      ///< null: has been let go
   std::vector<PointMeasurement> measurements;  ///< ascending by point
 };
 

@@ -69,9 +69,10 @@ std::string text_of(const json& object, const char* key) {
 }
 
 void print_map(const json& map) {
-  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s\n", text_of(map, "name").c_str(),
+  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s%s\n", text_of(map, "name").c_str(),
               text_of(map, "id").c_str(), map.value("keyframes", 0), map.value("points", 0),
-              map.value("memory_bytes", 0.0) * 1e-6, map.contains("frozen") ? "  frozen" : "");
+              map.value("memory_bytes", 0.0) * 1e-6, map.value("at_rest", false) ? "  at rest" : "",
+              map.contains("frozen") ? "  frozen" : "");
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
 }
 
@@ -106,10 +107,12 @@ Status show_status(AdminClient* client, const Options& options) {
   if (!answer) return tl::unexpected(answer.error());
   const json& s = answer->content;
   print(options, s, [&s] {
-    std::printf("server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %.1f MB\nclients ",
-                text_of(s, "server").c_str(), text_of(s, "version").c_str(), text_of(s, "health").c_str(),
-                s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str(),
-                s.value("maps", 0), s.value("memory_bytes", 0.0) * 1e-6);
+    std::printf(
+        "server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %d of them at rest, %.1f "
+        "MB\nclients ",
+        text_of(s, "server").c_str(), text_of(s, "version").c_str(), text_of(s, "health").c_str(),
+        s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str(),
+        s.value("maps", 0), s.value("maps_at_rest", 0), s.value("memory_bytes", 0.0) * 1e-6);
     const json wearers = s.value("wearers", json::object());
     for (const json& client : s.value("clients", json::array())) {
       const auto name = client.get<std::string>();

@@ -13,8 +13,8 @@ constexpr size_t kMinKeyframes = 2;
 /// Puts a map together; a step for each kind of record, in the order of what refers to what.
 class Assembly {
  public:
-  explicit Assembly(const MapRecord& record)
-      : record_(record), keyframes_(record.keyframe_count), points_(record.point_count) {
+  Assembly(const MapRecord& record, RestoredImages images)
+      : record_(record), images_(images), keyframes_(record.keyframe_count), points_(record.point_count) {
     for (size_t i = 0; i < keyframes_.size(); ++i) {
       keyframes_[i].id = KeyframeId{i + 1};
       keyframes_[i].live = false;
@@ -26,6 +26,7 @@ class Assembly {
     }
     has_source_.resize(points_.size());
     has_measurements_.resize(keyframes_.size());
+    has_image_.resize(keyframes_.size());
   }
 
   Result<AssembledMap> run() {
@@ -115,11 +116,12 @@ class Assembly {
     for (const ImageRecord& r : record_.images) {
       if (!is_keyframe(r.keyframe) || !keyframe(r.keyframe).live || r.image == nullptr) continue;
       MapKeyframe& k = keyframe(r.keyframe);
-      if (r.image->width() == k.camera->width() && r.image->height() == k.camera->height())
-        k.images = prepare_images(r.image->view());
+      if (r.image->width() != k.camera->width() || r.image->height() != k.camera->height()) continue;
+      has_image_[k.id.value - 1] = true;
+      if (images_ == RestoredImages::kStay) k.images = prepare_images(r.image->view());
     }
-    for (MapKeyframe& k : keyframes_) {
-      if (k.live && k.images == nullptr) note_lost(k.id, "its image");
+    for (const MapKeyframe& k : keyframes_) {
+      if (k.live && !has_image_[k.id.value - 1]) note_lost(k.id, "its image");
     }
   }
 
@@ -196,19 +198,21 @@ class Assembly {
   }
 
   const MapRecord& record_;
+  const RestoredImages images_;
   std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
   std::vector<bool> has_source_;
   std::vector<bool> has_measurements_;
+  std::vector<bool> has_image_;
   std::vector<KeyframeId> lost_;
   std::vector<std::string> repairs_;
 };
 
 }  // namespace
 
-Result<AssembledMap> assemble_map(const MapRecord& record) {
-  return Assembly(record).run();
+Result<AssembledMap> assemble_map(const MapRecord& record, RestoredImages images) {
+  return Assembly(record, images).run();
 }
 
 }  // namespace cairn

@@ -46,6 +46,8 @@ struct MapMaker::State {
 
   /// Why there is no room for another keyframe; empty when there is.
   [[nodiscard]] std::string why_full() const;
+  /// Whether step() has nothing to do.
+  [[nodiscard]] bool is_idle() const;
   [[nodiscard]] WorkRecord work() const;
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
@@ -69,6 +71,10 @@ std::string MapMaker::State::why_full() const {
   if (map.keyframes().size() >= kMaxKeyframeBlocks * kBlockSlots)
     return say("keyframes", map.keyframes().size(), kMaxKeyframeBlocks * kBlockSlots);
   return {};
+}
+
+bool MapMaker::State::is_idle() const {
+  return wanting_points.empty() && wanting_observers.empty() && !local_adjustment_due && !upkeep_due;
 }
 
 StepReport MapMaker::State::make_points(const std::function<bool()>& should_yield) {
@@ -166,8 +172,8 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
 }
 
 Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapIdentity& identity,
-                                             const MapMakerOptions& options) {
-  auto assembled = assemble_map(record);
+                                             const MapMakerOptions& options, RestoredImages images) {
+  auto assembled = assemble_map(record, images);
   if (!assembled) return tl::unexpected(assembled.error());
   MapState& map = assembled->state;
   const FoundationRecord& foundation = *record.foundation;
@@ -234,6 +240,10 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   return decision;
 }
 
+bool MapMaker::has_work() const {
+  return !state_->is_idle() || state_->global_adjustment_due;
+}
+
 StepReport MapMaker::step(const std::function<bool()>& should_yield) {
   State& s = *state_;
   if (!s.wanting_points.empty()) return s.make_points(should_yield);
@@ -244,10 +254,7 @@ StepReport MapMaker::step(const std::function<bool()>& should_yield) {
 }
 
 bool MapMaker::wants_global_adjustment() const {
-  const State& s = *state_;
-  const bool idle =
-      s.wanting_points.empty() && s.wanting_observers.empty() && !s.local_adjustment_due && !s.upkeep_due;
-  return idle && s.global_adjustment_due;
+  return state_->is_idle() && state_->global_adjustment_due;
 }
 
 GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
@@ -281,11 +288,11 @@ MapSnapshotPtr MapMaker::snapshot() {
 std::vector<KeyframeView> MapMaker::keyframe_views() const {
   std::vector<KeyframeView> views;
   for (const MapKeyframe& k : state_->map.keyframes()) {
-    if (!k.live || !k.images) continue;
+    if (!k.live) continue;
     KeyframeView& view = views.emplace_back();
     view.id = k.id;
     view.camera = k.camera;
-    view.pyramid = {k.images, &k.images->pyramid};
+    if (k.images) view.pyramid = {k.images, &k.images->pyramid};
     view.measurements.reserve(k.measurements.size());
     for (const Measurement& m : k.measurements) view.measurements.push_back({m.point, m.level, m.pixel});
   }
@@ -306,15 +313,46 @@ void MapMaker::keep_everything_anew() {
   state_->recorder.reset();
 }
 
+void MapMaker::let_images_go() {
+  State& s = *state_;
+  for (const MapKeyframe& k : s.map.keyframes()) {
+    if (s.recorder.has_given_image(k.id)) s.map.keyframe(k.id).images = nullptr;
+  }
+}
+
+bool MapMaker::lacks_any_images() const {
+  const auto& keyframes = state_->map.keyframes();
+  return std::any_of(keyframes.begin(), keyframes.end(), lacks_images);
+}
+
+std::vector<KeyframeId> MapMaker::lacking_images() const {
+  std::vector<KeyframeId> lacking;
+  for (const MapKeyframe& k : state_->map.keyframes()) {
+    if (lacks_images(k)) lacking.push_back(k.id);
+  }
+  return lacking;
+}
+
+bool MapMaker::give_image_back(KeyframeId id, const GrayView& image) {
+  MapKeyframe& k = state_->map.keyframe(id);
+  if (image.width != k.camera->width() || image.height != k.camera->height()) return false;
+  if (lacks_images(k)) k.images = prepare_images(image);
+  return true;
+}
+
 MapStatistics MapMaker::statistics() const {
   const MapState& map = state_->map;
   MapStatistics stats;
+  size_t& bytes_of_lacking = has_work() ? stats.bytes : stats.bytes_let_go;
   for (const MapKeyframe& k : map.keyframes()) {
     stats.keyframes += k.live ? 1 : 0;
     stats.measurements += k.measurements.size();
     stats.bytes +=
         sizeof(k) + k.measurements.capacity() * sizeof(Measurement) + k.given_up.capacity() * sizeof(PointId);
     if (k.images) stats.bytes += k.images->bytes();
+    if (!lacks_images(k)) continue;
+    ++stats.without_images;
+    bytes_of_lacking += expected_image_bytes(*k.camera);
   }
   std::array<std::vector<float>, 3> coordinates;
   for (const MapPoint& p : map.points()) {

@@ -109,7 +109,9 @@ struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
   size_t measurements = 0;
-  size_t bytes = 0;                                      ///< memory of the map, images included
+  size_t bytes = 0;           ///< memory of the map, with the images that are there or that due work needs
+  size_t bytes_let_go = 0;    ///< of images that are not there and will only be needed by new work; about
+  size_t without_images = 0;  ///< keyframes whose images have been let go
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points
   Eigen::Vector3f bounds_max = Eigen::Vector3f::Zero();
   std::vector<CameraEstimate> cameras;  ///< as in the last snapshot
@@ -131,6 +133,9 @@ struct MapIdentity {
   Epoch epoch;
 };
 
+/// What becomes of the images in a record: the map maker's, or left out, as after MapMaker::let_images_go().
+enum class RestoredImages : uint8_t { kStay, kLetGo };
+
 class MapMaker {
  public:
   /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant
@@ -145,7 +150,8 @@ class MapMaker {
     std::vector<std::string> repairs;
   };
   [[nodiscard]] static Result<Restored> restore(const MapRecord& record, const MapIdentity& identity,
-                                                const MapMakerOptions& options);
+                                                const MapMakerOptions& options,
+                                                RestoredImages images = RestoredImages::kStay);
   ~MapMaker();
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
@@ -154,6 +160,9 @@ class MapMaker {
   /// measurements of known points are in the map on return, the rest is work for step(). A few milliseconds.
   /// Refused as kFull while there is still room for the points of all keyframes taken before.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
+
+  /// Whether a step() has anything to do, or a global adjustment would.
+  [[nodiscard]] bool has_work() const;
 
   /// Does the most urgent unit of work: new points for the newest keyframe, local adjustment, re-finding of
   /// new points in old keyframes, culling. `should_yield` is polled at least every 10 ms; when true the step
@@ -174,7 +183,8 @@ class MapMaker {
   /// something changed.
   [[nodiscard]] MapSnapshotPtr snapshot();
 
-  /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer.
+  /// Live keyframes with their pictures and measurements, ascending by id: for the relocalizer. Those whose
+  /// images have been let go come without a picture; their measurements are what they were then.
   [[nodiscard]] std::vector<KeyframeView> keyframe_views() const;
 
   /// The next snapshot has this name.
@@ -190,6 +200,18 @@ class MapMaker {
   [[nodiscard]] MapRecord take_changes();
   /// The changes taken before could not be kept: the next call gives all of the map again.
   void keep_everything_anew();
+
+  /// Lets go the images that take_changes() has given, all of which has been kept: most of a map's memory.
+  /// Not while there is work. The map can be looked at, renamed and kept, and takes keyframes, which bring
+  /// their images; step() and adopt() need all images back.
+  void let_images_go();
+  /// Whether any keyframe's images have been let go.
+  [[nodiscard]] bool lacks_any_images() const;
+  /// Keyframes whose images have been let go, ascending.
+  [[nodiscard]] std::vector<KeyframeId> lacking_images() const;
+  /// Gives an image back as it was kept (ImageRecord): with all of them the map is what it was. False when it
+  /// is not of the keyframe's size. Some milliseconds.
+  [[nodiscard]] bool give_image_back(KeyframeId keyframe, const GrayView& image);
 
  private:
   struct State;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 
 /// What has to be kept of a map so that it goes on as if nothing had happened: plain values, nothing that can
@@ -120,8 +121,8 @@ struct AssembledMap {
 };
 
 /// Error kDamaged when what is left is no map: the first keyframe or the foundation is missing, or fewer than
-/// two keyframes remain. Takes the images' time: some milliseconds a keyframe.
-[[nodiscard]] Result<AssembledMap> assemble_map(const MapRecord& record);
+/// two keyframes remain. Takes the images' time, unless these are left out: some milliseconds a keyframe.
+[[nodiscard]] Result<AssembledMap> assemble_map(const MapRecord& record, RestoredImages images);
 
 /// Tells what has changed in a map since it was asked last: by digests of what it gave out then, so nothing
 /// that changes the map needs to know. Not thread-safe.
@@ -132,6 +133,9 @@ class MapRecorder {
                                const WorkRecord& work);
   /// What was given out has been lost: everything again.
   void reset() { *this = MapRecorder(); }
+  [[nodiscard]] bool has_given_image(KeyframeId id) const {
+    return id.value <= has_image_.size() && has_image_[id.value - 1];
+  }
 
  private:
   std::vector<uint64_t> cameras_;    ///< digests by index

@@ -218,6 +218,58 @@ TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {
   EXPECT_DOUBLE_EQ(from_whole->maker->reprojection_rms(), maker_->reprojection_rms());
 }
 
+TEST_F(MapRecordTest, ImagesThatWereLetGoAndGivenBackChangeNothing) {
+  start();
+  MapRecord kept = maker_->take_changes();
+  const auto other = restore(kept);
+  ASSERT_TRUE(other);
+  other->maker->keep_everything_anew();  // its images have not been given yet
+  other->maker->let_images_go();
+  EXPECT_THAT(other->maker->lacking_images(), IsEmpty());
+
+  for (int step = 5; step <= 11; step += 3) {
+    apply(maker_->take_changes(), &kept);
+    maker_->let_images_go();
+    EXPECT_EQ(maker_->statistics().without_images, maker_->statistics().keyframes);
+    EXPECT_GT(maker_->statistics().bytes_let_go, 0U);
+    EXPECT_TRUE(maker_->take_changes().empty()) << "that is no change";
+    const KeyframeInput next = testing::make_offer(scene_, *maker_->snapshot(), step);
+    ASSERT_EQ(maker_->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    EXPECT_EQ(maker_->statistics().without_images + 1, maker_->statistics().keyframes);
+    maker_->keep_everything_anew();
+    const MapRecord whole = maker_->take_changes();
+    EXPECT_EQ(whole.images.size(), 1U) << "the others are kept";
+    EXPECT_THAT(whole.removed_images, IsEmpty());
+    apply(whole, &kept);
+    for (const KeyframeId id : maker_->lacking_images()) {
+      EXPECT_FALSE(maker_->give_image_back(id, GrayImage(8, 8).view()));
+      const auto image = std::find_if(kept.images.begin(), kept.images.end(),
+                                      [id](const auto& i) { return i.keyframe == id; });
+      ASSERT_NE(image, kept.images.end());
+      EXPECT_TRUE(maker_->give_image_back(id, image->image->view()));
+    }
+    ASSERT_EQ(other->maker->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    for (MapMaker* maker : {maker_.get(), other->maker.get()}) {
+      while (maker->step(kNeverYield).work != MapWork::kNone) {
+      }
+      EXPECT_TRUE(maker->has_work()) << "a global adjustment";
+      const GlobalAdjustmentPtr problem = maker->prepare_global_adjustment();
+      solve(problem.get(), {});
+      maker->adopt(*problem);
+    }
+    apply(maker_->take_changes(), &kept);
+    MapRecord all;
+    other->maker->keep_everything_anew();
+    apply(other->maker->take_changes(), &all);
+    const auto a = restore(kept);
+    const auto b = restore(all);
+    ASSERT_TRUE(a && b);
+    EXPECT_THAT(a->repairs, IsEmpty());
+    EXPECT_TRUE(bytes_of(*a->maker->snapshot()) == bytes_of(*b->maker->snapshot()));
+    EXPECT_EQ(a->maker->statistics().bytes, b->maker->statistics().bytes);
+  }
+}
+
 TEST_F(MapRecordTest, WhatIsLostIsNamedAndTheRestGoesOn) {
   grow();
   const MapRecord whole = maker_->take_changes();

@@ -130,13 +130,12 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
     if (renew(&keyframes_[i], digest_of(k))) record.keyframes.push_back(record_of(k));
     if (renew(&measurements_[i], measurements_digest(k)))
       record.measurements.push_back({k.id, k.measurements, k.given_up});
-    const bool has_image = k.images != nullptr;
-    if (has_image == has_image_[i]) continue;
-    has_image_[i] = has_image;
-    if (has_image) {
-      record.images.push_back({k.id, GrayImagePtr(k.images, &k.images->pyramid.level(0))});
-    } else {
+    if (k.live == has_image_[i]) continue;
+    has_image_[i] = k.live;
+    if (!k.live) {
       record.removed_images.push_back(k.id);
+    } else if (k.images != nullptr) {  // one that was let go has been kept
+      record.images.push_back({k.id, GrayImagePtr(k.images, &k.images->pyramid.level(0))});
     }
   }
 

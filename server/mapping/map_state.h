@@ -35,6 +35,9 @@ struct KeyframeImages {
   [[nodiscard]] size_t bytes() const;
 };
 
+/// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
+[[nodiscard]] size_t expected_image_bytes(const Camera& camera);
+
 /// Pyramid, FAST-10 corners (thresholds 10, 15, 15, 10) and candidates of an image.
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image);
 
@@ -54,14 +57,20 @@ struct MapKeyframe {
   int estimated_camera = -1;  ///< index in MapState::cameras(); -1: its values are exact
   Timestamp time;
   SE3 camera_from_map;
-  std::shared_ptr<const KeyframeImages> images;  ///< null once the keyframe is removed
-  std::vector<Measurement> measurements;         ///< ascending by point, each point at most once
+  std::shared_ptr<const KeyframeImages>
+      images;                             ///< null once the keyframe is removed, or while they are let go
+  std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
   std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
   double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below
   double near_depth = 0;          ///< 5th percentile
   double far_depth = 0;           ///< 95th percentile
   bool live = true;
 };
+
+/// Whether the images of a keyframe have been let go and can be given back.
+[[nodiscard]] inline bool lacks_images(const MapKeyframe& keyframe) {
+  return keyframe.live && keyframe.images == nullptr;
+}
 
 struct MapPoint {
   PointSource source;

@@ -12,10 +12,17 @@ constexpr int kTexels = 1024;
 constexpr double kTexelsPerMetre = 500;
 constexpr double kBackDepth = 1.2;
 constexpr double kFrontDepth = 0.9;
+constexpr double kBoardLeft = 0.02;
+constexpr double kBoardRight = 0.35;
 
 /// The front plane: a board.
 bool on_board(const Eigen::Vector3d& p) {
-  return p.x() > 0.02 && p.x() < 0.35 && p.y() > -0.25 && p.y() < 0.15;
+  return p.x() > kBoardLeft && p.x() < kBoardRight && p.y() > -0.25 && p.y() < 0.15;
+}
+
+/// Of a place along an axis [m].
+double texel(double metres) {
+  return metres * kTexelsPerMetre + 400;
 }
 
 /// Random rectangles of random grey, large ones first, blurred by one texel: corners at every scale.
@@ -62,6 +69,15 @@ Scene::Scene(uint64_t seed) {
   for (auto& t : textures_) t = make_texture(&engine);
 }
 
+Scene::Scene(uint64_t seed, uint64_t board_seed, double share) : Scene(seed) {
+  std::mt19937_64 engine(board_seed);
+  std::vector<float>& board = textures_[1];
+  board = make_texture(&engine);
+  const auto first_plain = static_cast<int>(texel(kBoardLeft + share * (kBoardRight - kBoardLeft)));
+  for (int y = 0; y < kTexels; ++y)
+    std::fill(board.begin() + y * kTexels + first_plain, board.begin() + (y + 1) * kTexels, 128.0F);
+}
+
 SE3 Scene::pose(int step) {
   Vector6d xi;
   xi << -0.045 * step, 0.01 * std::sin(1.3 * step), 0.015 * std::sin(0.9 * step), 0.01 * std::sin(2.1 * step),
@@ -76,8 +92,7 @@ Scene::Hit Scene::trace(const Eigen::Vector3d& origin, const Eigen::Vector3d& di
 }
 
 float Scene::texture(const Hit& hit) const {
-  return bilinear(textures_[static_cast<size_t>(hit.plane)], hit.point.x() * kTexelsPerMetre + 400,
-                  hit.point.y() * kTexelsPerMetre + 400);
+  return bilinear(textures_[static_cast<size_t>(hit.plane)], texel(hit.point.x()), texel(hit.point.y()));
 }
 
 GrayImagePtr Scene::render(const SE3& camera_from_world, uint64_t frame) const {

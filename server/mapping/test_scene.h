@@ -17,6 +17,8 @@ namespace cairn::testing {
 class Scene {
  public:
   explicit Scene(uint64_t seed);
+  /// Another board before the same back: one with a picture on the left `share` of it, plain elsewhere.
+  Scene(uint64_t seed, uint64_t board_seed, double share);
 
   [[nodiscard]] CameraPtr camera() const { return camera_; }
   /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <bitset>
+#include <iterator>
 #include <utility>
 
 #include "server/relocalization/appearance.h"
@@ -38,18 +39,31 @@ std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_fr
   return around;
 }
 
-int count_cells(const PlaceView& view, std::span<const PlaceMatch> matches, std::span<const double> weights,
-                const Camera& camera) {
-  std::bitset<size_t{kCellsAcross} * kCellsDown> occupied;
+/// Corners of the matches that agree with the pose, ascending.
+std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span<const double> weights) {
+  std::vector<size_t> found;
   for (size_t i = 0; i < matches.size(); ++i) {
-    if (!(weights[i] > 0)) continue;
-    const Eigen::Vector2f& p = view.corners[matches[i].corner].pixel;
+    if (weights[i] > 0) found.push_back(matches[i].corner);
+  }
+  return found;
+}
+
+int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera) {
+  std::bitset<size_t{kCellsAcross} * kCellsDown> occupied;
+  for (const size_t corner : corners) {
+    const Eigen::Vector2f& p = view.corners[corner].pixel;
     const int column =
         std::clamp(static_cast<int>(p.x()) * kCellsAcross / camera.width(), 0, kCellsAcross - 1);
     const int row = std::clamp(static_cast<int>(p.y()) * kCellsDown / camera.height(), 0, kCellsDown - 1);
     occupied.set(static_cast<size_t>(row * kCellsAcross + column));
   }
   return static_cast<int>(occupied.count());
+}
+
+std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b) {
+  std::vector<size_t> both;
+  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return both;
 }
 
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
@@ -97,6 +111,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
+  for (const PlaceMatch& m : supported) result.explained.push_back(m.corner);
   if (result.supported < options.min_supported) {
     result.reason = fmt::format("{} of {} corners alike lie as they do there, {} needed", result.supported,
                                 result.matches, options.min_supported);
@@ -121,14 +136,17 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     pose = optimize_pose(camera, pose->camera_from_map, to_observations(view, guided.matches), refinement);
     if (!pose) {
       result.reason = pose.error().message;
+      result.found.clear();
       return result;
     }
     result.camera_from_map = pose->camera_from_map;
     result.inliers = pose->inliers;
     result.expected = static_cast<int>(points.points.size());
     result.met = static_cast<int>(guided.met);
-    result.cells = count_cells(view, guided.matches, pose->weights, camera);
+    result.found = corners_found(guided.matches, pose->weights);
   }
+  result.cells = count_cells(view, result.found, camera);
+  result.explained = united(result.explained, result.found);
   result.alikeness = alikeness(view, camera, points);
   judge(options, &result);
   return result;

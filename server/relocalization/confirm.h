@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
@@ -43,7 +44,9 @@ struct Confirmation {
   int met = 0;        ///< corners on which one of these falls
   int cells = 0;      ///< of 12, with an inlier in them
   double alikeness = -1;
-  std::string reason;  ///< why it is not confirmed
+  std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`
+  std::vector<size_t> explained;  ///< these, and those that are `supported`; ascending, each once
+  std::string reason;             ///< why it is not confirmed
 };
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which

@@ -173,7 +173,9 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   for (const KeyframeView& view : views) {
     if (snapshot->find(view.id) == nullptr) continue;
     const auto known = previous != nullptr ? find_keyframe(*previous, view.id) : std::nullopt;
-    const bool is_same = known && same_measurements(*previous->keyframes[*known], view);
+    const bool has_picture = view.pyramid != nullptr;
+    if (!known && !has_picture) continue;
+    const bool is_same = known && (!has_picture || same_measurements(*previous->keyframes[*known], view));
     map->keyframes.push_back(is_same ? previous->keyframes[*known] : index_keyframe(view));
   }
   std::sort(map->keyframes.begin(), map->keyframes.end(),

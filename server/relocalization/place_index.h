@@ -90,8 +90,9 @@ using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 [[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view);
 
 /// A map's part of the index. Keyframes of `previous` (null: none) whose measurements are the same are
-/// shared. Views of keyframes that the snapshot does not have are left out. A few milliseconds per keyframe
-/// that is new or changed: not for a thread that a query waits for.
+/// shared, and those whose view has no picture to describe them anew. Views of keyframes that the snapshot
+/// does not have are left out, and those without a picture that `previous` does not have. A few milliseconds
+/// per keyframe that is new or changed: not for a thread that a query waits for.
 [[nodiscard]] IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
                                       std::span<const KeyframeView> views);
 

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -15,6 +17,13 @@ namespace {
 /// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
 /// lists are most of the time from some thousand keyframes on.
 constexpr size_t kVotingPictures = 512;
+
+/// So many keyframes of a map that has been confirmed are tried; then other maps are, which may look as much
+/// like it; then so many more at least, for the best pose.
+constexpr size_t kTriesOfConfirmed = 4;
+constexpr size_t kMoreForPose = 4;
+/// Where those of other maps that stand high have been tried, they are looked for among so many as many.
+constexpr size_t kRivalsPerTry = 4;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -88,21 +97,66 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 
 struct Tried {
   PlaceCandidate candidate;
-  double alikeness = -1;
+  Confirmation said;
 };
 
-/// Confirmed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
-/// and inliers do not tell. The rest in the order they were tried.
+/// What places that have been refused explain of a picture for which another is confirmed.
+struct Rivalry {
+  size_t most = 0;                 ///< corners that one of them explains
+  std::vector<size_t> peculiar{};  ///< corners found that none of them explains
+};
+
+/// A map of which any keyframe is confirmed is no rival: where maps overlap, both are right.
+bool is_refused(const MapId& map, std::span<const Tried> tried) {
+  return std::ranges::none_of(tried,
+                              [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed; });
+}
+
+Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
+  Rivalry rivalry{0, confirmed.said.found};
+  for (const Tried& rival : tried) {
+    if (!is_refused(rival.candidate.map, tried)) continue;
+    const std::vector<size_t>& explained = rival.said.explained;
+    rivalry.most = std::max(rivalry.most, explained.size());
+    std::vector<size_t> left;
+    std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
+    rivalry.peculiar = std::move(left);
+  }
+  return rivalry;
+}
+
+/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
+/// aliasing of Cummins and Newman, IJRR 2008): believed is what has something to show of its own and explains
+/// clearly more than what it is not. Why it is not; nothing: it is.
+std::optional<std::string> find_why_common(const RelocOptions& options, const Tried& confirmed,
+                                           std::span<const Tried> tried) {
+  const Rivalry rivalry = compare_with_rivals(confirmed, tried);
+  const size_t found = confirmed.said.found.size();
+  const size_t explained = confirmed.said.explained.size();
+  if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * static_cast<double>(found) &&
+      static_cast<double>(explained) >= options.least_margin * static_cast<double>(rivalry.most))
+    return std::nullopt;
+  return fmt::format(
+      "it explains {} corners, a place that looks like it {}, and {} of {} found are its own only", explained,
+      rivalry.most, rivalry.peculiar.size(), found);
+}
+
+/// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
+/// and inliers do not tell. Then what looks right and is common, then the rest, in the order they were tried.
 std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
   std::stable_sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
-    return a.candidate.confirmed && a.alikeness > b.alikeness;
+    if (a.said.confirmed != b.said.confirmed) return a.said.confirmed;
+    return a.candidate.confirmed && a.said.alikeness > b.said.alikeness;
   });
   std::vector<PlaceCandidate> candidates;
   candidates.reserve(tried.size());
   for (Tried& t : tried) candidates.push_back(std::move(t.candidate));
   return candidates;
 }
+
+/// Which keyframes are tried.
+enum class Tries : uint8_t { kRivalsFirst, kAll };
 
 /// One question on its way through the keyframes.
 class Inquiry {
@@ -117,21 +171,53 @@ class Inquiry {
     const auto ranked = find_alike(index, picture, shortlist, options_.search);
     if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
     const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    return try_out(fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture), before + shortlist);
+    const auto fused = fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture);
+    if (try_out(fused, before + shortlist)) return true;
+    if (!is_any_confirmed()) return false;
+    const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
+    return try_out(rivals, before + shortlist) ||
+           try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
-  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() { return in_order(std::move(tried_)); }
+  /// By what it shows itself, whoever else shows the same.
+  [[nodiscard]] bool is_any_confirmed() const {
+    return std::any_of(tried_.begin(), tried_.end(), [](const Tried& t) { return t.said.confirmed; });
+  }
+  [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
+    for (Tried& t : tried_) {
+      if (!t.said.confirmed) continue;
+      const auto refusal = find_why_common(options_, t, tried_);
+      t.candidate.confirmed = !refusal;
+      t.candidate.reason = refusal.value_or("");
+    }
+    return in_order(std::move(tried_));
+  }
 
  private:
+  /// Whether the map has been confirmed and enough of it been asked about: the others are its rivals.
+  [[nodiscard]] bool is_settled(const MapId& map) const {
+    size_t of_map = 0;
+    bool confirmed = false;
+    for (const Tried& t : tried_) {
+      if (t.candidate.map != map) continue;
+      ++of_map;
+      confirmed |= t.said.confirmed;
+    }
+    return confirmed && of_map >= kTriesOfConfirmed;
+  }
+
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
   /// have been tried in all.
-  bool try_out(std::span<const Ranked> ranked, size_t most) {
+  bool try_out(std::span<const Ranked> ranked, size_t most, Tries tries = Tries::kRivalsFirst) {
     for (const Ranked& r : ranked) {
       if (tried_.size() >= most) return false;
       if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
-      const Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
+      if (tries == Tries::kRivalsFirst && is_settled(r.map->snapshot->map)) continue;
+      Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
-      tried_.push_back({make_candidate(r, said), said.alikeness});
-      if (is_clear(said, options_)) return true;
+      PlaceCandidate candidate = make_candidate(r, said);
+      tried_.push_back({std::move(candidate), std::move(said)});
+      if (is_clear(tried_.back().said, options_) && !find_why_common(options_, tried_.back(), tried_))
+        return true;
     }
     return false;
   }
@@ -169,11 +255,14 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   PlaceAnswer result;
   Inquiry inquiry(camera, view, options);
   if (scope.first.empty() || !inquiry.search(first, picture)) inquiry.search(index, picture);
+  const bool is_any_confirmed = inquiry.is_any_confirmed();
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {
     result.reason = kNothingToCompare;
   } else if (result.candidates.front().confirmed) {
     result.verdict = PlaceVerdict::kConfirmed;
+  } else if (is_any_confirmed) {
+    result.reason = "more than one place looks like this: " + result.candidates.front().reason;
   } else {
     result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",
                                 result.candidates.size(), index.keyframe_count());

@@ -33,13 +33,19 @@ PlaceView describe_image(const GrayView& image) {
   return describe_place(pyramid, find_corners(pyramid));
 }
 
+SE3 pose_at(int step, double advance) {
+  return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -advance)) * Scene::pose(step);
+}
+
 /// A map of a scene made without a map maker: keyframes at some steps of its camera, their corners as points
 /// at their exact places.
 class ExactMap {
  public:
-  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps) : scene_(scene) {
+  /// From `advance` metres further on than Scene::pose() says.
+  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps, double advance = 0)
+      : scene_(scene) {
     auto keyframes = std::make_shared<KeyframeBlock>();
-    for (const int step : steps) add_keyframe(step, keyframes.get());
+    for (const int step : steps) add_keyframe(step, advance, keyframes.get());
     auto snapshot = std::make_shared<MapSnapshot>();
     snapshot->map.bytes[0] = id;
     snapshot->epoch = Epoch{3};
@@ -65,9 +71,9 @@ class ExactMap {
   [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
 
  private:
-  void add_keyframe(int step, KeyframeBlock* keyframes) {
+  void add_keyframe(int step, double advance, KeyframeBlock* keyframes) {
     const KeyframeId id{views_.size() + 1};
-    const SE3 pose = Scene::pose(step);
+    const SE3 pose = pose_at(step, advance);
     auto pyramid = std::make_shared<Pyramid>();
     pyramid->build(scene_.render(pose, static_cast<uint64_t>(step))->view());
     KeyframeView view{id, scene_.camera(), pyramid, {}};
@@ -166,6 +172,50 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
     EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown) << step;
     EXPECT_FALSE(answer.reason.empty());
     for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
+  }
+}
+
+/// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
+/// the empty one explains all it has, and so does the full one in part. Then it is neither.
+TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
+  constexpr double kAdvance = 0.3;
+  constexpr double kFewThings = 0.1;
+  const std::vector<int> steps = {2, 4, 6};
+  const Scene empty(11, 21, kFewThings);
+  const Scene full(11, 22, 1);
+  const Scene unmapped(11, 23, kFewThings);
+  const ExactMap empty_map(empty, 1, steps, kAdvance);
+  PlaceIndex alone;
+  alone.put(empty_map.index());
+  PlaceIndex both = alone;
+  both.put(ExactMap(full, 2, steps, kAdvance).index());
+  const auto ask = [&](const PlaceIndex& index, const Scene& scene, int step) {
+    const auto image = scene.render(pose_at(step, kAdvance), 200 + static_cast<uint64_t>(step));
+    return relocalize(index, *scene.camera(), describe_image(image->view()));
+  };
+  for (const int step : {3, 5}) {
+    SCOPED_TRACE(step);
+    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
+        << "nothing tells that what is seen is common";
+    const PlaceAnswer neither = ask(both, unmapped, step);
+    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
+    EXPECT_NE(neither.reason.find("more than one place looks like this"), std::string::npos)
+        << neither.reason;
+    const PlaceAnswer right = ask(both, empty, step);
+    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
+    EXPECT_EQ(right.candidates.front().map, empty_map.snapshot()->map);
+  }
+}
+
+TEST(LookAlikes, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
+  const Scene scene(11);
+  PlaceIndex index;
+  index.put(ExactMap(scene, 1, {0, 4, 8}).index());
+  index.put(ExactMap(scene, 2, {2, 6, 10}).index());
+  for (int step = 1; step < 10; step += 2) {
+    const auto image = scene.render(Scene::pose(step), 300 + static_cast<uint64_t>(step));
+    const PlaceAnswer answer = relocalize(index, *scene.camera(), describe_image(image->view()));
+    EXPECT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << step << ": " << answer.reason;
   }
 }
 
@@ -340,6 +390,13 @@ TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
   EXPECT_EQ(first->keyframes[0], second->keyframes[0]);
   EXPECT_NE(first->keyframes[1], second->keyframes[1]);
   EXPECT_EQ(first->keyframes[2], second->keyframes[2]);
+
+  views[1].pyramid = nullptr;
+  views[1].measurements.pop_back();
+  const IndexedMapPtr third = index_map(second.get(), map().snapshot(), views);
+  ASSERT_EQ(third->keyframes.size(), 3U);
+  EXPECT_EQ(second->keyframes[1], third->keyframes[1]) << "there is no picture to describe it anew";
+  EXPECT_EQ(index_map(nullptr, map().snapshot(), views)->keyframes.size(), 2U);
 
   views[0].id = KeyframeId{9};  // the snapshot does not have it
   EXPECT_EQ(index_map(second.get(), map().snapshot(), views)->keyframes.size(), 2U);

@@ -29,6 +29,7 @@ json describe(MapId id, const MapEntry& entry) {
            {"epoch", entry.snapshot->epoch.value},
            {"revision", entry.snapshot->revision.value},
            {"memory_bytes", bytes_of(entry)},
+           {"at_rest", is_at_rest(entry)},
            {"plane_aligned", entry.plane_aligned}};
   if (!entry.frozen.empty()) map["frozen"] = entry.frozen;
   return map;

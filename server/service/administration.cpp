@@ -156,6 +156,7 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"health", health()},
                   {"store", store_ ? store_->folder().string() : std::string()},
                   {"maps", maps_.live_count()},
+                  {"maps_at_rest", maps_.resting_count()},
                   {"memory_bytes", maps_.bytes()},
                   {"clients", std::move(clients)},
                   {"wearers", std::move(wearers)}}));

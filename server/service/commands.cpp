@@ -148,12 +148,12 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     return refuse(wire::OfferDecision::kDamaged, unknown_camera(message.camera, message.camera_version));
   }
   client.camera_missed_at.reset();
-  const MapEntry* entry = maps_.find(message.map);
+  MapEntry* entry = maps_.find(message.map);
   if (entry == nullptr || entry->snapshot == nullptr) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
-  if (std::string why = why_memory_is_full(); !why.empty()) {
+  if (std::string why = why_memory_is_full(bytes_to_wake(*entry)); !why.empty()) {
     return refuse(wire::OfferDecision::kFull, std::move(why));
   }
 
@@ -169,14 +169,21 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
   outcome.epoch = entry->snapshot->epoch;
-  entry->runner->offer(std::move(job),
-                       [this, name = client.name, session, outcome](OfferJudgement judgement) mutable {
-                         outcome.decision = judgement.decision;
-                         outcome.reason = std::move(judgement.reason);
-                         outcome.keyframe = judgement.keyframe;
-                         outcome.revision = judgement.revision;
-                         post([this, name, session, outcome] { on_offer_decided(name, session, outcome); });
-                       });
+  entry->used_at = steady_clock::now();
+  const auto done = [this, name = client.name, session, outcome,
+                     runner = entry->runner](OfferJudgement judgement) mutable {
+    outcome.decision = judgement.decision;
+    outcome.reason = std::move(judgement.reason);
+    outcome.keyframe = judgement.keyframe;
+    outcome.revision = judgement.revision;
+    post([this, name, session, outcome, runner] {
+      MapEntry* judged = maps_.find(outcome.map);
+      if (judged != nullptr && judged->runner == runner) --judged->offers_in_work;
+      on_offer_decided(name, session, outcome);
+    });
+  };
+  entry->runner->offer(std::move(job), done);
+  ++entry->offers_in_work;
 }
 
 void Switchboard::on_offer_decided(const std::string& client_name, SessionId session,
@@ -264,6 +271,14 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
       if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
     });
   };
+  listener.rested = [this, map](MapStatistics now) {
+    post([this, map, now = std::move(now)] {
+      MapEntry* entry = maps_.find(map);
+      if (entry == nullptr) return;
+      memory_freed_ = memory_freed_ || now.without_images > entry->statistics.without_images;
+      entry->statistics = now;
+    });
+  };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
                                      store_, std::move(listener), log_, options_.work_times);
 }
@@ -278,8 +293,10 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
   const MapSnapshotPtr snapshot = revision.snapshot;
   entry->snapshot = snapshot;
   entry->statistics = revision.statistics;
+  entry->used_at = steady_clock::now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
-  if (entry->runner != nullptr) places_->report(snapshot, std::move(revision.views));
+  if (entry->runner != nullptr)
+    places_->report(snapshot, std::move(revision.views), std::move(revision.indexed));
   move_labels(map, *entry);
   info_due_[map] = true;
   {
@@ -355,11 +372,13 @@ void Switchboard::forget_cameras(MapId map, Client& client) {
   }
 }
 
-std::string Switchboard::why_memory_is_full() const {
+std::string Switchboard::why_memory_is_full(size_t more) const {
   constexpr size_t kMegabyte = 1'000'000;
   const size_t bytes = maps_.bytes();
-  if (bytes < options_.max_memory_bytes) return {};
-  return "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB (--max-memory)";
+  if (bytes + more < options_.max_memory_bytes) return {};
+  std::string why = "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB";
+  if (more > 0) why += ", and this one, which rests, needs " + std::to_string(more / kMegabyte) + " MB more";
+  return why + " (--max-memory)";
 }
 
 std::string Switchboard::why_full() const {

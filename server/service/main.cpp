@@ -55,6 +55,7 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.max_maps = options.max_maps;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.store = options.store;
+  service.rest_after = options.rest_after;
   service.wearers.policy = options.wearer_policy;
   if (!options.wearers.empty()) {
     auto registered = cairn::read_wearers(options.wearers);

@@ -158,7 +158,7 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
 }
 
 void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
-  store_->restore_one(id, options_.mapping, [this, id, answer](Result<RestoredMap> restored) {
+  const auto serve = [this, id, answer](Result<RestoredMap> restored) {
     if (!restored) {
       return post([answer, error = restored.error()] { answer(refusal(error)); });
     }
@@ -170,7 +170,8 @@ void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
       if (renamed) return rename_map(id, entry, name, answer);
       answer(success(describe(id, *entry)));
     });
-  });
+  };
+  store_->restore_one(id, options_.mapping, restored_images(options_.rest_after), serve);
 }
 
 void Switchboard::export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer) {

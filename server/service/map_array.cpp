@@ -91,19 +91,33 @@ size_t MapArray::live_count() const {
       maps_.begin(), maps_.end(), [](const auto& entry) { return entry.second.snapshot != nullptr; }));
 }
 
+size_t MapArray::resting_count() const {
+  return static_cast<size_t>(
+      std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_at_rest(entry.second); }));
+}
+
 size_t MapArray::bytes() const {
   size_t sum = 0;
   for (const auto& [map, entry] : maps_) sum += bytes_of(entry);
   return sum;
 }
 
+bool is_at_rest(const MapEntry& entry) {
+  return entry.statistics.without_images > 0;
+}
+
 size_t bytes_of(const MapEntry& entry) {
   size_t sum = entry.statistics.bytes + entry.statistics.keyframes * kIndexedKeyframeBytes;
+  if (entry.offers_in_work > 0) sum += entry.statistics.bytes_let_go;
   if (entry.snapshot == nullptr) return sum;
   for (const auto& block : entry.snapshot->point_blocks)
     sum += block->patches->points.size() *
            (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
   return sum;
+}
+
+size_t bytes_to_wake(const MapEntry& entry) {
+  return entry.offers_in_work > 0 ? 0 : entry.statistics.bytes_let_go;
 }
 
 wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry) {

@@ -26,11 +26,19 @@ struct MapEntry {
   bool seeding = false;                       ///< its seed has not been decided: nobody sees it
   std::optional<MapRevision> undecided = {};  ///< its newest revision, while seeding
   std::string frozen = {};                    ///< why it takes nothing any more; empty: it does
+  MonotonicTime used_at = {};                 ///< when it last changed or was offered a keyframe
+  int offers_in_work = 0;                     ///< each may wake it
 };
 
-/// Memory that a map takes as it is served [bytes]: the map maker's, its published copy, its part of the
-/// place index.
+/// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
+/// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);
+
+/// What an offer to it adds to that before its own: its images, while it rests.
+[[nodiscard]] size_t bytes_to_wake(const MapEntry& entry);
+
+/// Whether its images have been let go.
+[[nodiscard]] bool is_at_rest(const MapEntry& entry);
 
 /// The maps by id; gives out ids and names. With a seed, ids are the same on every run; without, they are
 /// random. Used from one thread.
@@ -56,6 +64,7 @@ class MapArray {
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
   /// Those that have been made.
   [[nodiscard]] size_t live_count() const;
+  [[nodiscard]] size_t resting_count() const;
   /// Memory of all maps, as they were last published.
   [[nodiscard]] size_t bytes() const;
 

@@ -79,6 +79,18 @@ TEST(MapArray, ARefusedSeedGivesItsNameBack) {
   EXPECT_EQ(maps.find(id), nullptr);
 }
 
+TEST(MapArray, ARestingMapThatIsOfferedAKeyframeCountsAsAwake) {
+  MapArray maps(1);
+  MapEntry& entry = maps.add(maps.next_id(), MapEntry{"desk", {}, {}, {}, {}});
+  entry.statistics.bytes = 1000;
+  entry.statistics.bytes_let_go = 5000;
+  EXPECT_EQ(maps.bytes(), 1000U);
+  EXPECT_EQ(bytes_to_wake(entry), 5000U);
+  ++entry.offers_in_work;
+  EXPECT_EQ(maps.bytes(), 6000U);
+  EXPECT_EQ(bytes_to_wake(entry), 0U) << "they count already";
+}
+
 const wire::PeerId kProcess{{1}};
 
 TEST(CameraList, KeepsFewAndRefusesTheUnusable) {

@@ -11,8 +11,6 @@
 namespace cairn {
 namespace {
 
-constexpr int kMostDoublings = 6;  ///< of the delay after a save that failed: two minutes
-
 DecisionRecord record_of(const JobOrigin& origin, CommandKind kind) {
   DecisionRecord record;
   record.client = origin.client;
@@ -76,19 +74,19 @@ void MapRunner::on_not_kept(const Error& error) {
 }
 
 MapUpdate MapRunner::take_update() {
+  ++changes_;
   if (update_lost_.exchange(false)) maker_->keep_everything_anew();
   return {maker_->take_changes(), std::exchange(refusals_, {}), {}, {}};
 }
 
 void MapRunner::save_soon() {
   if (store_ == nullptr || stopping_ || frozen_ || std::exchange(save_scheduled_, true)) return;
-  const auto delay = MapPersistence::kSaveDelay * (1 << std::min(saves_failed_.load(), kMostDoublings));
   store_->later(
       [weak = weak_from_this()] {
         if (const auto self = weak.lock())
           self->queue_.post([self] { self->guarded([&] { self->save(); }); });
       },
-      delay);
+      MapPersistence::delay_after(saves_failed_));
 }
 
 void MapRunner::save() {

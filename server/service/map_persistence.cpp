@@ -4,13 +4,29 @@
 #include <algorithm>
 #include <atomic>
 #include <exception>
+#include <new>
 #include <optional>
 #include <utility>
 
 namespace cairn {
 namespace {
 
-constexpr int kBesideNice = 5;  ///< an operator's work gives way to what trackers wait for
+constexpr int kMostDoublings = 6;  ///< of the delay after a failure: two minutes
+constexpr int kBesideNice = 5;     ///< an operator's work gives way to what trackers wait for
+
+/// Of a map maker without images: for the index.
+std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::vector<ImageRecord>& images) {
+  std::vector<KeyframeView> views = maker.keyframe_views();
+  for (KeyframeView& view : views) {
+    const auto image = std::find_if(images.begin(), images.end(),
+                                    [&](const ImageRecord& r) { return r.keyframe == view.id; });
+    if (image == images.end()) continue;
+    auto pyramid = std::make_shared<Pyramid>();
+    pyramid->build(image->image->view());
+    view.pyramid = std::move(pyramid);
+  }
+  return views;
+}
 
 }  // namespace
 
@@ -48,7 +64,8 @@ MapPersistence::~MapPersistence() {
   thread_.join();
 }
 
-MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options) const {
+MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options,
+                                            RestoredImages images) const {
   Loaded loaded{.map = map, .damage = {}};
   const auto fail_with = [&loaded](const Error& error) {
     loaded.restored = tl::unexpected(error);
@@ -59,15 +76,27 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
     if (!stored) return fail_with(stored.error());
     loaded.damage = std::move(stored->damage);
     const MapHeader& header = stored->header;
-    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options);
+    // Indexed first, and only then, if they are needed, made ready to be worked on: that takes several times
+    // as long.
+    auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options,
+                                  RestoredImages::kLetGo);
     if (!made) return fail_with(made.error());
     loaded.damage.insert(loaded.damage.end(), made->repairs.begin(), made->repairs.end());
+    MapMaker& maker = *made->maker;
+    IndexedMapPtr indexed =
+        index_map(nullptr, maker.snapshot(), views_with_pictures(maker, stored->record.images));
+    if (images == RestoredImages::kStay || !loaded.damage.empty() || maker.has_work()) {
+      for (const ImageRecord& r : stored->record.images)
+        (void)maker.give_image_back(r.keyframe, r.image->view());
+    }
+    if (loaded.damage.empty()) (void)maker.take_changes();  // from here on, only what changes
     loaded.restored = RestoredMap{header,
                                   std::move(made->maker),
                                   stored->record.foundation->plane_aligned,
                                   std::move(stored->epochs),
                                   std::move(stored->decisions),
-                                  std::move(stored->labels)};
+                                  std::move(stored->labels),
+                                  std::move(indexed)};
   } catch (const std::exception& problem) {  // memory, a library
     return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
   }
@@ -90,9 +119,8 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
     return std::move(loaded.restored);
   }
   RestoredMap& map = *loaded.restored;
-  MapRecord whole = map.maker->take_changes();  // from here on, only what changes
   if (!loaded.damage.empty()) {
-    const MapUpdate saved{std::move(whole), map.decisions, map.labels, {}};
+    const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}};
     const auto aside = store_->replace(map.header, saved, loaded.damage);
     log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
                 aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
@@ -100,12 +128,13 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   return std::move(loaded.restored);
 }
 
-std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads) {
+std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads,
+                                                 RestoredImages images) {
   const std::vector<MapId> maps = store_->maps();
   std::vector<Loaded> loaded(maps.size());
   std::atomic<size_t> next{0};
   const auto load_some = [&] {
-    for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options);
+    for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options, images);
   };
   std::vector<std::thread> helpers;
   for (int i = 1; i < threads; ++i) helpers.emplace_back(load_some);
@@ -118,10 +147,20 @@ std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options,
   return restored;
 }
 
-void MapPersistence::restore_one(MapId map, const MapMakerOptions& options,
+void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
                                  std::function<void(Result<RestoredMap>)> done) {
-  auto loaded = std::make_shared<Loaded>(load(map, options));
+  auto loaded = std::make_shared<Loaded>(load(map, options, images));
   run([this, loaded, done = std::move(done)](Store&) { done(settle(std::move(*loaded))); });
+}
+
+void MapPersistence::read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done) {
+  run([this, map, keyframes = std::move(keyframes), done = std::move(done)](Store& store) {
+    Result<std::vector<ImageRow>> rows;
+    const Status read =
+        guarded([&] { return rows = store.read_images(map, keyframes, kReadPerTurn), Status(); });
+    if (!read) rows = tl::unexpected(read.error());
+    done(std::move(rows));
+  });
 }
 
 void MapPersistence::create(MapHeader header, MapUpdate whole, Done done) {
@@ -147,6 +186,10 @@ void MapPersistence::post(Job job) {
 
 void MapPersistence::run_beside(std::function<void(Store& store)> task) {
   beside_.submit([this, task = std::move(task)] { task(*store_); });
+}
+
+std::chrono::seconds MapPersistence::delay_after(int failures) {
+  return kSaveDelay * (1 << std::min(failures, kMostDoublings));
 }
 
 void MapPersistence::later(std::function<void()> task, std::chrono::milliseconds delay) {
@@ -241,6 +284,9 @@ void MapPersistence::finish(const Job& job, const Status& written) {
 Status MapPersistence::guarded(const std::function<Status()>& work) {
   try {
     return work();
+  } catch (const std::bad_alloc&) {  // there may be some soon
+    log_->error("no memory while keeping maps");
+    return fail(ErrorCode::kIo, "no memory");
   } catch (const std::exception& problem) {
     log_->error("internal error while keeping maps: {}", problem.what());
     return fail(ErrorCode::kInternal, "internal error; the server's log says more");

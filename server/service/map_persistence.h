@@ -14,6 +14,7 @@
 
 #include "common/base/log.h"
 #include "server/mapping/map_maker.h"
+#include "server/relocalization/place_index.h"
 #include "server/service/worker_pool.h"
 #include "server/store/store.h"
 
@@ -27,7 +28,13 @@ struct RestoredMap {
   std::vector<EpochRecord> epochs;
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;
+  IndexedMapPtr indexed;  ///< its part of the place index, as it is now
 };
+
+/// Of maps from the store that have nothing to do.
+[[nodiscard]] constexpr RestoredImages restored_images(std::chrono::seconds rest_after) {
+  return rest_after.count() > 0 ? RestoredImages::kLetGo : RestoredImages::kStay;
+}
 
 /// The store at work: one thread writes what the queues of all maps hand in. What has come of a map while
 /// others were being written goes into its next transaction together (group commit): a caller waits for two
@@ -40,6 +47,7 @@ class MapPersistence {
   /// Changes that no answer waits for are saved after this time at the latest (5 s). While nothing can be
   /// kept, the store is tried again as often.
   static constexpr std::chrono::seconds kSaveDelay{2};
+  static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
   /// Errors: as Store::open().
   [[nodiscard]] static Result<std::unique_ptr<MapPersistence>> start(const std::filesystem::path& folder,
@@ -58,11 +66,20 @@ class MapPersistence {
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
   /// To be called once, before anything else.
-  [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads);
+  [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads,
+                                                 RestoredImages images = RestoredImages::kStay);
 
   /// One map, e.g. after Store::undelete(): to be called by the other thread (run_beside()). `done` is called
   /// by the writer.
-  void restore_one(MapId map, const MapMakerOptions& options, std::function<void(Result<RestoredMap>)> done);
+  void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
+                   std::function<void(Result<RestoredMap>)> done);
+
+  /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
+  /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
+  /// writer, in its turn: with all that was handed in before, whatever happens. Error kIo: it may be over
+  /// soon.
+  using ImagesRead = std::function<void(Result<std::vector<ImageRow>> rows)>;
+  void read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done);
 
   void create(MapHeader header, MapUpdate whole, Done done);
   void write(MapId map, MapUpdate update, Done done);
@@ -71,6 +88,9 @@ class MapPersistence {
   /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
   /// maps are being written; dropped at the end.
   void run_beside(std::function<void(Store& store)> task);
+  /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
+  /// long each time, two minutes at most.
+  [[nodiscard]] static std::chrono::seconds delay_after(int failures);
   /// Runs `task` on the writer's thread after a time; dropped at the end.
   void later(std::function<void()> task, std::chrono::milliseconds delay = kSaveDelay);
 
@@ -103,7 +123,7 @@ class MapPersistence {
   void note(const Status& written);
   void probe_if_due();
   struct Loaded;
-  [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options) const;
+  [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
 
   const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs

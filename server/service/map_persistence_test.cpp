@@ -127,6 +127,58 @@ INSTANTIATE_TEST_SUITE_P(EveryTable, FatalRowTest,
                            return std::string(info.param.table) + std::to_string(info.param.row);
                          });
 
+TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
+  keep_a_map();
+  const size_t bytes = maker_->statistics().bytes;
+  {
+    const auto store = open();
+    const std::vector<RestoredMap> maps = store->restore(options_, kThreads, RestoredImages::kLetGo);
+    ASSERT_THAT(maps, SizeIs(1));
+    EXPECT_EQ(maps[0].maker->statistics().without_images, 0U) << "a global adjustment is due";
+    adjust_globally();
+    const Status kept = written(store.get(), header_.id, take_update());
+    ASSERT_TRUE(kept) << kept.error().message;
+  }
+  const auto store = open();
+  const std::vector<RestoredMap> maps = store->restore(options_, kThreads, RestoredImages::kLetGo);
+  ASSERT_THAT(maps, SizeIs(1));
+  MapMaker& map = *maps[0].maker;
+  EXPECT_FALSE(map.has_work());
+  EXPECT_EQ(map.statistics().without_images, 6U);
+  EXPECT_LT(2 * map.statistics().bytes, bytes);
+  EXPECT_EQ(maps[0].indexed->snapshot->revision, map.snapshot()->revision);
+  EXPECT_EQ(maps[0].indexed->keyframes.size(), 6U);
+  EXPECT_TRUE(map.take_changes().empty());
+
+  auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
+  store->read_images(header_.id, map.lacking_images(),
+                     [read](auto rows) { read->set_value(std::move(rows)); });
+  const auto rows = read->get_future().get();
+  ASSERT_TRUE(rows) << rows.error().message;
+  for (const ImageRow& row : *rows)
+    EXPECT_TRUE(map.give_image_back(row.keyframe, decode_image_row(row.data)->view()));
+  EXPECT_EQ(map.statistics().without_images, 0U);
+  const KeyframeInput next = testing::make_offer(scene_, *map.snapshot(), 17);
+  for (MapMaker* maker : {maker_.get(), &map}) {
+    ASSERT_EQ(maker->add_keyframe(next).verdict, KeyframeVerdict::kAccepted);
+    while (maker->step(kNeverYield).work != MapWork::kNone) {
+    }
+    maker->keep_everything_anew();
+  }
+  EXPECT_TRUE(testing::bytes_of(map.take_changes()) == testing::bytes_of(maker_->take_changes()));
+}
+
+TEST_F(MapPersistenceTest, WhoeverFailsAtWhatHasBeenReadTakesNobodyWithIt) {
+  keep_a_map();
+  const auto store = open();
+  store->read_images(header_.id, {KeyframeId{1}}, [](const auto&) { throw std::runtime_error("no room"); });
+  auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
+  store->read_images(header_.id, {KeyframeId{1}}, [read](auto rows) { read->set_value(std::move(rows)); });
+  auto answer = read->get_future();
+  ASSERT_EQ(answer.wait_for(kDeadline), std::future_status::ready);
+  EXPECT_TRUE(answer.get());
+}
+
 TEST_F(MapPersistenceTest, WhatIsWrongWithOneMapIsNoTroubleOfTheStore) {
   keep_a_map();
   const auto store = open();

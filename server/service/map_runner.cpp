@@ -93,7 +93,8 @@ void MapRunner::answer_seed(const SeedJob& job, Result<SeedResult> result, const
 MapRevision MapRunner::resume(RestoredMap restored) {
   maker_ = std::move(restored.maker);
   epochs_ = std::move(restored.epochs);
-  MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views()};
+  MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views(),
+                       std::move(restored.indexed)};
   published_ = first.snapshot;
   return first;
 }
@@ -102,6 +103,14 @@ void MapRunner::go_on() {
   queue_.post([self = shared_from_this()] {
     self->save_soon();
     self->schedule_upkeep();
+  });
+}
+
+void MapRunner::retire() {
+  deleted_ = true;
+  stopping_ = true;
+  queue_.post([self = shared_from_this()] {
+    if (const auto waiting = self->awaiting_images_.lock()) self->end_reading(waiting);
   });
 }
 
@@ -172,7 +181,11 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
 void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
   const OfferJudgement failed{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
   if (judgement.decision == wire::OfferDecision::kAccepted) {
-    if (frozen_ || !guarded([this] { publish(); })) judgement = failed;
+    if (deleted_) {
+      judgement = {wire::OfferDecision::kUnknownMap, kDeleted, {}, {}};
+    } else if (frozen_ || !guarded([this] { publish(); })) {
+      judgement = failed;
+    }
   }
   if (published_ != nullptr) judgement.revision = published_->revision;
   if (guarded([&] { keep_offer(origin, judgement, done); })) return;
@@ -201,6 +214,7 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   job.input.image = std::move(*image);
   const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
+  if (decision.verdict == KeyframeVerdict::kAccepted) ++changes_;
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);
     if (decision.verdict == KeyframeVerdict::kAccepted) arrivals_.emplace(decision.keyframe, arrival);
@@ -227,6 +241,7 @@ void MapRunner::schedule_upkeep() {
 void MapRunner::do_upkeep() {
   upkeep_scheduled_ = false;
   if (stopping_ || frozen_) return;
+  if (needs_images()) return read_images_back([self = shared_from_this()] { self->schedule_upkeep(); });
   // Posted behind the offers that wait, so these are next in either case; yielding only shortens their wait.
   const StepReport report =
       step([this] { return stopping_ || waiting_offers_ > 0 || urgent_.urgent_waits(); });
@@ -271,6 +286,10 @@ void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopte
 
 void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
   queue_.post([self = shared_from_this(), adjustments, then = std::move(then)]() mutable {
+    if (self->needs_images() && self->guarded([&] {
+          self->read_images_back([self, adjustments, then] { self->finish_all_work(adjustments, then); });
+        }))
+      return;
     // To its end, whoever waits: where a step is cut decides what comes of it.
     MapWork done = MapWork::kNone;
     if (!self->frozen_ && !self->stopping_)

@@ -49,6 +49,7 @@ struct MapRevision {
   MapSnapshotPtr snapshot;
   MapStatistics statistics;
   std::vector<KeyframeView> views;
+  IndexedMapPtr indexed = {};  ///< its part of the place index, where that is made already
 };
 
 /// The server's word on an offer, without its place in the client's stream.
@@ -66,8 +67,9 @@ struct OfferJudgement {
 /// them, also to those of other maps); global adjustments run on a copy in the other lane and are adopted on
 /// the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
 /// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
-/// work it causes, global adjustment included, is finished. Every job is answered, whatever happens in it,
-/// unless stop() comes first. Thread-safe; tasks keep it alive.
+/// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
+/// rest: its images are let go, and read back before the next step of its work. Every job is answered,
+/// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {
@@ -78,6 +80,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
     std::function<void(MapRevision revision)> changed;
     /// Its work has failed, or its file: it is served as last published and takes nothing any more.
     std::function<void(std::string why)> frozen;
+    /// Its images have been let go, or are back.
+    std::function<void(MapStatistics now)> rested = {};
   };
   /// `snapshot` is null when the seed was refused.
   using SeedDone = std::function<void(Result<SeedResult> result, MapSnapshotPtr snapshot)>;
@@ -101,10 +105,10 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   }
   /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
   /// wait.
-  void retire() {
-    deleted_ = true;
-    stopping_ = true;
-  }
+  void retire();
+  /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
+  /// pictures the place index has; else nothing happens. With a store only. Does not wait.
+  void rest(Revision indexed);
   /// `done` gets MapMaker::reprojection_rms() of the map as it is.
   void measure(std::function<void(double)> done);
   /// Publishes the map under another name. `done` is called when the store has it.
@@ -133,6 +137,23 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
   /// Solves in a lane and adopts on the queue, then calls `then` there.
   void adjust_globally(WorkerPool* lane, std::function<void(bool adopted)> then);
+  // Images let go and read back (map_resting.cpp).
+  [[nodiscard]] bool may_rest(Revision indexed) const;
+  /// Whether the next step of its work needs images that have been let go.
+  [[nodiscard]] bool needs_images() const;
+  /// Then calls `then`, on the queue, whatever has happened: when they can never be had, the map is frozen.
+  /// What may pass (a busy disk, no memory) is waited for. An exception: nothing has been done.
+  void read_images_back(std::function<void()> then);
+  using Continuations = std::shared_ptr<std::vector<std::function<void()>>>;
+  using ImageRows = Result<std::vector<ImageRow>>;
+  /// Runs a part of that; unless it says that another one is under way, it was the last.
+  void read_on(const Continuations& waiting, const std::function<bool()>& part);
+  [[nodiscard]] bool read_next_images(const Continuations& waiting);
+  /// From rows[next] on.
+  [[nodiscard]] bool give_images_back(const std::shared_ptr<const ImageRows>& rows, size_t next,
+                                      const Continuations& waiting);
+  [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
+  void end_reading(const Continuations& waiting);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();
@@ -169,8 +190,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;
   bool save_scheduled_ = false;
-  std::vector<DecisionRecord> refusals_;  ///< to be kept with the next save
-  std::vector<EpochRecord> epochs_;       ///< of the map
+  uint64_t changes_ = 0;                      ///< counts what is taken in, and what is handed to the store
+  Continuations::weak_type awaiting_images_;  ///< held by what reads them back; expired: nothing does
+  int reads_failed_ = 0;                      ///< one after another
+  std::vector<DecisionRecord> refusals_;      ///< to be kept with the next save
+  std::vector<EpochRecord> epochs_;           ///< of the map
   bool frozen_ = false;  ///< its work has failed: it is served as last published and takes no keyframes
 };
 

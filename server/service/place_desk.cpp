@@ -6,9 +6,9 @@
 
 namespace cairn {
 
-void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views) {
+void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed) {
   const MapId map = snapshot->map;
-  note(map, Reported{std::move(snapshot), std::move(views)});
+  note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed)});
 }
 
 void PlaceDesk::remove(const MapId& map) {
@@ -17,7 +17,10 @@ void PlaceDesk::remove(const MapId& map) {
 
 void PlaceDesk::note(const MapId& map, Reported reported) {
   const std::scoped_lock lock(mutex_);
-  reported_.insert_or_assign(map, std::move(reported));
+  Reported& newest = reported_[map];
+  if (reported.snapshot != nullptr && reported.indexed == nullptr)
+    reported.indexed = std::move(newest.indexed);
+  newest = std::move(reported);
   if (std::exchange(scheduled_, true)) return;
   lanes_.indexers.submit([self = shared_from_this()] {
     {
@@ -36,15 +39,28 @@ void PlaceDesk::catch_up() {
     waiting.swap(reported_);
   }
   for (auto& [map, reported] : waiting) {
-    PlaceIndex next = *index();
-    if (reported.snapshot == nullptr) {
-      next.remove(map);
-    } else {
-      next.put(index_map(next.find(map), std::move(reported.snapshot), reported.views));
+    try {
+      adopt(map, reported);
+    } catch (
+        const std::exception& problem) {  // memory: of a map at rest nothing else brings its pictures again
+      log_->error("map {}: not searched as it is now: {}; tried again with the next change",
+                  reported.snapshot ? reported.snapshot->name : to_hex(map.bytes), problem.what());
+      const std::scoped_lock lock(mutex_);
+      reported_.try_emplace(map, std::move(reported));
     }
-    publish(std::move(next));
   }
   plant_if_needed();
+}
+
+void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
+  PlaceIndex next = *index();
+  if (reported.snapshot == nullptr) {
+    next.remove(map);
+  } else {
+    const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
+    next.put(index_map(known, reported.snapshot, reported.views));
+  }
+  publish(std::move(next));
 }
 
 void PlaceDesk::plant_if_needed() {

@@ -38,8 +38,10 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log)
       : lanes_(lanes), options_(options), log_(std::move(log)) {}
 
-  /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts.
-  void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views);
+  /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
+  /// without a picture are of keyframes that are indexed, in `indexed` (what was indexed of the map
+  /// elsewhere) or here, and stay as they are there; others are left out.
+  void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {});
   /// The map is gone: soon no question is answered with it. Does not wait.
   void remove(const MapId& map);
   /// `done` is called on an answerer, whatever happens.
@@ -51,10 +53,13 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   struct Reported {
     MapSnapshotPtr snapshot;  ///< null: the map is gone
     std::vector<KeyframeView> views;
+    IndexedMapPtr indexed;
   };
   void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
   void catch_up();
+  /// With changing_ held.
+  void adopt(const MapId& map, const Reported& reported);
   /// Has a forest planted unless the index is well served or one is on its way. With changing_ held.
   void plant_if_needed();
   void plant();

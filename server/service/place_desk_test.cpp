@@ -87,6 +87,30 @@ TEST_F(PlaceDeskTest, ALockstepQuestionIsAnsweredWithAllThatWasReported) {
   }
 }
 
+TEST_F(PlaceDeskTest, APictureThatWasLetGoIsFoundAsItWasIndexed) {
+  const auto without_picture = [](KeyframeView view) {
+    view.pyramid = nullptr;
+    return view;
+  };
+  const KeyframeView first = flat_keyframe(1, 3);
+  const KeyframeView second = flat_keyframe(2, 7);
+  desk_->report(snapshot_with(1, 2), {first, without_picture(second)});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{1}) << "never seen: left out";
+  desk_->report(snapshot_with(1, 2), {without_picture(first), second});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
+  desk_->report(snapshot_with(1, 2), {without_picture(first), without_picture(second)});
+  EXPECT_EQ(ask(first).candidates.front().keyframe, KeyframeId{1});
+  KeyframeView measured_anew = without_picture(second);
+  measured_anew.measurements.push_back({PointId{1}, 0, {10, 10}});
+  desk_->report(snapshot_with(1, 2), {without_picture(first), measured_anew});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
+  const auto indexed = index_map(nullptr, snapshot_with(2, 2), std::vector{first, second});
+  desk_->remove(snapshot_with(1, 2)->map);
+  desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)}, indexed);
+  desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)});
+  EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
+}
+
 TEST_F(PlaceDeskTest, ARemovedMapIsNotAnswered) {
   const KeyframeView keyframe = flat_keyframe(1, 3);
   desk_->report(snapshot_with(1, 1), {keyframe});

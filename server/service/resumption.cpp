@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <malloc.h>
+
 #include <exception>
+#include <utility>
 
 #include "server/service/resume.h"
 #include "server/service/switchboard.h"
 
-/// What the store has kept, taken up at the start; and what it gets at the end.
+/// What the store has kept, taken up at the start; what it gets at the end; and what between need not be in
+/// memory, since the store has it.
 namespace cairn {
 
 void Switchboard::resume(std::vector<RestoredMap> restored) {
@@ -52,6 +56,23 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
     } else {
       client.seed_gate.enter_session(resumed.session);
     }
+  }
+}
+
+void Switchboard::let_maps_rest(MonotonicTime now) {
+  if (store_ == nullptr || options_.rest_after.count() == 0) return;
+  // What is freed here and there stays with the process otherwise (README.md). Some milliseconds, with locks
+  // that anybody who allocates may wait for: on a thread that does not stand back for others, and beside
+  // those that maps and questions wait for.
+  if (std::exchange(memory_freed_, false)) store_->run([](Store&) { malloc_trim(0); });
+  const auto index = places_->index();
+  for (const auto& [map, entry] : maps_.all()) {
+    const bool is_awake = entry.statistics.keyframes > entry.statistics.without_images;
+    if (entry.runner == nullptr || entry.snapshot == nullptr || !entry.frozen.empty() || !is_awake ||
+        now - entry.used_at < options_.rest_after)
+      continue;
+    const IndexedMap* indexed = index->find(map);
+    if (indexed != nullptr) entry.runner->rest(indexed->snapshot->revision);
   }
 }
 

@@ -55,6 +55,10 @@ constexpr OptionRow kOptions[] = {
     {"max-maps", "N", "maps at most [1000]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
+    {"rest-after", "SECONDS",
+     "with --store, pictures of a map that nobody has worked on for so long are let go until somebody does; "
+     "0: never [60]",
+     true},
     {"wearer-rule", "first|only",
      "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
      "[first]",
@@ -149,6 +153,10 @@ Result<ServerOptions> translate(const Words& words) {
         return refuse("expected a number of megabytes from 1 on");
       }
       options.max_memory_mb = *megabytes;
+    } else if (name == "rest-after") {
+      const auto seconds = to_number<uint32_t>(value);
+      if (!seconds) return refuse("expected a number of seconds from 0 on");
+      options.rest_after = std::chrono::seconds(*seconds);
     } else if (name == "wearer-rule") {
       if (value != "first" && value != "only") return refuse("expected first or only");
       options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <variant>
@@ -27,6 +28,7 @@ struct ServerOptions {
   size_t max_maps = 1000;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   std::string store;                             ///< folder; empty: nothing is kept
+  std::chrono::seconds rest_after{60};           ///< ServiceOptions::rest_after
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
   std::string stats;    ///< file; empty: none
   std::string wearers;  ///< file; empty: as clients claim

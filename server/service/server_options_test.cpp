@@ -59,6 +59,13 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   }
 }
 
+TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
+  EXPECT_EQ(accepted({}).rest_after, std::chrono::seconds(60));
+  EXPECT_EQ(accepted({"--rest-after", "5"}).rest_after, std::chrono::seconds(5));
+  EXPECT_EQ(accepted({"--rest-after=0"}).rest_after, std::chrono::seconds(0));
+  for (const char* none : {"-1", "soon", "5000000000"}) EXPECT_EQ(refused({"--rest-after", none}).code, 2);
+}
+
 TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
   EXPECT_EQ(accepted({}).wearer_policy, WearerPolicy::kFirst);
   const ServerOptions options = accepted({"--wearer-rule", "only", "--wearers", "who.yaml"});
@@ -121,9 +128,9 @@ TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
 TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* word :
-       {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
-        "--seed", "--max-maps", "--max-memory", "--relocalizer", "--wearer-rule", "--wearers", "--stats"}) {
+  for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
+                           "--security", "--http", "--seed", "--max-maps", "--max-memory", "--relocalizer",
+                           "--rest-after", "--wearer-rule", "--wearers", "--stats"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/service.h"
 
+#include <malloc.h>
+
 #include <chrono>
 #include <random>
 #include <utility>
@@ -62,7 +64,8 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     state->store = std::move(*store);
     known.server = state->store->server();
     known.start_count = state->store->start_count();
-    restored = state->store->restore(options.mapping, options.workers);
+    restored = state->store->restore(options.mapping, options.workers, restored_images(options.rest_after));
+    malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
   auto switchboard = Switchboard::start(known, {state->urgent, state->background, state->questions},

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
@@ -29,6 +30,9 @@ struct ServiceOptions {
   int workers = 2;              ///< of the urgent lane
   size_t max_maps = 1000;
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
+  /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
+  /// to do, are let go until it has again; 0: never.
+  std::chrono::seconds rest_after{60};
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;

@@ -253,6 +253,7 @@ void Switchboard::tick(MonotonicTime now) {
   if (++ticks_ % kTicksPerExpiry == 0 && store_ != nullptr)
     store_->run_beside([transfers = transfers_](Store&) { transfers->expire(steady_clock::now()); });
   if (ticks_ % kTicksPerMapInfo != 0) return;
+  let_maps_rest(now);
   // Revisions that name what could not be written are waited for in vain, and an idle map makes no more.
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.snapshot) tell_cameras(map, entry);

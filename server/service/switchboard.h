@@ -150,6 +150,8 @@ class Switchboard {
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
   void resume_clients(const std::vector<RestoredMap>& restored);
+  /// Those that have not been in use for long.
+  void let_maps_rest(MonotonicTime now);
 
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
@@ -181,8 +183,8 @@ class Switchboard {
   void on_map_changed(MapId map, MapRevision revision);
   /// The map has been deleted, or was never made: nobody is told of it any more.
   void forget_map(MapId map);
-  /// Why no map may grow; empty when it may.
-  [[nodiscard]] std::string why_memory_is_full() const;
+  /// Why no map may grow, and first take so much memory `more`; empty when it may.
+  [[nodiscard]] std::string why_memory_is_full(size_t more = 0) const;
   /// Why there may be no more maps; empty when there may.
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
@@ -208,6 +210,7 @@ class Switchboard {
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
+  bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;
   int ticks_ = 0;

@@ -244,6 +244,39 @@ CameraRows MapFile::load_cameras(std::vector<std::string>* damage) {
   return cameras;
 }
 
+Result<Blob> MapFile::read_row(std::string_view table, int64_t id) {
+  const auto select = statement("SELECT data, checksum FROM " + std::string(table) + " WHERE id = ?");
+  if (!select) return tl::unexpected(select.error());
+  const std::string place =
+      database_.path() + ": table " + std::string(table) + ", row " + std::to_string(id);
+  Result<Blob> row = fail(ErrorCode::kDamaged, place + " is missing");
+  const auto there = (*select)->bind(0, id).step();
+  if (!there) {
+    row = tl::unexpected(there.error());
+  } else if (*there) {
+    const auto data = (*select)->blob(0);
+    row = Blob(data.begin(), data.end());
+    if ((*select)->integer(1) != row_checksum(id, data))
+      row = fail(ErrorCode::kDamaged, place + ": the checksum is wrong");
+  }
+  (*select)->reset();  // one that reads keeps the log from being written back
+  return row;
+}
+
+Result<std::vector<ImageRow>> MapFile::read_images(std::span<const KeyframeId> keyframes,
+                                                   size_t enough_bytes) {
+  std::vector<ImageRow> rows;
+  size_t bytes = 0;
+  for (const KeyframeId keyframe : keyframes) {
+    auto row = read_row("images", static_cast<int64_t>(keyframe.value));
+    if (!row) return tl::unexpected(row.error());
+    bytes += row->size();
+    rows.push_back({keyframe, std::move(*row)});
+    if (bytes >= enough_bytes) break;
+  }
+  return rows;
+}
+
 StoredMap MapFile::load() {
   StoredMap map;
   map.header = header_;

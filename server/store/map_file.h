@@ -84,6 +84,12 @@ struct StoredMap {
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
 };
 
+/// An image as it stands in the file, with a sound checksum: decode_image_row().
+struct ImageRow {
+  KeyframeId keyframe;
+  std::vector<uint8_t> data;
+};
+
 /// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
 
@@ -108,6 +114,10 @@ class MapFile {
   Status begin_epoch(Epoch epoch);
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load();
+  /// The images of some keyframes, in their order, until there are `enough_bytes`; one at least. Error
+  /// kDamaged: the first row that is missing or damaged.
+  [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes,
+                                                          size_t enough_bytes);
   /// A copy in one file, consistent and compact. `path` must not exist.
   Status copy_to(const std::filesystem::path& path);
   /// Writes a long log back to the file. After answers have gone out: it takes some ten milliseconds.
@@ -120,6 +130,8 @@ class MapFile {
   [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
   [[nodiscard]] Status remove(std::string_view table, int64_t id);
   [[nodiscard]] Status put_header();
+  /// Error kDamaged: it is missing, or damaged.
+  [[nodiscard]] Result<std::vector<uint8_t>> read_row(std::string_view table, int64_t id);
   [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
   [[nodiscard]] Status learn_cameras();
   /// By their row in the file.

@@ -7,6 +7,7 @@
 
 #include <csignal>
 #include <fstream>
+#include <limits>
 #include <random>
 
 #include "server/mapping/map_maker.h"
@@ -20,6 +21,8 @@ using testing::bytes_of;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
+
+constexpr size_t kAllBytes = std::numeric_limits<size_t>::max();
 
 class MapFileTest : public testing::KeptMapFixture {
  protected:
@@ -75,6 +78,46 @@ TEST_F(MapFileTest, WhatIsReadIsWhatWasWritten) {
   ASSERT_TRUE(restored) << restored.error().message;
   EXPECT_THAT(restored->repairs, IsEmpty());
   EXPECT_EQ(restored->maker->statistics().measurements, maker_->statistics().measurements);
+}
+
+TEST_F(MapFileTest, ImagesAreReadOneByOneAsTheyWereWritten) {
+  keep();
+  auto file = MapFile::open(path_);
+  ASSERT_TRUE(file);
+  const std::vector<KeyframeId> wanted{KeyframeId{3}, KeyframeId{1}};
+  const auto rows = file->read_images(wanted, kAllBytes);
+  ASSERT_TRUE(rows) << rows.error().message;
+  ASSERT_EQ(rows->size(), 2U);
+  const MapRecord record = whole();
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ((*rows)[i].keyframe, wanted[i]);
+    EXPECT_TRUE((*rows)[i].data == encode_image_row(*record.images[wanted[i].value - 1].image));
+  }
+  ASSERT_TRUE(open_raw().execute("UPDATE images SET id = 7 WHERE id = 3"));
+  for (const uint64_t id : {3, 7}) {
+    const auto refused = file->read_images(std::vector{KeyframeId{1}, KeyframeId{id}}, kAllBytes);
+    ASSERT_FALSE(refused);
+    EXPECT_EQ(refused.error().code, ErrorCode::kDamaged);
+    EXPECT_THAT(refused.error().message, HasSubstr("table images, row " + std::to_string(id)));
+  }
+  EXPECT_TRUE(file->read_images(std::vector{KeyframeId{2}}, kAllBytes)) << "it goes on";
+}
+
+TEST_F(MapFileTest, ImagesAreReadUntilThereAreEnough) {
+  keep();
+  auto file = MapFile::open(path_);
+  ASSERT_TRUE(file);
+  const std::vector<KeyframeId> wanted{KeyframeId{1}, KeyframeId{2}, KeyframeId{3}};
+  const auto sizes = file->read_images(wanted, kAllBytes);
+  ASSERT_TRUE(sizes && sizes->size() == 3U);
+  const size_t first = (*sizes)[0].data.size();
+  const size_t second = (*sizes)[1].data.size();
+  const auto count = [&](size_t enough) { return file->read_images(wanted, enough)->size(); };
+  EXPECT_EQ(count(0), 1U) << "or nothing would ever come of it";
+  EXPECT_EQ(count(first), 1U);
+  EXPECT_EQ(count(first + 1), 2U);
+  EXPECT_EQ(count(first + second), 2U);
+  EXPECT_EQ(count(first + second + 1), 3U);
 }
 
 TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {

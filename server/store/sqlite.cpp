@@ -24,6 +24,8 @@ tl::unexpected<Error> failure(int code, const std::string& path, const char* sai
     case SQLITE_BUSY:
     case SQLITE_LOCKED:
       return fail(ErrorCode::kIo, path + ": in use by another program");
+    case SQLITE_NOMEM:
+      return fail(ErrorCode::kIo, path + ": no memory");
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
     case SQLITE_FORMAT:

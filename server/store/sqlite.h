@@ -92,7 +92,8 @@ class Transaction {
   Database* database_;
 };
 
-/// Whether an error means that the medium takes nothing more for now: full, over quota, read-only, failing.
+/// Whether an error means that the medium takes nothing more for now: full, over quota, read-only, failing;
+/// or that memory is short.
 [[nodiscard]] bool is_write_failure(const Error& error);
 
 }  // namespace cairn::sqlite

@@ -329,6 +329,12 @@ Status Store::rename(MapId map, const std::string& name) {
   return file ? (*file)->rename(name) : tl::unexpected(file.error());
 }
 
+Result<std::vector<ImageRow>> Store::read_images(MapId map, std::span<const KeyframeId> keyframes,
+                                                 size_t enough_bytes) {
+  const auto file = file_of(map);
+  return file ? (*file)->read_images(keyframes, enough_bytes) : tl::unexpected(file.error());
+}
+
 Status Store::remove(MapId map) {
   close(map);
   if (!is_there(path_of(map))) {

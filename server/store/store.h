@@ -55,6 +55,9 @@ class Store {
   /// As MapFile::write().
   Status write(MapId map, std::span<const MapUpdate> updates);
   Status rename(MapId map, const std::string& name);
+  /// As MapFile::read_images().
+  [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
+                                                          size_t enough_bytes);
   /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place.
   Status remove(MapId map);
   Status undelete(MapId map);

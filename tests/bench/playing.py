@@ -60,11 +60,10 @@ def render(sequence, binaries, folder):
 class Server:
     """A cairn-server of its own; its words go to server.log in the folder, at its end its figures to server.json."""
 
-    def __init__(self, binaries, domain, seed, folder):
+    def __init__(self, binaries, domain, seed, folder, *more):
         self.log = open(folder / "server.log", "w")
-        self.process = subprocess.Popen([str(binaries / "cairn-server"), "--domain", str(domain), "--seed", str(seed),
-                                         "--stats", str(folder / "server.json")],
-                                        stdout=subprocess.DEVNULL, stderr=self.log)
+        command = [binaries / "cairn-server", "--domain", domain, "--seed", seed, "--stats", folder / "server.json", *more]
+        self.process = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL, stderr=self.log)
 
     def __enter__(self):
         return self

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "server/service/map_persistence.h"
+#include "server/store/row_codec.h"
 
 namespace cairn {
 namespace {
@@ -70,6 +71,49 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
   return {};
 }
 
+/// What a map that rests needs before its next work: its images from the file, decoded and prepared by one
+/// thread.
+Status time_waking(const std::filesystem::path& folder) {
+  auto persistence = MapPersistence::start(folder, null_logger());
+  if (!persistence) return tl::unexpected(persistence.error());
+  std::vector<double> reads;
+  std::vector<double> wakes;
+  size_t keyframes = 0;
+  size_t at_rest = 0;
+  size_t awake = 0;
+  for (const RestoredMap& map : (*persistence)->restore({}, 2, RestoredImages::kLetGo)) {
+    const auto begin = Clock::now();
+    const std::vector<KeyframeId> lacking = map.maker->lacking_images();
+    if (lacking.empty()) continue;  // it has work to do
+    keyframes = lacking.size();
+    at_rest = map.maker->statistics().bytes;
+    double reading = 0;
+    while (map.maker->lacks_any_images()) {
+      const auto turn = Clock::now();
+      auto read = std::make_shared<std::promise<Result<std::vector<ImageRow>>>>();
+      (*persistence)->read_images(map.header.id, map.maker->lacking_images(), [read](auto rows) {
+        read->set_value(rows);
+      });
+      const auto rows = read->get_future().get();
+      if (!rows) return tl::unexpected(rows.error());
+      reading += ms_since(turn);
+      for (const ImageRow& row : *rows)
+        (void)map.maker->give_image_back(row.keyframe, decode_image_row(row.data)->view());
+    }
+    reads.push_back(reading);
+    wakes.push_back(ms_since(begin));
+    awake = map.maker->statistics().bytes;
+  }
+  if (wakes.empty()) return fail(ErrorCode::kUsage, "the map has work to do: it does not rest");
+  std::sort(reads.begin(), reads.end());
+  std::sort(wakes.begin(), wakes.end());
+  std::printf(
+      "a map of %zu keyframes at rest, %.1f MB: read p50 %.1f ms, awake p50 %.1f, most %.1f ms, %.1f MB\n",
+      keyframes, static_cast<double>(at_rest) * 1e-6, reads[reads.size() / 2], wakes[wakes.size() / 2],
+      wakes.back(), static_cast<double>(awake) * 1e-6);
+  return {};
+}
+
 /// From handing in a keyframe to its answer, one after another and with all maps at once.
 Status time_commits(const StoredMap& map, const std::filesystem::path& folder, int copies, int rounds) {
   auto persistence = MapPersistence::start(folder, null_logger());
@@ -116,6 +160,7 @@ Status run(const std::string& archive, const std::filesystem::path& folder, int 
   for (const int threads : {1, 2}) {
     if (Status timed = time_restore(folder / "store", threads); !timed) return timed;
   }
+  if (Status timed = time_waking(folder / "store"); !timed) return timed;
   return time_commits(*map, folder / "store", copies, rounds);
 }
 

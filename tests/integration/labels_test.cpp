@@ -107,9 +107,9 @@ TEST_F(LabelsTest, ALabelRidesOnItsKeyframeWhileTheMapGrows) {
   const wire::ClientRequest request = new_label("vice");
   ASSERT_TRUE(ask(*anna_, request)->done);
   for (const int step : {4, 6, 8}) {
+    const size_t keyframes = anna_->snapshot()->keyframe_count();
     testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), step);
     anna_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{step});
-    const size_t keyframes = anna_->snapshot()->keyframe_count();
     ASSERT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() > keyframes; }));
   }
   const Eigen::Vector3d place = request.reference_from_label.translation();

@@ -4,12 +4,15 @@
 
 operator_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
+import contextlib
 import json
 import pathlib
 import re
 import shutil
+import sqlite3
 import subprocess
 import sys
+import time
 import unittest
 
 import programs_test
@@ -139,6 +142,79 @@ class Operator(OnTheDesk):
             self.ctl("map", "map-1", "delete", server=other)
             self.assertIn("damaged.cairnmap", self.ctl("maps", "import", out / "damaged.cairnmap", expect=DAMAGED,
                                                        server=other))
+
+    def test_maps_that_nobody_works_on_rest(self):
+        store = self.folder / "resting"
+        with ServerProcess("--store", store, "--rest-after", 1) as server:
+            self.render_half()
+            self.track(server, "maker", "--pace", "lockstep", recording="half")
+            made = self.wait_for_rest(server)
+            self.assertEqual(self.ctl("status", server=server)["maps_at_rest"], 1)
+            server.kill_and_restart(0)
+            self.assertTrue(self.map_1(server)["at_rest"], "from the start")
+            self.assertEqual(self.map_1(server)["keyframes"], made["keyframes"])
+            self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            grown = self.wait_for_rest(server)
+            self.assertGreater(grown["keyframes"], made["keyframes"])
+            self.spoil(store, made, "UPDATE images SET checksum = checksum + 1 WHERE id = 2")
+            server.kill_and_restart(0)
+            self.assertEqual(self.map_1(server)["keyframes"], grown["keyframes"] - 1, "without the damaged one")
+
+    def test_a_resting_map_that_cannot_be_read_back_is_served_as_it_was(self):
+        store = self.folder / "unreadable"
+        with ServerProcess("--store", store, "--rest-after", 1) as server:
+            self.render_half()
+            self.track(server, "maker", "--pace", "lockstep", recording="half")
+            made = self.wait_for_rest(server)
+            self.spoil(store, made, "DELETE FROM images WHERE id = 2")
+            stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
+            self.assertIn("images, row 2 is missing", self.map_1(server)["frozen"])
+            self.assertIn("frozen", self.ctl("status", server=server)["health"])
+            self.assertEqual(self.map_1(server)["keyframes"], made["keyframes"])
+
+    def test_a_resting_map_wakes_only_where_there_is_memory_for_its_images(self):
+        store = self.folder / "little-memory"
+        with ServerProcess("--store", store, "--rest-after", 1) as server:
+            self.render_half()
+            self.track(server, "maker", "--pace", "lockstep", recording="half")
+            made = self.wait_for_rest(server)
+        enough_at_rest = made["memory_bytes"] // 1_000_000 + 1
+        with ServerProcess("--store", store, "--rest-after", 1, "--max-memory", enough_at_rest) as server:
+            stats, said = self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
+            there = self.map_1(server)
+            self.assertTrue(there["at_rest"])
+            self.assertEqual(there["keyframes"], made["keyframes"])
+        with ServerProcess("--store", store, "--rest-after", 0, "--max-memory", 10 * enough_at_rest) as server:
+            self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
+            self.assertGreater(self.map_1(server)["keyframes"], made["keyframes"])
+
+    def render_half(self):
+        """The first half of the recording: the other has more to map."""
+        half = self.folder / "half"
+        if half.exists():
+            return
+        half.mkdir()
+        (half / "rgb").symlink_to(self.folder / "desk/rgb")
+        shutil.copy(self.folder / "desk/camera.txt", half)
+        rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)
+        (half / "rgb.txt").write_text("".join(rows[:len(rows) // 2]))
+
+    def spoil(self, store, a_map, sql):
+        with contextlib.closing(sqlite3.connect(store / f"maps/{a_map['id']}.cairnmap")) as file:
+            file.execute(sql)
+            file.commit()
+
+    def map_1(self, server):
+        return self.ctl("map", "map-1", "show", server=server)
+
+    def wait_for_rest(self, server):
+        deadline = time.monotonic() + LIMIT
+        while not self.map_1(server)["at_rest"]:
+            self.assertLess(time.monotonic(), deadline, "it does not rest")
+            time.sleep(0.1)
+        return self.map_1(server)
 
     def test_colmap_reads_what_is_exported(self):
         out = self.folder / "formats"
