@@ -97,7 +97,7 @@ using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
                                       std::span<const KeyframeView> views);
 
 /// More pictures than these are found sooner by a forest than by a scan (tests/bench/README.md).
-constexpr size_t kMostScanned = 10'000;
+constexpr size_t kMostScanned = 40'000;
 
 /// A keyframe of an index.
 struct KeyframePlace {
