@@ -174,9 +174,11 @@ class Inquiry {
     const auto fused = fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture);
     if (try_out(fused, before + shortlist)) return true;
     if (!is_any_confirmed()) return false;
-    const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
-    return try_out(rivals, before + shortlist) ||
-           try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
+    if (tried_.size() < before + shortlist) {
+      const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
+      if (try_out(rivals, before + shortlist)) return true;
+    }
+    return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
   /// By what it shows itself, whoever else shows the same.
   [[nodiscard]] bool is_any_confirmed() const {

@@ -41,12 +41,14 @@ void PlaceDesk::catch_up() {
   for (auto& [map, reported] : waiting) {
     try {
       adopt(map, reported);
-    } catch (
-        const std::exception& problem) {  // memory: of a map at rest nothing else brings its pictures again
+    } catch (const std::exception& problem) {
+      // Memory. Of a map at rest nothing else brings its pictures again.
       log_->error("map {}: not searched as it is now: {}; tried again with the next change",
                   reported.snapshot ? reported.snapshot->name : to_hex(map.bytes), problem.what());
       const std::scoped_lock lock(mutex_);
-      reported_.try_emplace(map, std::move(reported));
+      const auto [newest, is_ours] = reported_.try_emplace(map, reported);
+      if (!is_ours && newest->second.snapshot && !newest->second.indexed)
+        newest->second.indexed = std::move(reported.indexed);
     }
   }
   plant_if_needed();
