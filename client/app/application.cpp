@@ -47,6 +47,7 @@ constexpr int kFrameThreadNice = -10;
 struct ChosenCamera {
   CameraPtr camera;
   std::vector<double> sigma;
+  bool is_nominal = false;  ///< a calibration without distortion: refined, not found out
 };
 
 Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
@@ -85,6 +86,13 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   }
   const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
+  const auto nominal = options.reader || options.exact_camera ? std::nullopt : nominal_camera(*parameters);
+  if (nominal) {
+    return make_doubtful(*nominal).map([](ChosenCamera&& chosen) {
+      chosen.is_nominal = true;
+      return std::move(chosen);
+    });
+  }
   return make_camera(*parameters).map(take);
 }
 
@@ -183,7 +191,15 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
     if (!options.saved_calibration) return {};
     return fail(
         ErrorCode::kUsage,
-        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto");
+        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto, "
+        "or auto:FILE");
+  }
+  if (chosen.is_nominal) {
+    log->info(
+        "the calibration has no distortion: it is believed to {:.1f} % and refined while the map grows; "
+        "--calibration exact:FILE takes it as it is",
+        100 * chosen.sigma.front() / chosen.camera->parameters().values.front());
+    if (!options.saved_calibration) return {};
   }
   const Camera& camera = *chosen.camera;
   log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
@@ -270,7 +286,7 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
-  bool finds_camera;
+  bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   Outputs outputs;
@@ -305,7 +321,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              log,
              signals,
              camera,
-             !chosen->sigma.empty(),
+             !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration),
              std::move(ahead),
              std::move(*session),
              std::move(*outputs),
@@ -324,7 +340,7 @@ int track(Run& run) {
   if (run.viewer) observers.push_back(run.viewer.get());
   observers.push_back(&narrator);
   std::optional<CameraKeeper> keeper;
-  if (run.finds_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
+  if (run.keeps_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
 
   FrameLoopOptions loop_options;
   loop_options.pace = run.options.pace;
