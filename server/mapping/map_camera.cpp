@@ -15,9 +15,11 @@ const Intrinsics kWellKnown(0.025, 0.1);  ///< sigma: focal length within 5 % wi
 constexpr double kAgreement = 0.01;       ///< of successive focal lengths
 constexpr int kEnoughAgreements = 3;
 constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
-constexpr size_t kManyKeyframes = 40;    ///< what these have not told, more of the same will not
-constexpr size_t kManyMore = 4;          ///< one to so many of these: worth another look
-constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where the picture ends
+constexpr size_t kFewestOfBelieved =
+    20;                                ///< where the sigma was small to begin with and tells nothing of them
+constexpr size_t kManyKeyframes = 40;  ///< what these have not told, more of the same will not
+constexpr size_t kManyMore = 4;        ///< one to so many of these: worth another look
+constexpr double kFeltMove = 0.02;     ///< of the focal length: some px where the picture ends
 
 }  // namespace
 
@@ -50,8 +52,9 @@ void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& 
   camera->agreements = agrees ? camera->agreements + 1 : 0;
   camera->judged = values;
   camera->judged_keyframes = keyframes.made;
-  camera->frozen = keyframes.live >= kFewestKeyframes && !is_held_by_prior(adjusted) &&
-                   camera->agreements >= kEnoughAgreements &&
+  const bool was_believed = camera->prior_sigma[0] <= kWellKnown[0];
+  camera->frozen = keyframes.live >= (was_believed ? kFewestOfBelieved : kFewestKeyframes) &&
+                   !is_held_by_prior(adjusted) && camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }
 

@@ -66,6 +66,18 @@ TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
   EXPECT_TRUE(camera.frozen);
 }
 
+TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
+  CameraDoubt believed = doubt_of(1);
+  believed.sigma = {0.005, 0.05};
+  MapCamera camera = make_map_camera(simple_camera(500), believed);
+  for (size_t keyframes = 3; keyframes < 20; ++keyframes) {
+    update(&camera, found(camera, 501, 0.004), all_of(keyframes));
+    EXPECT_FALSE(camera.frozen) << keyframes;
+  }
+  update(&camera, found(camera, 501, 0.004), all_of(20));
+  EXPECT_TRUE(camera.frozen);
+}
+
 TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLookedAtMoreSeldom) {
   MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
   for (size_t made = 3; made <= 40; ++made) {
