@@ -71,6 +71,7 @@ class PoseFinder {
                                                 const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
+  void search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe);
   void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
 

@@ -144,10 +144,6 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
     const ScopedStage stage(probe, Stage::kPyramid);
     now().build_pyramid(image->view());
   }
-  {
-    const ScopedStage stage(probe, Stage::kCorners);
-    now().find_corners();
-  }
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};

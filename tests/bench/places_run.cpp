@@ -314,8 +314,7 @@ class Examination {
     for (const Query& query : place.queries) {
       FrameImages images;
       images.build_pyramid(relight(*query.image, light).view());
-      images.find_corners();
-      const PlaceView view = describe_place(images.pyramid, images.corners);
+      const PlaceView view = describe_place(images.pyramid, images.all_corners());
       for (size_t m = 0; m < kMethods; ++m) {
         const auto method = static_cast<Method>(m);
         const double before = thread_cpu_ms();
