@@ -32,11 +32,10 @@ TEST(PosedMap, ItsPointsLieOnWhatTheStillsShowAndAViewBetweenThemIsFound) {
   const SE3 truth = testing::Scene::pose(5);
   FrameImages images;
   images.build_pyramid(scene.render(truth, 50)->view());
-  images.find_corners();
   PlaceIndex index;
   index.put(mapped->map);
   const PlaceAnswer answer =
-      relocalize(index, *scene.camera(), describe_place(images.pyramid, images.corners));
+      relocalize(index, *scene.camera(), describe_place(images.pyramid, images.all_corners()));
   ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
   const PlaceCandidate& best = answer.candidates.front();
   const SE3 found = best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;
