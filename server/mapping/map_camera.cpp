@@ -21,6 +21,15 @@ constexpr size_t kManyKeyframes = 40;  ///< what these have not told, more of th
 constexpr size_t kManyMore = 4;        ///< one to so many of these: worth another look
 constexpr double kFeltMove = 0.02;     ///< of the focal length: some px where the picture ends
 
+/// Whether its sigma was small to begin with.
+bool was_believed(const MapCamera& camera) {
+  return camera.prior_sigma[0] <= kWellKnown[0];
+}
+
+size_t fewest_keyframes(const MapCamera& camera) {
+  return was_believed(camera) ? kFewestOfBelieved : kFewestKeyframes;
+}
+
 }  // namespace
 
 MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
@@ -35,6 +44,8 @@ MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
 
 bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes) {
   const size_t before = camera.judged_keyframes;
+  // The focal length of one that was believed is in no wrong valley; it is judged when it may be frozen.
+  if (was_believed(camera) && keyframes.live + kEnoughAgreements < kFewestOfBelieved) return false;
   return !camera.frozen && keyframes.made > before + (cannot_be_known(camera) ? before / kManyMore : 0);
 }
 
@@ -52,9 +63,8 @@ void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& 
   camera->agreements = agrees ? camera->agreements + 1 : 0;
   camera->judged = values;
   camera->judged_keyframes = keyframes.made;
-  const bool was_believed = camera->prior_sigma[0] <= kWellKnown[0];
-  camera->frozen = keyframes.live >= (was_believed ? kFewestOfBelieved : kFewestKeyframes) &&
-                   !is_held_by_prior(adjusted) && camera->agreements >= kEnoughAgreements &&
+  camera->frozen = keyframes.live >= fewest_keyframes(*camera) && !is_held_by_prior(adjusted) &&
+                   camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }
 

@@ -71,6 +71,7 @@ TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
   believed.sigma = {0.005, 0.05};
   MapCamera camera = make_map_camera(simple_camera(500), believed);
   for (size_t keyframes = 3; keyframes < 20; ++keyframes) {
+    EXPECT_EQ(is_worth_judging(camera, all_of(keyframes)), keyframes >= 17) << keyframes;
     update(&camera, found(camera, 501, 0.004), all_of(keyframes));
     EXPECT_FALSE(camera.frozen) << keyframes;
   }
