@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/geometry/depth_order.h"
+#include "server/relocalization/brightness.h"
 
 namespace cairn {
 namespace {
@@ -48,22 +49,19 @@ double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoi
         order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
     }
   }
-  Correlation grey;
-  Correlation local;
+  Correlation correlation;
   for (const ProjectedPoint& p : projected.points) {
     const Eigen::Vector2f pixel = p.pixel.cast<float>();
     if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
-    const auto here = brightness_at(view.small, pixel);
+    const auto here = local_brightness(view.small, pixel);
     if (!here) continue;
     for (const KeyframeSighting& s : projected.sightings_of(p)) {
       const auto& there = s.sighting->brightness;
-      if (!there) continue;
-      const double weight = s.sighting->descriptions;
-      grey.add(static_cast<double>(there->grey), static_cast<double>(here->grey), weight);
-      local.add(static_cast<double>(there->local), static_cast<double>(here->local), weight);
+      if (there)
+        correlation.add(static_cast<double>(*there), static_cast<double>(*here), s.sighting->descriptions);
     }
   }
-  return 0.5 * (grey.value() + local.value());
+  return correlation.value();
 }
 
 }  // namespace cairn

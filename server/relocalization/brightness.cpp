@@ -15,7 +15,7 @@ constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to co
 
 }  // namespace
 
-std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0) {
+std::optional<float> local_brightness(const GrayView& small, const Eigen::Vector2f& level0) {
   constexpr int kLevel = kPyramidLevels - 1;
   const float x = to_level(level0.x(), kLevel);
   const float y = to_level(level0.y(), kLevel);
@@ -41,7 +41,7 @@ std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vect
   const double mean = sum / n;
   const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
   const auto grey = static_cast<double>(sample_bilinear(small, x, y));
-  return Brightness{static_cast<float>(grey), static_cast<float>((grey - mean) / (deviation + kNoise))};
+  return static_cast<float>((grey - mean) / (deviation + kNoise));
 }
 
 }  // namespace cairn

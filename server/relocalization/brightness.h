@@ -8,13 +8,10 @@
 
 namespace cairn {
 
-/// What a small image shows at a pixel.
-struct Brightness {
-  float grey = 0;   ///< level
-  float local = 0;  ///< how much brighter that is than the 40 px around it, in units of the contrast there
-};
-
-/// `level0`: pixel of the full picture; `small`: its pyramid level 3. Nothing outside of it.
-[[nodiscard]] std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0);
+/// How much brighter a small image is at a pixel than the 40 px around it, in units of the contrast there:
+/// indifferent to what changes slowly across the picture and to gain, and nearly to any curve of grey levels,
+/// which is straight over so few of them. `level0`: pixel of the full picture; `small`: its pyramid level 3.
+/// Nothing outside of it.
+[[nodiscard]] std::optional<float> local_brightness(const GrayView& small, const Eigen::Vector2f& level0);
 
 }  // namespace cairn

@@ -77,7 +77,7 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
   } else if (!speak(options.by_picture, *result) && !speak(options.by_points, *result)) {
-    result->reason = fmt::format("{} of {} corners look like the points there, the picture by {:.2f}",
+    result->reason = fmt::format("{} of {} corners and points that meet look alike, the picture by {:.2f}",
                                  result->inliers, result->met, result->alikeness);
   } else {
     result->confirmed = true;

@@ -17,18 +17,18 @@ struct ConfirmOptions {
   int min_inliers = 30;   ///< of the refined pose
   int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
   /// A pose is believed when two witnesses that know nothing of each other speak for it: alikeness()
-  /// (appearance.h), and inliers: their share of the corners on which a point falls, and of the points
-  /// expected. Either of two ways.
+  /// (appearance.h), and inliers: their share of what could match around the pose (GuidedMatches::met), and
+  /// of the points expected. Either of two ways.
   struct Witnesses {
     double alikeness = 0;
     double of_met = 0;
     double of_expected = 0;
   };
-  Witnesses by_picture = {0.69, 0.35, 0};    ///< looks the same
-  Witnesses by_points = {0.50, 0.45, 0.36};  ///< in other light or partly hidden: most of its points are seen
+  Witnesses by_picture = {0.55, 0.35, 0};    ///< looks the same
+  Witnesses by_points = {0.40, 0.45, 0.36};  ///< in other light or partly hidden: most of its points are seen
   /// So many agreeing corners, and as alike as most right answers are: no other keyframe is tried.
   int clear_agreeing = 25;
-  double clear_alikeness = 0.75;
+  double clear_alikeness = 0.65;
   uint64_t seed = 1;
 };
 
@@ -41,7 +41,7 @@ struct Confirmation {
   int agreeing = 0;   ///< of all, with the pose from three that are supported
   int inliers = 0;    ///< of the refined pose
   int expected = 0;   ///< points of the neighbourhood that project into the image
-  int met = 0;        ///< corners on which one of these falls
+  int met = 0;        ///< matches of these that there could be (GuidedMatches)
   int cells = 0;      ///< of 12, with an inlier in them
   double alikeness = -1;
   std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`

@@ -11,7 +11,6 @@
 #include "common/image/tiny_image.h"
 #include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
-#include "server/relocalization/brightness.h"
 #include "server/relocalization/compact.h"
 #include "server/relocalization/picture_forest.h"
 #include "server/relocalization/vocabulary.h"
@@ -39,7 +38,7 @@ struct DescribedPoint {
 /// How a keyframe saw a point.
 struct Sighting {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
-  std::optional<Brightness> brightness;             ///< there
+  std::optional<float> brightness;                  ///< local_brightness() there
   uint8_t level = 0;                                ///< at which it was measured
   uint8_t descriptions = 0;                         ///< how many there are: none near the border
   std::array<uint32_t, 2> described{};              ///< indices into IndexedKeyframe::points
@@ -50,7 +49,6 @@ struct IndexedKeyframe {
   CameraPtr camera;
   TinyImage tiny;                   ///< blur kPlaceBlur, zero mean
   float contrast = 0;               ///< root mean square of `tiny` [grey levels]
-  GrayImage small;                  ///< pyramid level 3, as a PlaceView has it
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   /// By the descriptor's cell, then scale, then id. Each point stands at two scales.
