@@ -11,6 +11,8 @@ namespace cairn {
 namespace {
 
 constexpr int kWindow = 2;    ///< [px of level 3] on each side: 40 px of the picture
+constexpr int kWhite = 254;   ///< [grey levels] from here on, or up to kBlack, a mean of 64 pixels
+constexpr int kBlack = 1;     ///< has been clipped
 constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to count
 
 }  // namespace
@@ -30,13 +32,18 @@ std::optional<float> local_brightness(const GrayView& small, const Eigen::Vector
   const int bottom = std::min(small.height - 1, row + kWindow);
   int sum = 0;
   int squares = 0;
+  int darkest = kWhite;
+  int brightest = kBlack;
   for (int v = top; v <= bottom; ++v) {
     for (int u = left; u <= right; ++u) {
       const int grey = small.row(v)[u];
       sum += grey;
       squares += grey * grey;
+      darkest = std::min(darkest, grey);
+      brightest = std::max(brightest, grey);
     }
   }
+  if (darkest == kWhite || brightest == kBlack) return std::nullopt;
   const double n = (right - left + 1) * (bottom - top + 1);
   const double mean = sum / n;
   const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
