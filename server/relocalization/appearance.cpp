@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/relocalization/appearance.h"
 
-#include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
+#include <vector>
 
 #include "common/geometry/depth_order.h"
 #include "server/relocalization/brightness.h"
@@ -39,9 +41,66 @@ class Correlation {
   double xy_ = 0;
 };
 
+using Levels = std::array<double, 256>;
+
+/// Rank of each grey level among weights by level; those of one level share their mean rank.
+Levels rank_levels(const Levels& weights) {
+  Levels ranks{};
+  double below = 0;
+  for (size_t level = 0; level < weights.size(); ++level) {
+    ranks[level] = below + 0.5 * weights[level];
+    below += weights[level];
+  }
+  return ranks;
+}
+
+/// A point's brightness here, in the query, and there, in a keyframe.
+struct Pair {
+  Brightness here;
+  Brightness there;
+  double weight = 0;
+};
+
+std::vector<Pair> pair_up(const PlaceView& view, const DepthOrder& order, const ProjectedPoints& projected) {
+  std::vector<Pair> pairs;
+  pairs.reserve(projected.sightings.size());
+  for (const ProjectedPoint& p : projected.points) {
+    const Eigen::Vector2f pixel = p.pixel.cast<float>();
+    if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
+    const auto here = brightness_at(view.small, pixel);
+    if (!here) continue;
+    for (const KeyframeSighting& s : projected.sightings_of(p)) {
+      const auto& there = s.sighting->brightness;
+      if (there) pairs.push_back({*here, *there, static_cast<double>(s.sighting->descriptions)});
+    }
+  }
+  return pairs;
+}
+
+double correlate_local(std::span<const Pair> pairs) {
+  Correlation correlation;
+  for (const Pair& p : pairs)
+    correlation.add(static_cast<double>(p.there.local), static_cast<double>(p.here.local), p.weight);
+  return correlation.value();
+}
+
+double correlate_order(std::span<const Pair> pairs) {
+  Levels here{};
+  Levels there{};
+  for (const Pair& p : pairs) {
+    here[p.here.grey] += p.weight;
+    there[p.there.grey] += p.weight;
+  }
+  const Levels ranks_here = rank_levels(here);
+  const Levels ranks_there = rank_levels(there);
+  Correlation correlation;
+  for (const Pair& p : pairs) correlation.add(ranks_there[p.there.grey], ranks_here[p.here.grey], p.weight);
+  return correlation.value();
+}
+
 }  // namespace
 
-double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
+Appearance compare_appearance(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
   DepthOrder order(camera.width(), camera.height());
   for (const ProjectedPoint& p : projected.points) {
     for (const KeyframeSighting& s : projected.sightings_of(p)) {
@@ -49,19 +108,8 @@ double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoi
         order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
     }
   }
-  Correlation correlation;
-  for (const ProjectedPoint& p : projected.points) {
-    const Eigen::Vector2f pixel = p.pixel.cast<float>();
-    if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
-    const auto here = local_brightness(view.small, pixel);
-    if (!here) continue;
-    for (const KeyframeSighting& s : projected.sightings_of(p)) {
-      const auto& there = s.sighting->brightness;
-      if (there)
-        correlation.add(static_cast<double>(*there), static_cast<double>(*here), s.sighting->descriptions);
-    }
-  }
-  return correlation.value();
+  const std::vector<Pair> pairs = pair_up(view, order, projected);
+  return {correlate_local(pairs), correlate_order(pairs)};
 }
 
 }  // namespace cairn

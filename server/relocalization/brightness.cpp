@@ -17,7 +17,7 @@ constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to co
 
 }  // namespace
 
-std::optional<float> local_brightness(const GrayView& small, const Eigen::Vector2f& level0) {
+std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0) {
   constexpr int kLevel = kPyramidLevels - 1;
   const float x = to_level(level0.x(), kLevel);
   const float y = to_level(level0.y(), kLevel);
@@ -48,7 +48,8 @@ std::optional<float> local_brightness(const GrayView& small, const Eigen::Vector
   const double mean = sum / n;
   const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
   const auto grey = static_cast<double>(sample_bilinear(small, x, y));
-  return static_cast<float>((grey - mean) / (deviation + kNoise));
+  return Brightness{static_cast<float>((grey - mean) / (deviation + kNoise)),
+                    static_cast<uint8_t>(std::lround(grey))};
 }
 
 }  // namespace cairn

@@ -36,11 +36,11 @@ double correlation(const GrayImage& a, const GrayImage& b) {
   double n = 0, x = 0, y = 0, xx = 0, yy = 0, xy = 0;
   for (int row = 0; row < kHeight - 1; ++row) {
     for (int column = 0; column < kWidth - 1; ++column) {
-      const auto p = local_brightness(a.view(), pixel_at(column, row));
-      const auto q = local_brightness(b.view(), pixel_at(column, row));
+      const auto p = brightness_at(a.view(), pixel_at(column, row));
+      const auto q = brightness_at(b.view(), pixel_at(column, row));
       if (!p || !q) continue;
-      const auto u = static_cast<double>(*p);
-      const auto v = static_cast<double>(*q);
+      const auto u = static_cast<double>(p->local);
+      const auto v = static_cast<double>(q->local);
       n += 1, x += u, y += v, xx += u * u, yy += v * v, xy += u * v;
     }
   }
@@ -65,21 +65,21 @@ TEST(LocalBrightness, WhereAllAroundIsClippedItTellsNothing) {
   const Eigen::Vector2f centre = pixel_at(40, 30);
   for (const uint8_t limit : {uint8_t{0}, uint8_t{255}}) {
     GrayImage image = test::render(kWidth, kHeight, [&](int, int) { return static_cast<double>(limit); });
-    EXPECT_FALSE(local_brightness(image.view(), centre));
+    EXPECT_FALSE(brightness_at(image.view(), centre));
     image.row(31)[41] = 100;
-    EXPECT_TRUE(local_brightness(image.view(), centre)) << "something shows";
+    EXPECT_TRUE(brightness_at(image.view(), centre)) << "something shows";
   }
   const GrayImage grey = test::render(kWidth, kHeight, [](int, int) { return 128.0; });
-  const auto flat = local_brightness(grey.view(), centre);
+  const auto flat = brightness_at(grey.view(), centre);
   ASSERT_TRUE(flat) << "that it is bare is something to see";
-  EXPECT_FLOAT_EQ(*flat, 0);
+  EXPECT_FLOAT_EQ(flat->local, 0);
 }
 
 TEST(LocalBrightness, OutsideThereIsNone) {
   const GrayImage image = lit([](double v) { return v; });
-  EXPECT_FALSE(local_brightness(image.view(), {-8, 100}));
-  EXPECT_FALSE(local_brightness(image.view(), {100, 8 * kHeight}));
-  EXPECT_TRUE(local_brightness(image.view(), pixel_at(0, 0)));
+  EXPECT_FALSE(brightness_at(image.view(), {-8, 100}));
+  EXPECT_FALSE(brightness_at(image.view(), {100, 8 * kHeight}));
+  EXPECT_TRUE(brightness_at(image.view(), pixel_at(0, 0)));
 }
 
 }  // namespace

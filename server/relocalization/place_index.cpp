@@ -9,7 +9,6 @@
 #include <tuple>
 
 #include "common/image/patch.h"
-#include "server/relocalization/brightness.h"
 
 namespace cairn {
 namespace {
@@ -99,7 +98,7 @@ std::vector<Sighting> make_sightings(const KeyframeView& view, const IndexedKeyf
   std::vector<Sighting> sightings;
   sightings.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements)
-    sightings.push_back({m.pixel, local_brightness(small, m.pixel), m.level, 0, {}});
+    sightings.push_back({m.pixel, brightness_at(small, m.pixel), m.level, 0, {}});
   for (uint32_t i = 0; i < keyframe.points.size(); ++i) {
     Sighting& sighting = sightings[keyframe.points[i].measured];
     sighting.described[sighting.descriptions++] = i;

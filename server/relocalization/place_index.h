@@ -11,6 +11,7 @@
 #include "common/image/tiny_image.h"
 #include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
+#include "server/relocalization/brightness.h"
 #include "server/relocalization/compact.h"
 #include "server/relocalization/picture_forest.h"
 #include "server/relocalization/vocabulary.h"
@@ -38,7 +39,7 @@ struct DescribedPoint {
 /// How a keyframe saw a point.
 struct Sighting {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
-  std::optional<float> brightness;                  ///< local_brightness() there
+  std::optional<Brightness> brightness;             ///< there
   uint8_t level = 0;                                ///< at which it was measured
   uint8_t descriptions = 0;                         ///< how many there are: none near the border
   std::array<uint32_t, 2> described{};              ///< indices into IndexedKeyframe::points

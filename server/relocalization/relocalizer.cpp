@@ -96,7 +96,7 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
 /// So much that no other place can look better: the rest need not be tried.
 bool is_clear(const Confirmation& said, const RelocOptions& options) {
   return said.confirmed && said.agreeing >= options.confirm.clear_agreeing &&
-         said.alikeness >= options.confirm.clear_alikeness;
+         evidence(said) >= options.confirm.clear_evidence;
 }
 
 struct Tried {
