@@ -176,6 +176,20 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   }
 }
 
+TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
+  Confirmation said;
+  said.alikeness = 0.6;
+  said.order = 0.8;
+  said.supported = 40;
+  said.agreeing = 38;
+  EXPECT_NEAR(unity(said), 0.95, 1e-9);
+  EXPECT_GT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  said.agreeing = 14;
+  EXPECT_LT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  said.supported = 10;
+  EXPECT_EQ(unity(said), 1) << "what no neighbour supports may agree, too";
+}
+
 /// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
 /// the empty one explains all it has, and so does the full one in part. Then it is neither.
 TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
