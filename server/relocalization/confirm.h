@@ -27,9 +27,10 @@ struct ConfirmOptions {
   };
   Witnesses by_picture = {0.53, 0.66, 0.35, 0};    ///< looks the same
   Witnesses by_points = {0.50, 0.60, 0.45, 0.36};  ///< partly hidden or changed: most of its points are seen
-  /// So many agreeing corners, and as alike as most right answers are: no other keyframe is tried.
+  /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
+  /// is tried.
   int clear_agreeing = 25;
-  double clear_evidence = 0.75;
+  double clear_evidence = 0.82;
   uint64_t seed = 1;
 };
 
