@@ -23,7 +23,7 @@ TEST(PosedMap, ItsPointsLieOnWhatTheStillsShowAndAViewBetweenThemIsFound) {
   const testing::Scene scene(7);
   const auto mapped = map_posed_stills(scene.camera(), stills_of(scene, {0, 2, 4, 6, 8}), MapId{}, 1);
   ASSERT_TRUE(mapped) << mapped.error().message;
-  EXPECT_EQ(mapped->keyframes.size(), 5U);
+  EXPECT_EQ(mapped->poses.size(), 5U);
   const MapSnapshot& map = *mapped->map->snapshot;
   size_t points = 0;
   for (const auto& block : map.point_blocks) points += static_cast<size_t>(std::popcount(block->live));

@@ -254,7 +254,7 @@ Status run(const Arguments& arguments) {
   PlaceIndex index;
   index.put(mapped->map);
   if (const Status done = map_others(arguments.others, 2, arguments.seed, &index); !done) return done;
-  const auto truth_from_map = align(mapped->live, truth);
+  const auto truth_from_map = align(mapped->poses, truth);
   if (!truth_from_map) return tl::unexpected(truth_from_map.error());
   RelocOptions options;
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;
