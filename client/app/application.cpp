@@ -194,19 +194,20 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
         "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto, "
         "or auto:FILE");
   }
+  const double doubt_percent = 100 * chosen.sigma.front() / chosen.camera->parameters().values.front();
   if (chosen.is_nominal) {
     log->info(
         "the calibration has no distortion: it is believed to {:.1f} % and refined while the map grows; "
         "--calibration exact:FILE takes it as it is",
-        100 * chosen.sigma.front() / chosen.camera->parameters().values.front());
-    if (!options.saved_calibration) return {};
+        doubt_percent);
+  } else {
+    log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
+              chosen.camera->focal_length(), doubt_percent);
   }
-  const Camera& camera = *chosen.camera;
-  log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
-            camera.focal_length(), 100 * chosen.sigma.front() / camera.parameters().values.front());
   log->info(
       "maps know it as that of client '{}': a later run under the same --name takes up what is known of it",
       options.name);
+  if (chosen.is_nominal && !options.saved_calibration) return {};
   const std::filesystem::path path = path_of_found_camera(options);
   const Status writable = check_writable(path);
   if (!writable && options.saved_calibration) return writable;

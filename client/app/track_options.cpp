@@ -157,6 +157,8 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
     words.calibration.erase(0, kAutoFrom.size());
   else if (options.exact_camera)
     words.calibration.erase(0, kExactly.size());
+  if (words.calibration.empty() && (options.find_camera || options.exact_camera))
+    return usage("--calibration auto:FILE, exact:FILE: FILE is missing");
   if (words.calibration != kAuto) options.calibration = path_or_nothing(words.calibration);
   options.saved_calibration = path_or_nothing(words.saved_calibration);
   if (options.saved_calibration && options.exact_camera)

@@ -114,6 +114,7 @@ TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {
   EXPECT_TRUE(exact.exact_camera);
   EXPECT_EQ(exact.calibration, "camera.yaml");
   EXPECT_THAT(wrong({"--calibration", "auto", "--role", "reader"}), HasSubstr("keyframes"));
+  EXPECT_THAT(wrong({"--calibration", "exact:"}), HasSubstr("FILE is missing"));
   EXPECT_THAT(wrong({"--calibration", "exact:camera.yaml", "--save-calibration", "found.yaml"}),
               HasSubstr("auto:FILE"));
 }

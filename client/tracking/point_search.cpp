@@ -136,9 +136,11 @@ void PointSearch::search(const FrameImages& frame, const SearchReach& reach, Vis
   // Within the reach of the alignment it needs no corner: in a noisy picture corners come and go, texture
   // stays.
   const bool is_near = level_radius <= kAlignmentReach;
-  auto refined = is_near ? refine_patch(*patch, image, center, reach.iterations, level_radius) : std::nullopt;
+  auto refined = is_near && reach.by != SearchBy::kCorners
+                     ? refine_patch(*patch, image, center, reach.iterations, level_radius)
+                     : std::nullopt;
   if (!refined) {
-    if (is_near && !reach.corners) return;
+    if (reach.by == (is_near ? SearchBy::kAlignment : SearchBy::kCorners)) return;
     const auto match = find_patch(*patch, image, frame.corners(level), center, level_radius);
     if (!match) return;
     refined =

@@ -28,11 +28,18 @@ struct VisiblePoint {
   float depth = 0;  ///< along the optical axis [map unit]
 };
 
+/// By what a point is looked for where an alignment reaches as far; beyond, it is corners.
+enum class SearchBy : uint8_t {
+  kAlignment,
+  kCorners,  ///< after kAlignment has failed: nothing is tried again
+  kBoth
+};
+
 /// How far and how hard a point is looked for.
 struct SearchReach {
-  float radius = 0;      ///< [px of level 0]
-  int iterations = 0;    ///< of the refinement, at most
-  bool corners = false;  ///< also at corners where an alignment that reaches as far has failed
+  float radius = 0;    ///< [px of level 0]
+  int iterations = 0;  ///< of the refinement, at most
+  SearchBy by = SearchBy::kBoth;
 };
 
 /// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the

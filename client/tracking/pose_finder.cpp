@@ -119,7 +119,7 @@ std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3&
     const ScopedStage stage(probe, Stage::kCoarse);
     const auto count = std::min<ptrdiff_t>(coarse_end - visible_.begin(), effort.coarse_points);
     for (auto p = visible_.begin(); p != visible_.begin() + count; ++p) {
-      search_.search(frame, {effort.coarse_radius, kRefineIterations, true}, &*p);
+      search_.search(frame, {effort.coarse_radius, kRefineIterations, SearchBy::kBoth}, &*p);
       found += p->found ? 1 : 0;
     }
   }
@@ -143,12 +143,12 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
     std::erase_if(visible_, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
   }
   // A coarse point that was not found is looked for again where the coarse pose puts it.
-  search_missing(frame, {radius, kRefineIterations, false}, probe);
+  search_missing(frame, {radius, kRefineIterations, SearchBy::kAlignment}, probe);
   const auto is_found = [](const VisiblePoint& p) { return p.found; };
   const auto found = std::count_if(visible_.begin(), visible_.end(), is_found);
   if (static_cast<float>(found) < kEnoughAligned * static_cast<float>(visible_.size())) {
     find_corners(frame, 0, probe);
-    search_missing(frame, {radius, kRefineIterations, true}, probe);
+    search_missing(frame, {radius, kRefineIterations, SearchBy::kCorners}, probe);
   }
   return solve(start, effort.max_squared_cutoff, probe);
 }

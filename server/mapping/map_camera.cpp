@@ -45,7 +45,9 @@ MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
 bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes) {
   const size_t before = camera.judged_keyframes;
   // The focal length of one that was believed is in no wrong valley; it is judged when it may be frozen.
-  if (was_believed(camera) && keyframes.live + kEnoughAgreements < kFewestOfBelieved) return false;
+  if (was_believed(camera) && keyframes.live + kEnoughAgreements < kFewestOfBelieved &&
+      keyframes.made < kManyKeyframes)
+    return false;
   return !camera.frozen && keyframes.made > before + (cannot_be_known(camera) ? before / kManyMore : 0);
 }
 

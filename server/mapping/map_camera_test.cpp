@@ -75,6 +75,8 @@ TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
     update(&camera, found(camera, 501, 0.004), all_of(keyframes));
     EXPECT_FALSE(camera.frozen) << keyframes;
   }
+  EXPECT_FALSE(is_worth_judging(camera, {10, 39}));
+  EXPECT_TRUE(is_worth_judging(camera, {10, 40})) << "or nobody would hear that it cannot be known";
   update(&camera, found(camera, 501, 0.004), all_of(20));
   EXPECT_TRUE(camera.frozen);
 }

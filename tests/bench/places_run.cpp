@@ -496,8 +496,10 @@ int main(int argc, char** argv) {
   app.add_option("--stills", arguments.stills,
                  "NAME SOURCE TRUTH UNIT: every other one is mapped, from its given pose");
   app.add_option("--unmapped", arguments.unmapped, "NAME SOURCE CALIBRATION: asked about only");
-  app.add_option("--keep", arguments.keep,
-                 "folder: a map found there by its name is not made again, and what is made is kept there");
+  app.add_option(
+      "--keep", arguments.keep,
+      "folder: a map found there by its name is not made again, whatever seed or frames it was made with; "
+      "what is made is kept there");
   app.add_flag("--ours", arguments.ours_alone, "no baselines");
   app.add_option("--seed", arguments.seed, "of every random choice");
   app.add_flag("-v,--verbose", arguments.verbose, "a line for each of our mistakes");
