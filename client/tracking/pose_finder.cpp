@@ -41,7 +41,7 @@ void find_corners(const FrameImages& frame, int from_level, StageProbe* probe) {
 
 SearchEffort normal_effort(const TrackerOptions& options) {
   return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse,
-          kMaxSquaredCutoff};
+          kMaxSquaredCutoff,     kEnoughAligned};
 }
 
 SearchEffort wide_effort(const TrackerOptions& options) {
@@ -146,7 +146,7 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
   search_missing(frame, {radius, kRefineIterations, SearchBy::kAlignment}, probe);
   const auto is_found = [](const VisiblePoint& p) { return p.found; };
   const auto found = std::count_if(visible_.begin(), visible_.end(), is_found);
-  if (static_cast<float>(found) < kEnoughAligned * static_cast<float>(visible_.size())) {
+  if (static_cast<float>(found) < effort.enough_aligned * static_cast<float>(visible_.size())) {
     find_corners(frame, 0, probe);
     search_missing(frame, {radius, kRefineIterations, SearchBy::kCorners}, probe);
   }
