@@ -47,6 +47,7 @@ constexpr int kFrameThreadNice = -10;
 struct ChosenCamera {
   CameraPtr camera;
   std::vector<double> sigma;
+  bool is_nominal = false;  ///< a calibration without distortion: refined, not found out
 };
 
 Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
@@ -85,6 +86,13 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   }
   const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
+  const auto nominal = options.reader || options.exact_camera ? std::nullopt : nominal_camera(*parameters);
+  if (nominal) {
+    return make_doubtful(*nominal).map([](ChosenCamera&& chosen) {
+      chosen.is_nominal = true;
+      return std::move(chosen);
+    });
+  }
   return make_camera(*parameters).map(take);
 }
 
@@ -183,14 +191,23 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
     if (!options.saved_calibration) return {};
     return fail(
         ErrorCode::kUsage,
-        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto");
+        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto, "
+        "or auto:FILE");
   }
-  const Camera& camera = *chosen.camera;
-  log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
-            camera.focal_length(), 100 * chosen.sigma.front() / camera.parameters().values.front());
+  const double doubt_percent = 100 * chosen.sigma.front() / chosen.camera->parameters().values.front();
+  if (chosen.is_nominal) {
+    log->info(
+        "the calibration has no distortion: it is believed to {:.1f} % and refined while the map grows; "
+        "--calibration exact:FILE takes it as it is",
+        doubt_percent);
+  } else {
+    log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
+              chosen.camera->focal_length(), doubt_percent);
+  }
   log->info(
       "maps know it as that of client '{}': a later run under the same --name takes up what is known of it",
       options.name);
+  if (chosen.is_nominal && !options.saved_calibration) return {};
   const std::filesystem::path path = path_of_found_camera(options);
   const Status writable = check_writable(path);
   if (!writable && options.saved_calibration) return writable;
@@ -270,7 +287,7 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
-  bool finds_camera;
+  bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   Outputs outputs;
@@ -305,7 +322,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              log,
              signals,
              camera,
-             !chosen->sigma.empty(),
+             !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration),
              std::move(ahead),
              std::move(*session),
              std::move(*outputs),
@@ -324,7 +341,7 @@ int track(Run& run) {
   if (run.viewer) observers.push_back(run.viewer.get());
   observers.push_back(&narrator);
   std::optional<CameraKeeper> keeper;
-  if (run.finds_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
+  if (run.keeps_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
 
   FrameLoopOptions loop_options;
   loop_options.pace = run.options.pace;

@@ -21,7 +21,7 @@ void CameraKeeper::on_camera(const CameraNews& news) {
   if (latest_ && latest_->frozen) return;
   latest_ = news;
   if (!news.frozen) return;
-  const std::string how = "found out by cairn-track --calibration auto: " + describe(news);
+  const std::string how = "found out by cairn-track while a map grew: " + describe(news);
   written_ = write_calibration_kalibr(path_, news.camera->parameters(), how);
   if (written_)
     log_->info("camera written to {}; next time: --calibration {}", path_.string(), path_.string());

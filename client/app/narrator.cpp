@@ -149,7 +149,8 @@ void Narrator::on_camera(const CameraNews& news) {
   } else if (is_new) {
     log_->warn(
         "frame {}: the focal length cannot be known from this motion: {} so far; move nearer and "
-        "farther, turn the camera as it moves, or pass --calibration FILE",
+        "farther, turn the camera as it moves, or pass --calibration FILE "
+        "(exact:FILE where it has no distortion)",
         number_, values);
   } else {
     log_->debug("frame {}: the camera may be: {}", number_, values);

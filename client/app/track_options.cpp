@@ -22,6 +22,7 @@ constexpr int kUsageExit = 2;
 constexpr size_t kMaxName = 32;
 constexpr std::string_view kAuto = "auto";
 constexpr std::string_view kAutoFrom = "auto:";
+constexpr std::string_view kExactly = "exact:";
 
 constexpr const char* kDescription =
     "Tracks a camera against the maps of a cairn-server, and helps them grow.";
@@ -82,9 +83,10 @@ void declare(CLI::App& app, Words& words) {
   app.add_option(
          "--calibration", words.calibration,
          "camera.txt, yaml of Kalibr, OpenCV or ROS, PTAM's camera.cfg; auto: focal length and k1 are found "
-         "out while the map grows, from nothing or from a rough FILE [what lies beside the source, else "
-         "auto]")
-      ->type_name("FILE|auto|auto:FILE");
+         "out while the map grows, from nothing or from a rough FILE. A FILE without distortion is believed "
+         "to "
+         "0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
+      ->type_name("FILE|auto|auto:FILE|exact:FILE");
   app.add_option("--save-calibration", words.saved_calibration,
                  "where a camera that was found out is written [cairn-camera-NAME.yaml]")
       ->type_name("FILE");
@@ -150,11 +152,18 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   options.find_camera = words.calibration == kAuto || words.calibration.starts_with(kAutoFrom);
   if (options.find_camera && options.reader)
     return usage("--calibration auto: a reader makes no keyframes, from which a camera is found out");
-  if (words.calibration.starts_with(kAutoFrom)) words.calibration.erase(0, kAutoFrom.size());
+  options.exact_camera = words.calibration.starts_with(kExactly);
+  if (words.calibration.starts_with(kAutoFrom))
+    words.calibration.erase(0, kAutoFrom.size());
+  else if (options.exact_camera)
+    words.calibration.erase(0, kExactly.size());
+  if (words.calibration.empty() && (options.find_camera || options.exact_camera))
+    return usage("--calibration auto:FILE, exact:FILE: FILE is missing");
   if (words.calibration != kAuto) options.calibration = path_or_nothing(words.calibration);
   options.saved_calibration = path_or_nothing(words.saved_calibration);
-  if (options.saved_calibration && options.calibration && !options.find_camera)
-    return usage("--save-calibration: the camera of --calibration FILE is taken for exact; pass auto:FILE");
+  if (options.saved_calibration && options.exact_camera)
+    return usage(
+        "--save-calibration: the camera of --calibration exact:FILE is taken as it is; pass auto:FILE");
   options.pace = kPaces.at(words.pace);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);

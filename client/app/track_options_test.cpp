@@ -107,9 +107,15 @@ TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {
   EXPECT_TRUE(from_file.find_camera);
   EXPECT_EQ(from_file.calibration, "rough.yaml");
   EXPECT_EQ(from_file.saved_calibration, "found.yaml");
-  EXPECT_FALSE(good({"--calibration", "exact.yaml"}).find_camera);
+  EXPECT_FALSE(good({"--calibration", "camera.yaml"}).find_camera);
+  EXPECT_FALSE(good({"--calibration", "camera.yaml"}).exact_camera);
+  const auto exact = good({"--calibration", "exact:camera.yaml"});
+  EXPECT_FALSE(exact.find_camera);
+  EXPECT_TRUE(exact.exact_camera);
+  EXPECT_EQ(exact.calibration, "camera.yaml");
   EXPECT_THAT(wrong({"--calibration", "auto", "--role", "reader"}), HasSubstr("keyframes"));
-  EXPECT_THAT(wrong({"--calibration", "exact.yaml", "--save-calibration", "found.yaml"}),
+  EXPECT_THAT(wrong({"--calibration", "exact:"}), HasSubstr("FILE is missing"));
+  EXPECT_THAT(wrong({"--calibration", "exact:camera.yaml", "--save-calibration", "found.yaml"}),
               HasSubstr("auto:FILE"));
 }
 

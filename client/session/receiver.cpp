@@ -253,7 +253,7 @@ void Receiver::check_that_camera_is_found_out(const MapSnapshot& first) {
   if (state_.camera.frozen || state_.our_camera_in(first) != nullptr) return;
   log_->warn(
       "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
-      "--calibration FILE");
+      "--calibration FILE, exact:FILE where it has no distortion");
 }
 
 void Receiver::follow_recent_maps() {

@@ -11,24 +11,38 @@ namespace cairn {
 
 /// What the tracker computes from a frame before it looks at a map. Reused without allocation for frames of
 /// one size.
-struct FrameImages {
+class FrameImages {
+ public:
   /// FAST thresholds by level (PTAM r114).
   static constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
 
   Pyramid pyramid;
-  std::array<CornerList, kPyramidLevels> corners;
   TinyImage tiny;  ///< blur 0.75: frame-to-frame rotation prior
 
-  void build_pyramid(const GrayView& image) { pyramid.build(image); }
+  void build_pyramid(const GrayView& image) {
+    pyramid.build(image);
+    has_corners_.fill(false);
+  }
   void build_tiny() {
     constexpr float kPriorBlur = 0.75F;  // PTAM r114
     tiny = TinyImage(pyramid.level(kPyramidLevels - 1), kPriorBlur);
   }
-  void find_corners() {
-    for (size_t l = 0; l < corners.size(); ++l) {
-      detect_fast10(pyramid.level(static_cast<int>(l)), kFastThresholds[l], &corners[l]);
-    }
+  /// Of one level: looked for when first asked, since those of the large levels cost a fifth of a frame's
+  /// time and most frames never need them. One thread.
+  [[nodiscard]] const CornerList& corners(int level) const {
+    const auto l = static_cast<size_t>(level);
+    if (!has_corners_[l]) detect_fast10(pyramid.level(level), kFastThresholds[l], &corners_[l]);
+    has_corners_[l] = true;
+    return corners_[l];
   }
+  [[nodiscard]] const std::array<CornerList, kPyramidLevels>& all_corners() const {
+    for (int level = 0; level < kPyramidLevels; ++level) (void)corners(level);
+    return corners_;
+  }
+
+ private:
+  mutable std::array<CornerList, kPyramidLevels> corners_;
+  mutable std::array<bool, kPyramidLevels> has_corners_{};
 };
 
 }  // namespace cairn

@@ -24,7 +24,7 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   asked_ = time;
   under_way_ = true;
   tiny_ = place_image(frame);
-  return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.corners));
+  return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
 }
 
 bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {

@@ -100,7 +100,6 @@ GrayImagePtr PlaneScene::render(const SE3& camera_from_map) const {
 MapSnapshotPtr PlaneScene::make_map(const SE3& camera_from_map) const {
   FrameImages frame;
   frame.build_pyramid(render(camera_from_map)->view());
-  frame.find_corners();
   const SE3 map_from_camera = camera_from_map.inverse();
 
   auto keyframes = std::make_shared<KeyframeBlock>();
@@ -125,8 +124,7 @@ MapSnapshotPtr PlaneScene::make_map(const SE3& camera_from_map) const {
     positions = std::make_shared<PositionBlock>();
   };
   for (int level = kPyramidLevels - 1; level >= 0; --level) {
-    for (const Candidate& c :
-         find_candidates(frame.pyramid.level(level), frame.corners[static_cast<size_t>(level)])) {
+    for (const Candidate& c : find_candidates(frame.pyramid.level(level), frame.corners(level))) {
       PointSource source = make_source(*camera_, camera_from_map, level, c.corner, next_id);
       if (!cut_source_patch(frame.pyramid.level(level), c.corner, &source.pixels)) continue;
       ++next_id;

@@ -125,25 +125,26 @@ const PatchTemplate* PointSearch::template_of(const VisiblePoint& point) {
   return cached.valid ? &cached.patch : nullptr;
 }
 
-void PointSearch::search(const FrameImages& frame, float radius, int refine_iterations, VisiblePoint* point) {
+void PointSearch::search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point) {
   point->found = false;
   const PatchTemplate* patch = template_of(*point);
   if (patch == nullptr) return;
   const int level = point->level;
   const GrayImage& image = frame.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
-  const float level_radius = std::max(1.5F, radius / static_cast<float>(1 << level));
+  const float level_radius = std::max(1.5F, reach.radius / static_cast<float>(1 << level));
   // Within the reach of the alignment it needs no corner: in a noisy picture corners come and go, texture
   // stays.
-  auto refined = level_radius <= kAlignmentReach
-                     ? refine_patch(*patch, image, center, refine_iterations, level_radius)
+  const bool is_near = level_radius <= kAlignmentReach;
+  auto refined = is_near && reach.by != SearchBy::kCorners
+                     ? refine_patch(*patch, image, center, reach.iterations, level_radius)
                      : std::nullopt;
   if (!refined) {
-    const auto match =
-        find_patch(*patch, image, frame.corners[static_cast<size_t>(level)], center, level_radius);
+    if (reach.by == (is_near ? SearchBy::kAlignment : SearchBy::kCorners)) return;
+    const auto match = find_patch(*patch, image, frame.corners(level), center, level_radius);
     if (!match) return;
     refined =
-        refine_patch(*patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), refine_iterations);
+        refine_patch(*patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), reach.iterations);
     if (!refined) return;
   }
   point->pixel = {from_level(refined->x(), level), from_level(refined->y(), level)};

@@ -28,6 +28,20 @@ struct VisiblePoint {
   float depth = 0;  ///< along the optical axis [map unit]
 };
 
+/// By what a point is looked for where an alignment reaches as far; beyond, it is corners.
+enum class SearchBy : uint8_t {
+  kAlignment,
+  kCorners,  ///< after kAlignment has failed: nothing is tried again
+  kBoth
+};
+
+/// How far and how hard a point is looked for.
+struct SearchReach {
+  float radius = 0;    ///< [px of level 0]
+  int iterations = 0;  ///< of the refinement, at most
+  SearchBy by = SearchBy::kBoth;
+};
+
 /// Projects a map into a frame and searches its points there (PTAM 2007, sections 5.2 and 5.3). Keeps the
 /// warped templates of points from frame to frame. One thread.
 class PointSearch {
@@ -48,9 +62,9 @@ class PointSearch {
   /// Moves `expected` to where a corrected pose projects the point; its warp is kept. False when it leaves
   /// the view.
   [[nodiscard]] bool reproject(const SE3& camera_from_map, VisiblePoint* point) const;
-  /// Looks for the point at corners within `radius` level-0 px of where it is expected, with sub-pixel
-  /// refinement.
-  void search(const FrameImages& frame, float radius, int refine_iterations, VisiblePoint* point);
+  /// Looks for the point where it is expected: by alignment alone if that reaches as far, else at the corners
+  /// around; with sub-pixel refinement.
+  void search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point);
 
  private:
   struct CachedTemplate {

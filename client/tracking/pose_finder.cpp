@@ -12,9 +12,12 @@ namespace {
 constexpr int kCoarseLevel = 2;       // the coarse stage uses the two top levels (PTAM r114)
 constexpr int kCoarseAvailable = 20;  // PTAM r114: fewer and the coarse stage is left out
 constexpr int kCoarseFound = 12;      // fewer and its pose is not believed (PTAM: 20 of 60)
-constexpr int kRefineIterations = 8;  // PTAM r114
-constexpr int kLargeAttempted = 10;   // PTAM r114
-constexpr int kFewestFound = 15;      // inliers below which no pose is believed
+// Corners find a few points in a hundred that alignment does not, for a quarter of the frame's time: they are
+// asked where alignment finds little, as in blur and where the coarse pose is off.
+constexpr float kEnoughAligned = 0.4F;  // of the points searched
+constexpr int kRefineIterations = 8;    // PTAM r114
+constexpr int kLargeAttempted = 10;     // PTAM r114
+constexpr int kFewestFound = 15;        // inliers below which no pose is believed
 constexpr float kLeastQuality =
     0.1F;  // so few of those in sight agree by chance, whatever the top levels say
 constexpr double kMinSquaredCutoff =
@@ -29,11 +32,16 @@ constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius
 // degrees.
 constexpr float kBehind = 1.4F;
 
+void find_corners(const FrameImages& frame, int from_level, StageProbe* probe) {
+  const ScopedStage stage(probe, Stage::kCorners);
+  for (int level = from_level; level < kPyramidLevels; ++level) (void)frame.corners(level);
+}
+
 }  // namespace
 
 SearchEffort normal_effort(const TrackerOptions& options) {
   return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse,
-          kMaxSquaredCutoff};
+          kMaxSquaredCutoff,     kEnoughAligned};
 }
 
 SearchEffort wide_effort(const TrackerOptions& options) {
@@ -105,12 +113,13 @@ std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3&
   const auto coarse_end = std::find_if(visible_.begin(), visible_.end(),
                                        [](const VisiblePoint& p) { return p.level < kCoarseLevel; });
   if (coarse_end - visible_.begin() < kCoarseAvailable) return std::nullopt;
+  find_corners(frame, kCoarseLevel, probe);
   int found = 0;
   {
     const ScopedStage stage(probe, Stage::kCoarse);
     const auto count = std::min<ptrdiff_t>(coarse_end - visible_.begin(), effort.coarse_points);
     for (auto p = visible_.begin(); p != visible_.begin() + count; ++p) {
-      search_.search(frame, effort.coarse_radius, kRefineIterations, &*p);
+      search_.search(frame, {effort.coarse_radius, kRefineIterations, SearchBy::kBoth}, &*p);
       found += p->found ? 1 : 0;
     }
   }
@@ -120,15 +129,26 @@ std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3&
   return pose;
 }
 
+void PoseFinder::search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe) {
+  const ScopedStage stage(probe, Stage::kFine);
+  for (VisiblePoint& p : visible_) {
+    if (!p.found) search_.search(frame, reach, &p);
+  }
+}
+
 std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& start,
                                           const SearchEffort& effort, float radius, StageProbe* probe) {
   {
     const ScopedStage stage(probe, Stage::kFine);
     std::erase_if(visible_, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
-    for (VisiblePoint& p : visible_) {
-      // A coarse point that was not found is looked for again where the coarse pose puts it.
-      if (!p.found) search_.search(frame, radius, kRefineIterations, &p);
-    }
+  }
+  // A coarse point that was not found is looked for again where the coarse pose puts it.
+  search_missing(frame, {radius, kRefineIterations, SearchBy::kAlignment}, probe);
+  const auto is_found = [](const VisiblePoint& p) { return p.found; };
+  const auto found = std::count_if(visible_.begin(), visible_.end(), is_found);
+  if (static_cast<float>(found) < effort.enough_aligned * static_cast<float>(visible_.size())) {
+    find_corners(frame, 0, probe);
+    search_missing(frame, {radius, kRefineIterations, SearchBy::kCorners}, probe);
   }
   return solve(start, effort.max_squared_cutoff, probe);
 }

@@ -26,6 +26,8 @@ struct SearchEffort {
   float fine_radius = 0;    ///< [px of level 0] without a coarse stage before
   float fine_radius_after_coarse = 0;
   double max_squared_cutoff = std::numeric_limits<double>::infinity();  ///< of the pose's M-estimator [sigma]
+  /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
+  float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
@@ -71,6 +73,7 @@ class PoseFinder {
                                                 const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
+  void search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe);
   void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
 

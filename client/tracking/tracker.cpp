@@ -144,10 +144,6 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
     const ScopedStage stage(probe, Stage::kPyramid);
     now().build_pyramid(image->view());
   }
-  {
-    const ScopedStage stage(probe, Stage::kCorners);
-    now().find_corners();
-  }
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
@@ -273,7 +269,9 @@ void Tracker::State::propose_keyframe() {
 
 void Tracker::State::track_map(Timestamp time) {
   const SE3 step = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
-  auto pose = finder.locate(now(), step * model.last(), normal_effort(options), probe);
+  SearchEffort effort = normal_effort(options);
+  if (unproven > 0) effort.enough_aligned = 1;  // it is on trial: everything that speaks for it or against it
+  auto pose = finder.locate(now(), step * model.last(), effort, probe);
   PoseVerdict verdict = pose ? finder.judge() : PoseVerdict::kBad;
   if (verdict == PoseVerdict::kBad) {
     const SE3 turn = correct_step(SE3(), seen, *camera, mean_depth);
@@ -283,6 +281,9 @@ void Tracker::State::track_map(Timestamp time) {
   // After a frame that failed or that showed something else the start is a guess: what is found from there
   // must look right to be believed.
   if (verdict == PoseVerdict::kPoor && (bad_frames > 0 || is_cut)) verdict = PoseVerdict::kBad;
+  // What leaves the picture is tracked on its last points, centimetres off, and found again on as few.
+  const bool looks_right = finder.found() >= kFewestRecovered && finder.quality() >= kRecoveredQuality;
+  if (bad_frames > 0 && !looks_right) verdict = PoseVerdict::kBad;
   const bool is_refuted = unproven > 0 && !(pose && holds_proof());
   if (verdict != PoseVerdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);

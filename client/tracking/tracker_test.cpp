@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "client/tracking/frame_images.h"
 #include "client/tracking/plane_scene.h"
 #include "client/tracking/point_search.h"
 #include "common/geometry/two_view.h"
@@ -36,6 +37,22 @@ struct SeedWorld {
   CameraPtr camera = test_camera();
   test::PlaneScene scene{7, camera};
 };
+
+TEST(FrameImages, CornersAreThoseOfThePictureThatWasGivenLast) {
+  SeedWorld world;
+  FrameImages images;
+  images.build_pyramid(world.scene.render(looking_down(0, 0))->view());
+  const size_t before = images.corners(0).corners.size();
+  images.build_pyramid(world.scene.render(looking_down(0.2, 0.1))->view());
+  for (int level = 0; level < kPyramidLevels; ++level) {
+    CornerList expected;
+    detect_fast10(images.pyramid.level(level), FrameImages::kFastThresholds[static_cast<size_t>(level)],
+                  &expected);
+    ASSERT_FALSE(expected.corners.empty());
+    EXPECT_EQ(images.corners(level).corners.size(), expected.corners.size()) << "level " << level;
+  }
+  EXPECT_NE(images.corners(0).corners.size(), before) << "another picture";
+}
 
 TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
   SeedWorld world;

@@ -75,12 +75,12 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   const GrayView level0 = now.pyramid.level(0);
   // A picture poor in texture gives what it has: the barrier and Shi-Tomasi limit are only for choosing the
   // best.
-  auto candidates = find_candidates(level0, now.corners[0]);
+  auto candidates = find_candidates(level0, now.corners(0));
   if (candidates.size() < static_cast<size_t>(options_.trail_count) / 2) {
     constexpr int kLowBarrier = 6;
     constexpr float kLowShiTomasi = 20.0F;
     candidates =
-        find_candidates(level0, now.corners[0], kLowBarrier, kSourcePatchSize / 2 + 1, kLowShiTomasi);
+        find_candidates(level0, now.corners(0), kLowBarrier, kSourcePatchSize / 2 + 1, kLowShiTomasi);
   }
   for (const Candidate& c :
        spread(std::move(candidates), level0, static_cast<size_t>(options_.trail_count))) {
@@ -106,7 +106,7 @@ bool TrailFollower::follow_one(const FrameImages& now, const FrameImages& previo
   // stays.
   auto there = refine_patch(patch, image, expected + (as_vector(from) - trail->now), kRefinements);
   if (!there) {
-    const auto match = find_patch(patch, image, now.corners[0], expected, kSearchRadius);
+    const auto match = find_patch(patch, image, now.corners(0), expected, kSearchRadius);
     if (!match) return false;
     there = refine_patch(patch, image, as_vector(match->corner), kRefinements);
     if (!there) return false;

@@ -14,6 +14,7 @@ constexpr double kUnknownFocal = 0.35;
 constexpr double kUnknownK1 = 0.1;  // ordinary lenses lie within two of it; wide-angle ones beyond
 constexpr double kRoughFocal = 0.03;
 constexpr double kRoughK1 = 0.05;
+constexpr double kNominalFocal = 0.005;
 
 }  // namespace
 
@@ -56,6 +57,16 @@ DoubtfulCamera guess_camera(PictureSize size) {
   guess.focal_sigma = kUnknownFocal;
   guess.k1_sigma = kUnknownK1;
   return guess;
+}
+
+std::optional<DoubtfulCamera> nominal_camera(const CameraParameters& parameters) {
+  const auto distorts = [](double value) { return value != 0; };
+  if (parameters.model != CameraModel::kPinholeRadtan ||
+      std::any_of(parameters.values.begin() + kK1, parameters.values.end(), distorts))
+    return std::nullopt;
+  DoubtfulCamera nominal{parameters, kNominalFocal, kRoughK1};
+  nominal.parameters.values.resize(kDoubtfulValues, 0.0);
+  return nominal;
 }
 
 Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters) {

@@ -38,6 +38,11 @@ struct DoubtfulCamera {
 /// side within two sigma, from wide-angle to telephoto-ish phones and web cameras.
 [[nodiscard]] DoubtfulCamera guess_camera(PictureSize size);
 
+/// A pinhole calibration without any distortion, believed as the data sheet that it is likely to be from:
+/// focal length to 0.5 %, k1 to 0.05. Nothing for a calibration with distortion, and for other models: those
+/// were measured.
+[[nodiscard]] std::optional<DoubtfulCamera> nominal_camera(const CameraParameters& parameters);
+
 /// A calibration that is believed roughly: focal length to 3 %, k1 to 0.05. Error (kConfiguration): a model
 /// other than pinhole-radtan.
 [[nodiscard]] Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters);

@@ -72,5 +72,23 @@ TEST(CameraGuess, ARoughCalibrationIsBelievedRoughly) {
   EXPECT_FALSE(doubt_camera({CameraModel::kFov, 640, 480, {500, 500, 320, 240, 0.9}}));
 }
 
+TEST(CameraGuess, ACalibrationWithoutDistortionIsNominal) {
+  const std::vector<double> pinhole = {500, 501, 320, 240};
+  for (const size_t values : {size_t{4}, size_t{8}, kDoubtfulValues}) {
+    CameraParameters parameters{CameraModel::kPinholeRadtan, 640, 480, pinhole};
+    parameters.values.resize(values, 0.0);
+    const auto nominal = nominal_camera(parameters);
+    ASSERT_TRUE(nominal) << values << " values";
+    EXPECT_TRUE(doubtful_camera(nominal->parameters, sigma_of_values(*nominal))) << "as the wire says it";
+    EXPECT_LT(nominal->focal_sigma, doubt_camera(parameters)->focal_sigma);
+    for (size_t term = pinhole.size(); term < values; ++term) {
+      CameraParameters distorted = parameters;
+      distorted.values[term] = -1e-4;
+      EXPECT_FALSE(nominal_camera(distorted)) << "term " << term;
+    }
+  }
+  EXPECT_FALSE(nominal_camera({CameraModel::kKannalaBrandt, 640, 480, {500, 501, 320, 240, 0, 0, 0, 0}}));
+}
+
 }  // namespace
 }  // namespace cairn

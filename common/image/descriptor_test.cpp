@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "common/image/place.h"
@@ -155,6 +157,34 @@ TEST(Place, CornersAreSpreadBoundedAndInTheImage) {
   }
   for (size_t l = 0; l < count.size(); ++l) EXPECT_LE(count[l], kPlaceCorners[l]);
   EXPECT_GT(count[0], 50);
+}
+
+TEST(Place, WhatAHigherGainBringsOutDoesNotDriveOutWhatIsStrong) {
+  // Rich on the left; on the right, weak spots that are corners at twice the gain only.
+  const auto grey = [](int x, int y) {
+    if (x < 160) return std::clamp(60 + 0.5 * (texture()({3.0 * x, 3.0 * y}) - 128), 0.0, 127.0);
+    return 60.0 + (x % 9 < 2 && y % 9 < 2 ? 8 : 0);
+  };
+  const auto corners_at = [&](double gain) {
+    Pyramid pyramid;
+    pyramid.build(test::render(320, 240, [&](int x, int y) { return gain * std::round(grey(x, y)); }));
+    std::array<CornerList, kPyramidLevels> corners;
+    detect_fast10(pyramid.level(0), 10, corners.data());
+    for (size_t l = 1; l < corners.size(); ++l)
+      detect_fast10(pyramid.level(static_cast<int>(l)), 255, &corners[l]);
+    std::vector<std::pair<float, float>> pixels;
+    for (const PlaceCorner& c : describe_place(pyramid, corners).corners)
+      pixels.emplace_back(c.pixel.x(), c.pixel.y());
+    std::sort(pixels.begin(), pixels.end());
+    return pixels;
+  };
+  const auto once = corners_at(1);
+  const auto twice = corners_at(2);
+  ASSERT_GT(once.size(), 300U);
+  ASSERT_GT(twice.size(), 400U);
+  std::vector<std::pair<float, float>> kept;
+  std::set_intersection(once.begin(), once.end(), twice.begin(), twice.end(), std::back_inserter(kept));
+  EXPECT_GT(kept.size(), once.size() * 9 / 10);
 }
 
 }  // namespace

@@ -12,26 +12,29 @@ constexpr int kCellsDown = 6;
 constexpr int kBarrier = 6;
 constexpr float kMinShiTomasi = 20;
 
-/// At most `count` candidates, taken from the cells of the image in turn, best first.
-std::vector<Corner> spread(std::vector<Candidate> candidates, const GrayView& image, int count) {
+/// At most `count` candidates, spread over the image: the n-th best of a cell counts as a n-th of its score.
+/// Cells with many strong corners have more than their share, and what is weak beside the rest of the picture
+/// comes last, however much of it other light brings out: the order is the same at every gain.
+std::vector<Corner> spread(const std::vector<Candidate>& candidates, const GrayView& image, int count) {
   std::array<std::vector<Candidate>, size_t{kCellsAcross} * kCellsDown> cells;
   for (const Candidate& c : candidates) {
     const int column = c.corner.x * kCellsAcross / image.width;
     const int row = c.corner.y * kCellsDown / image.height;
     cells[static_cast<size_t>(row * kCellsAcross + column)].push_back(c);
   }
+  const auto is_better = [](const Candidate& a, const Candidate& b) { return a.score > b.score; };
+  std::vector<Candidate> ranked;
+  ranked.reserve(candidates.size());
   for (auto& cell : cells) {
-    std::stable_sort(cell.begin(), cell.end(),
-                     [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
+    std::stable_sort(cell.begin(), cell.end(), is_better);
+    float rank = 0;
+    for (const Candidate& c : cell) ranked.push_back({c.corner, c.score / ++rank});
   }
+  std::stable_sort(ranked.begin(), ranked.end(), is_better);
+  ranked.resize(std::min(ranked.size(), static_cast<size_t>(count)));
   std::vector<Corner> chosen;
-  for (size_t rank = 0; static_cast<int>(chosen.size()) < count; ++rank) {
-    const size_t before = chosen.size();
-    for (const auto& cell : cells) {
-      if (rank < cell.size() && static_cast<int>(chosen.size()) < count) chosen.push_back(cell[rank].corner);
-    }
-    if (chosen.size() == before) break;
-  }
+  chosen.reserve(ranked.size());
+  for (const Candidate& c : ranked) chosen.push_back(c.corner);
   return chosen;
 }
 

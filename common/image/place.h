@@ -30,8 +30,8 @@ struct PlaceView {
 constexpr std::array<int, kPyramidLevels> kPlaceCorners = {450, 250, 120, 60};
 
 /// Describes a picture whose FAST corners (thresholds of PTAM r114) have been found. The strongest corners
-/// (Shi-Tomasi) of each cell of a grid are taken, so that one busy corner of the view does not use up all.
-/// Deterministic.
+/// (Shi-Tomasi) of each cell of a grid are taken, so that one busy corner of the view does not use up all;
+/// their order does not depend on the gain. Deterministic.
 [[nodiscard]] PlaceView describe_place(const Pyramid& pyramid,
                                        const std::array<CornerList, kPyramidLevels>& corners);
 

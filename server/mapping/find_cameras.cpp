@@ -51,6 +51,7 @@ double cost_at(const BundleProblem& problem, double squared_cutoff) {
 /// Whether it may lie in a wrong valley: focal length and distortion make up for each other over a few views
 /// of a plane, up to where the prior ends.
 bool may_be_wrong(const FreeCamera& camera) {
+  if (camera.prior_sigma[0] < kWellKnown) return false;
   return std::sqrt(camera.covariance(0, 0)) >= kWellKnown || is_held_by_prior(camera);
 }
 

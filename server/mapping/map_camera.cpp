@@ -15,9 +15,20 @@ const Intrinsics kWellKnown(0.025, 0.1);  ///< sigma: focal length within 5 % wi
 constexpr double kAgreement = 0.01;       ///< of successive focal lengths
 constexpr int kEnoughAgreements = 3;
 constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
-constexpr size_t kManyKeyframes = 40;    ///< what these have not told, more of the same will not
-constexpr size_t kManyMore = 4;          ///< one to so many of these: worth another look
-constexpr double kFeltMove = 0.02;       ///< of the focal length: some px where the picture ends
+constexpr size_t kFewestOfBelieved =
+    20;                                ///< where the sigma was small to begin with and tells nothing of them
+constexpr size_t kManyKeyframes = 40;  ///< what these have not told, more of the same will not
+constexpr size_t kManyMore = 4;        ///< one to so many of these: worth another look
+constexpr double kFeltMove = 0.02;     ///< of the focal length: some px where the picture ends
+
+/// Whether its sigma was small to begin with.
+bool was_believed(const MapCamera& camera) {
+  return camera.prior_sigma[0] <= kWellKnown[0];
+}
+
+size_t fewest_keyframes(const MapCamera& camera) {
+  return was_believed(camera) ? kFewestOfBelieved : kFewestKeyframes;
+}
 
 }  // namespace
 
@@ -33,6 +44,10 @@ MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
 
 bool is_worth_judging(const MapCamera& camera, const KeyframeCount& keyframes) {
   const size_t before = camera.judged_keyframes;
+  // The focal length of one that was believed is in no wrong valley; it is judged when it may be frozen.
+  if (was_believed(camera) && keyframes.live + kEnoughAgreements < kFewestOfBelieved &&
+      keyframes.made < kManyKeyframes)
+    return false;
   return !camera.frozen && keyframes.made > before + (cannot_be_known(camera) ? before / kManyMore : 0);
 }
 
@@ -50,7 +65,7 @@ void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& 
   camera->agreements = agrees ? camera->agreements + 1 : 0;
   camera->judged = values;
   camera->judged_keyframes = keyframes.made;
-  camera->frozen = keyframes.live >= kFewestKeyframes && !is_held_by_prior(adjusted) &&
+  camera->frozen = keyframes.live >= fewest_keyframes(*camera) && !is_held_by_prior(adjusted) &&
                    camera->agreements >= kEnoughAgreements &&
                    (camera->sigma.array() <= kWellKnown.array()).all();
 }

@@ -66,6 +66,21 @@ TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
   EXPECT_TRUE(camera.frozen);
 }
 
+TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
+  CameraDoubt believed = doubt_of(1);
+  believed.sigma = {0.005, 0.05};
+  MapCamera camera = make_map_camera(simple_camera(500), believed);
+  for (size_t keyframes = 3; keyframes < 20; ++keyframes) {
+    EXPECT_EQ(is_worth_judging(camera, all_of(keyframes)), keyframes >= 17) << keyframes;
+    update(&camera, found(camera, 501, 0.004), all_of(keyframes));
+    EXPECT_FALSE(camera.frozen) << keyframes;
+  }
+  EXPECT_FALSE(is_worth_judging(camera, {10, 39}));
+  EXPECT_TRUE(is_worth_judging(camera, {10, 40})) << "or nobody would hear that it cannot be known";
+  update(&camera, found(camera, 501, 0.004), all_of(20));
+  EXPECT_TRUE(camera.frozen);
+}
+
 TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLookedAtMoreSeldom) {
   MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
   for (size_t made = 3; made <= 40; ++made) {

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/relocalization/appearance.h"
 
-#include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
+#include <vector>
 
 #include "common/geometry/depth_order.h"
+#include "server/relocalization/brightness.h"
 
 namespace cairn {
 namespace {
@@ -38,18 +41,29 @@ class Correlation {
   double xy_ = 0;
 };
 
-}  // namespace
+using Levels = std::array<double, 256>;
 
-double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
-  DepthOrder order(camera.width(), camera.height());
-  for (const ProjectedPoint& p : projected.points) {
-    for (const KeyframeSighting& s : projected.sightings_of(p)) {
-      for (uint8_t i = 0; i < s.sighting->descriptions; ++i)
-        order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
-    }
+/// Rank of each grey level among weights by level; those of one level share their mean rank.
+Levels rank_levels(const Levels& weights) {
+  Levels ranks{};
+  double below = 0;
+  for (size_t level = 0; level < weights.size(); ++level) {
+    ranks[level] = below + 0.5 * weights[level];
+    below += weights[level];
   }
-  Correlation grey;
-  Correlation local;
+  return ranks;
+}
+
+/// A point's brightness here, in the query, and there, in a keyframe.
+struct Pair {
+  Brightness here;
+  Brightness there;
+  double weight = 0;
+};
+
+std::vector<Pair> pair_up(const PlaceView& view, const DepthOrder& order, const ProjectedPoints& projected) {
+  std::vector<Pair> pairs;
+  pairs.reserve(projected.sightings.size());
   for (const ProjectedPoint& p : projected.points) {
     const Eigen::Vector2f pixel = p.pixel.cast<float>();
     if (order.is_hidden(pixel, static_cast<float>(p.depth), kBehind)) continue;
@@ -57,13 +71,45 @@ double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoi
     if (!here) continue;
     for (const KeyframeSighting& s : projected.sightings_of(p)) {
       const auto& there = s.sighting->brightness;
-      if (!there) continue;
-      const double weight = s.sighting->descriptions;
-      grey.add(static_cast<double>(there->grey), static_cast<double>(here->grey), weight);
-      local.add(static_cast<double>(there->local), static_cast<double>(here->local), weight);
+      if (there) pairs.push_back({*here, *there, static_cast<double>(s.sighting->descriptions)});
     }
   }
-  return 0.5 * (grey.value() + local.value());
+  return pairs;
+}
+
+double correlate_local(std::span<const Pair> pairs) {
+  Correlation correlation;
+  for (const Pair& p : pairs)
+    correlation.add(static_cast<double>(p.there.local), static_cast<double>(p.here.local), p.weight);
+  return correlation.value();
+}
+
+double correlate_order(std::span<const Pair> pairs) {
+  Levels here{};
+  Levels there{};
+  for (const Pair& p : pairs) {
+    here[p.here.grey] += p.weight;
+    there[p.there.grey] += p.weight;
+  }
+  const Levels ranks_here = rank_levels(here);
+  const Levels ranks_there = rank_levels(there);
+  Correlation correlation;
+  for (const Pair& p : pairs) correlation.add(ranks_there[p.there.grey], ranks_here[p.here.grey], p.weight);
+  return correlation.value();
+}
+
+}  // namespace
+
+Appearance compare_appearance(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected) {
+  DepthOrder order(camera.width(), camera.height());
+  for (const ProjectedPoint& p : projected.points) {
+    for (const KeyframeSighting& s : projected.sightings_of(p)) {
+      for (uint8_t i = 0; i < s.sighting->descriptions; ++i)
+        order.add(p.pixel.cast<float>(), static_cast<float>(p.depth));
+    }
+  }
+  const std::vector<Pair> pairs = pair_up(view, order, projected);
+  return {correlate_local(pairs), correlate_order(pairs)};
 }
 
 }  // namespace cairn

@@ -7,13 +7,21 @@
 
 namespace cairn {
 
-/// How alike the query and the keyframes look at the points where a pose puts them, at pyramid level 3 (8 px
-/// of the picture): the mean of two of Pearson's correlations over all points, -1..1. That of the grey levels
-/// hears of how bright things are; that of how much brighter each point is than what lies around it hears of
-/// what is on them, and other light, which changes slowly across the picture, does not matter to it. A
-/// witness that is independent of corners and their descriptors: it also hears of the points that no corner
-/// was found for. Points that others hide from the query are passed over: there the query shows something
-/// else, rightly. A sighting counts as often as it is described. -1 without points.
-[[nodiscard]] double alikeness(const PlaceView& view, const Camera& camera, const ProjectedPoints& projected);
+/// How alike a query and keyframes look, -1..1 each; -1 without points.
+struct Appearance {
+  /// Pearson's correlation of how much brighter each point is than what lies around it: that hears of what is
+  /// on things, and other light or exposure does not matter to it.
+  double local = -1;
+  /// Spearman's correlation of the grey levels: which things are brighter than which others, across the
+  /// picture. Any curve of grey levels keeps that order.
+  double order = -1;
+};
+
+/// At the points where a pose puts them, at pyramid level 3 (8 px of the picture): a witness that is
+/// independent of corners and their descriptors, which also hears of the points that no corner was found for.
+/// Points that others hide from the query are passed over: there the query shows something else, rightly. A
+/// sighting counts as often as it is described.
+[[nodiscard]] Appearance compare_appearance(const PlaceView& view, const Camera& camera,
+                                            const ProjectedPoints& projected);
 
 }  // namespace cairn

@@ -11,6 +11,8 @@ namespace cairn {
 namespace {
 
 constexpr int kWindow = 2;    ///< [px of level 3] on each side: 40 px of the picture
+constexpr int kWhite = 254;   ///< [grey levels] of a pixel made of 64 that were clipped
+constexpr int kBlack = 1;     ///< likewise
 constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to count
 
 }  // namespace
@@ -30,18 +32,24 @@ std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vect
   const int bottom = std::min(small.height - 1, row + kWindow);
   int sum = 0;
   int squares = 0;
+  int darkest = kWhite;
+  int brightest = kBlack;
   for (int v = top; v <= bottom; ++v) {
     for (int u = left; u <= right; ++u) {
       const int grey = small.row(v)[u];
       sum += grey;
       squares += grey * grey;
+      darkest = std::min(darkest, grey);
+      brightest = std::max(brightest, grey);
     }
   }
+  if (darkest == kWhite || brightest == kBlack) return std::nullopt;
   const double n = (right - left + 1) * (bottom - top + 1);
   const double mean = sum / n;
   const double deviation = std::sqrt(std::max(0.0, squares / n - mean * mean));
   const auto grey = static_cast<double>(sample_bilinear(small, x, y));
-  return Brightness{static_cast<float>(grey), static_cast<float>((grey - mean) / (deviation + kNoise))};
+  return Brightness{static_cast<float>((grey - mean) / (deviation + kNoise)),
+                    static_cast<uint8_t>(std::lround(grey))};
 }
 
 }  // namespace cairn

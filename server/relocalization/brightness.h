@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <optional>
 
 #include "common/image/image.h"
@@ -10,11 +11,15 @@ namespace cairn {
 
 /// What a small image shows at a pixel.
 struct Brightness {
-  float grey = 0;   ///< level
-  float local = 0;  ///< how much brighter that is than the 40 px around it, in units of the contrast there
+  /// How much brighter it is than the 40 px around it, in units of the contrast there: indifferent to what
+  /// changes slowly across the picture and to gain, and nearly to any curve of grey levels, which is straight
+  /// over so few of them.
+  float local = 0;
+  uint8_t grey = 0;  ///< level: how bright it is
 };
 
-/// `level0`: pixel of the full picture; `small`: its pyramid level 3. Nothing outside of it.
+/// `level0`: pixel of the full picture; `small`: its pyramid level 3. Nothing outside of it, and where all of
+/// the 40 px around it is clipped to white or black: what is there does not show.
 [[nodiscard]] std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0);
 
 }  // namespace cairn

@@ -67,8 +67,8 @@ std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b)
 }
 
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
-  return said.alikeness >= needed.alikeness && said.inliers >= needed.of_met * said.met &&
-         said.inliers >= needed.of_expected * said.expected;
+  return said.alikeness >= needed.alikeness && evidence(said) >= needed.evidence &&
+         said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected;
 }
 
 void judge(const ConfirmOptions& options, Confirmation* result) {
@@ -77,8 +77,11 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
   } else if (!speak(options.by_picture, *result) && !speak(options.by_points, *result)) {
-    result->reason = fmt::format("{} of {} corners look like the points there, the picture by {:.2f}",
-                                 result->inliers, result->met, result->alikeness);
+    result->reason = fmt::format(
+        "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
+        "together "
+        "agrees: {:.2f} in all",
+        result->inliers, result->met, result->alikeness, unity(*result), evidence(*result));
   } else {
     result->confirmed = true;
   }
@@ -102,6 +105,14 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
 }
 
 }  // namespace
+
+double unity(const Confirmation& said) {
+  return std::min(1.0, static_cast<double>(said.agreeing) / std::max(1, said.supported));
+}
+
+double evidence(const Confirmation& said) {
+  return (2 * said.alikeness + said.order + unity(said)) / 4;
+}
 
 Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, const CornerGrid& grid,
                      const Camera& camera, const IndexedMap& map, size_t keyframe,
@@ -147,7 +158,9 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   }
   result.cells = count_cells(view, result.found, camera);
   result.explained = united(result.explained, result.found);
-  result.alikeness = alikeness(view, camera, points);
+  const Appearance appearance = compare_appearance(view, camera, points);
+  result.alikeness = appearance.local;
+  result.order = appearance.order;
   judge(options, &result);
   return result;
 }

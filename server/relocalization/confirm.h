@@ -16,19 +16,21 @@ struct ConfirmOptions {
   int min_agreeing = 12;  ///< of all matches by descriptors alone, with the pose
   int min_inliers = 30;   ///< of the refined pose
   int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
-  /// A pose is believed when two witnesses that know nothing of each other speak for it: alikeness()
-  /// (appearance.h), and inliers: their share of the corners on which a point falls, and of the points
-  /// expected. Either of two ways.
+  /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
+  /// (appearance.h), what all of them say together (evidence()), and inliers: their share of what could match
+  /// around the pose (GuidedMatches::met), and of the points expected. Either of two ways.
   struct Witnesses {
     double alikeness = 0;
+    double evidence = 0;
     double of_met = 0;
     double of_expected = 0;
   };
-  Witnesses by_picture = {0.69, 0.35, 0};    ///< looks the same
-  Witnesses by_points = {0.50, 0.45, 0.36};  ///< in other light or partly hidden: most of its points are seen
-  /// So many agreeing corners, and as alike as most right answers are: no other keyframe is tried.
+  Witnesses by_picture = {0.53, 0.66, 0.35, 0};    ///< looks the same
+  Witnesses by_points = {0.50, 0.60, 0.45, 0.36};  ///< partly hidden or changed: most of its points are seen
+  /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
+  /// is tried.
   int clear_agreeing = 25;
-  double clear_alikeness = 0.75;
+  double clear_evidence = 0.82;
   uint64_t seed = 1;
 };
 
@@ -36,18 +38,28 @@ struct ConfirmOptions {
 struct Confirmation {
   bool confirmed = false;
   SE3 camera_from_map;
-  int matches = 0;    ///< by descriptors alone
-  int supported = 0;  ///< of these, by their neighbours
-  int agreeing = 0;   ///< of all, with the pose from three that are supported
-  int inliers = 0;    ///< of the refined pose
-  int expected = 0;   ///< points of the neighbourhood that project into the image
-  int met = 0;        ///< corners on which one of these falls
-  int cells = 0;      ///< of 12, with an inlier in them
-  double alikeness = -1;
+  int matches = 0;                ///< by descriptors alone
+  int supported = 0;              ///< of these, by their neighbours
+  int agreeing = 0;               ///< of all, with the pose from three that are supported
+  int inliers = 0;                ///< of the refined pose
+  int expected = 0;               ///< points of the neighbourhood that project into the image
+  int met = 0;                    ///< matches of these that there could be (GuidedMatches)
+  int cells = 0;                  ///< of 12, with an inlier in them
+  double alikeness = -1;          ///< Appearance::local
+  double order = -1;              ///< Appearance::order
   std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`
   std::vector<size_t> explained;  ///< these, and those that are `supported`; ascending, each once
   std::string reason;             ///< why it is not confirmed
 };
+
+/// 0..1: of the matches that moved as their neighbours did, the share that one pose brings together. In a
+/// place that only looks alike the same things stand, but not as they stand here: each of them moved as a
+/// whole, and no pose fits them all.
+[[nodiscard]] double unity(const Confirmation& said);
+
+/// What the picture and unity() say together, for a place like this one may be well off by any of them: a
+/// mean, in which local brightness, which tells most, counts twice.
+[[nodiscard]] double evidence(const Confirmation& said);
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
 /// most agree (P3P in RANSAC), then all points of the keyframes around that pose, and the pose from what is

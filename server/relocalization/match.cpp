@@ -255,11 +255,13 @@ GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const Pr
                          double radius) {
   Neighbourhood neighbourhood(grid, radius);
   std::vector<bool> met(view.corners.size());
+  size_t points_met = 0;
   std::vector<PlaceMatch> of_corner(view.corners.size());
   for (PlaceMatch& m : of_corner) m.distance = kMaxGuidedDistance + 1;
   for (const ProjectedPoint& p : projected.points) {
     neighbourhood.gather(projected, p);
     if (neighbourhood.corners().empty()) continue;
+    ++points_met;
     for (const uint32_t position : neighbourhood.corners()) met[grid.entry(position).corner] = true;
     PlaceMatch best{0, p.id, p.position, kMaxGuidedDistance + 1, Eigen::Vector2f::Zero()};
     for (const KeyframeSighting& s : projected.sightings_of(p)) neighbourhood.compare(s, &best);
@@ -267,7 +269,7 @@ GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const Pr
     if (best.distance < of_corner[best.corner].distance) of_corner[best.corner] = best;
   }
   GuidedMatches found;
-  found.met = static_cast<size_t>(std::count(met.begin(), met.end(), true));
+  found.met = std::min(points_met, static_cast<size_t>(std::count(met.begin(), met.end(), true)));
   std::copy_if(of_corner.begin(), of_corner.end(), std::back_inserter(found.matches),
                [](const PlaceMatch& m) { return m.distance <= kMaxGuidedDistance; });
   return found;

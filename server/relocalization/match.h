@@ -93,7 +93,9 @@ void project_points(const Camera& camera, const SE3& camera_from_map, const Inde
 /// one at which the point was measured. Each corner and each point at most once, in the order of corners.
 struct GuidedMatches {
   std::vector<PlaceMatch> matches;
-  size_t met = 0;  ///< corners on which a point of about their level falls, whether alike or not
+  /// Matches that there could be if all were alike: corners on which a point of about their level falls, or
+  /// points that fall on one, whichever are fewer.
+  size_t met = 0;
 };
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
                                        const ProjectedPoints& projected, double radius);

@@ -94,10 +94,11 @@ void sort_into_cells(std::vector<Described> described, IndexedKeyframe* keyframe
 
 /// With the points sorted into cells.
 std::vector<Sighting> make_sightings(const KeyframeView& view, const IndexedKeyframe& keyframe) {
+  const GrayView small = view.pyramid->level(kPyramidLevels - 1);
   std::vector<Sighting> sightings;
   sightings.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements)
-    sightings.push_back({m.pixel, brightness_at(keyframe.small, m.pixel), m.level, 0, {}});
+    sightings.push_back({m.pixel, brightness_at(small, m.pixel), m.level, 0, {}});
   for (uint32_t i = 0; i < keyframe.points.size(); ++i) {
     Sighting& sighting = sightings[keyframe.points[i].measured];
     sighting.described[sighting.descriptions++] = i;
@@ -159,7 +160,6 @@ IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
   indexed->camera = view.camera;
   indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
   indexed->contrast = contrast_of(indexed->tiny);
-  indexed->small.assign(view.pyramid->level(kPyramidLevels - 1));
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
   sort_into_cells(describe_points(view), indexed.get());

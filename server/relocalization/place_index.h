@@ -50,7 +50,6 @@ struct IndexedKeyframe {
   CameraPtr camera;
   TinyImage tiny;                   ///< blur kPlaceBlur, zero mean
   float contrast = 0;               ///< root mean square of `tiny` [grey levels]
-  GrayImage small;                  ///< pyramid level 3, as a PlaceView has it
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   /// By the descriptor's cell, then scale, then id. Each point stands at two scales.

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <optional>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 #include "server/relocalization/votes.h"
@@ -17,13 +18,14 @@ namespace {
 /// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
 /// lists are most of the time from some thousand keyframes on.
 constexpr size_t kVotingPictures = 512;
+/// Length of the two orders of merit that are fused. Where pictures or words are led astray (other light) the
+/// place is far down in both, yet at a like rank.
+constexpr size_t kFused = 128;
 
 /// So many keyframes of a map that has been confirmed are tried; then other maps are, which may look as much
 /// like it; then so many more at least, for the best pose.
 constexpr size_t kTriesOfConfirmed = 4;
 constexpr size_t kMoreForPose = 4;
-/// Where those of other maps that stand high have been tried, they are looked for among so many as many.
-constexpr size_t kRivalsPerTry = 4;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -34,17 +36,19 @@ std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vecto
   constexpr float kDamping = 60;
   constexpr float kOpposite = 2;  // cost of a picture that cannot be compared: a correlation of -1
   std::vector<std::pair<float, Ranked>> fused;
+  std::unordered_map<const IndexedKeyframe*, size_t> position;
   float rank = kDamping;
-  for (const Ranked& r : by_picture) fused.emplace_back(1 / ++rank, r);
+  for (const Ranked& r : by_picture) {
+    position.emplace(&r.indexed(), fused.size());
+    fused.emplace_back(1 / ++rank, r);
+  }
   rank = kDamping;
   for (const Voted& v : by_words) {
-    const auto same = std::find_if(fused.begin(), fused.end(), [&](const auto& f) {
-      return f.second.map == v.map && f.second.keyframe == v.keyframe;
-    });
-    if (same != fused.end()) {
-      same->first += 1 / ++rank;
+    const IndexedKeyframe& keyframe = *v.map->keyframes[v.keyframe];
+    if (const auto same = position.find(&keyframe); same != position.end()) {
+      fused[same->second].first += 1 / ++rank;
     } else {
-      const float cost = unlikeness(*v.map->keyframes[v.keyframe], query);
+      const float cost = unlikeness(keyframe, query);
       fused.emplace_back(1 / ++rank, Ranked{std::isfinite(cost) ? cost : kOpposite, v.map, v.keyframe});
     }
   }
@@ -92,7 +96,7 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
 /// So much that no other place can look better: the rest need not be tried.
 bool is_clear(const Confirmation& said, const RelocOptions& options) {
   return said.confirmed && said.agreeing >= options.confirm.clear_agreeing &&
-         said.alikeness >= options.confirm.clear_alikeness;
+         evidence(said) >= options.confirm.clear_evidence;
 }
 
 struct Tried {
@@ -168,16 +172,13 @@ class Inquiry {
   bool search(const PlaceIndex& index, const QueryPicture& picture) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = tried_.size();
-    const auto ranked = find_alike(index, picture, shortlist, options_.search);
-    if (try_out(ranked, before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    const auto first = find_alike(index, picture, shortlist, options_.search);
+    if (try_out(first, before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    const auto by_picture = find_alike(index, picture, kFused, options_.search);
     const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    const auto fused = fuse(ranked, vote(index, maps, view_, cells_, shortlist), picture);
+    const auto fused = fuse(by_picture, vote(index, maps, view_, cells_, kFused), picture);
     if (try_out(fused, before + shortlist)) return true;
     if (!is_any_confirmed()) return false;
-    if (tried_.size() < before + shortlist) {
-      const auto rivals = find_alike(index, picture, kRivalsPerTry * shortlist, options_.search);
-      if (try_out(rivals, before + shortlist)) return true;
-    }
     return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
   /// By what it shows itself, whoever else shows the same.

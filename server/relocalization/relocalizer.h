@@ -37,7 +37,7 @@ struct RelocOptions {
   /// that none of them explains,
   double least_peculiar = 0.25;
   /// and the corners that it explains, over those that any of them does.
-  double least_margin = 1.2;
+  double least_margin = 1.25;
 };
 
 /// Which maps a question is put to.

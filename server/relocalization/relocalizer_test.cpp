@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "common/image/corners.h"
 #include "server/mapping/test_scene.h"
@@ -175,6 +176,20 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   }
 }
 
+TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
+  Confirmation said;
+  said.alikeness = 0.6;
+  said.order = 0.8;
+  said.supported = 40;
+  said.agreeing = 38;
+  EXPECT_NEAR(unity(said), 0.95, 1e-9);
+  EXPECT_GT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  said.agreeing = 14;
+  EXPECT_LT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  said.supported = 10;
+  EXPECT_EQ(unity(said), 1) << "what no neighbour supports may agree, too";
+}
+
 /// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
 /// the empty one explains all it has, and so does the full one in part. Then it is neither.
 TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
@@ -249,12 +264,16 @@ TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {
 
 TEST_F(RelocalizerTest, LightDoesNotMatter) {
   const auto image = scene().render(Scene::pose(2), 5);
-  for (const auto& [gain, bias] : {std::pair(0.5, 0.0), std::pair(0.7, 70.0), std::pair(1.4, -20.0)}) {
-    SCOPED_TRACE(::testing::Message() << gain << " " << bias);
+  for (const auto& [gain, bias, gamma] :
+       {std::tuple(0.5, 0.0, 1.0), std::tuple(0.7, 70.0, 1.0), std::tuple(1.4, -20.0, 1.0),
+        std::tuple(2.0, 0.0, 1.0), std::tuple(1.0, 0.0, 0.5), std::tuple(1.0, 0.0, 2.0)}) {
+    SCOPED_TRACE(::testing::Message() << gain << " " << bias << " " << gamma);
     GrayImage lit(image->view());
     for (int y = 0; y < lit.height(); ++y) {
-      for (int x = 0; x < lit.width(); ++x)
-        lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * lit.row(y)[x] + bias), 0L, 255L));
+      for (int x = 0; x < lit.width(); ++x) {
+        const double curved = 255 * std::pow(lit.row(y)[x] / 255.0, gamma);
+        lit.row(y)[x] = static_cast<uint8_t>(std::clamp(std::lround(gain * curved + bias), 0L, 255L));
+      }
     }
     const PlaceAnswer answer = relocalize(index_, *scene().camera(), describe_image(lit));
     ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;

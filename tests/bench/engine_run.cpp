@@ -287,11 +287,16 @@ class EngineRun final : public MappingObserver {
 
 constexpr std::string_view kAuto = "auto";
 constexpr std::string_view kAutoFrom = "auto:";
+constexpr std::string_view kExactly = "exact:";
 
 struct ChosenCamera {
   CameraPtr camera;
   std::optional<CameraDoubt> doubt;
 };
+
+ChosenCamera doubted(CameraPtr camera, const DoubtfulCamera& guess) {
+  return {std::move(camera), CameraDoubt{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
+}
 
 /// With `auto`: what is known of a camera that is found out.
 Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Frame& first) {
@@ -306,15 +311,21 @@ Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Fr
   for (const size_t i : {0, 1}) guess.parameters.values[i] *= arguments.start_focal;
   const auto camera = make_camera(guess.parameters);
   if (!camera) return tl::unexpected(camera.error());
-  return ChosenCamera{*camera, CameraDoubt{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
+  return doubted(*camera, guess);
 }
 
 Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& source, const Frame& first) {
   if (arguments.calibration == kAuto || arguments.calibration.starts_with(kAutoFrom))
     return choose_doubtful_camera(arguments, first);
-  return choose_camera(source, arguments.source, arguments.calibration).map([](const CameraPtr& camera) {
-    return ChosenCamera{camera, {}};
-  });
+  const bool is_exact = arguments.calibration.starts_with(kExactly) ||
+                        (arguments.calibration.empty() && source.builtin_calibration());
+  const std::string file =
+      arguments.calibration.substr(arguments.calibration.starts_with(kExactly) ? kExactly.size() : 0);
+  const auto camera = choose_camera(source, arguments.source, file);
+  if (!camera) return tl::unexpected(camera.error());
+  const auto nominal = is_exact ? std::nullopt : nominal_camera((*camera)->parameters());
+  if (!nominal) return ChosenCamera{*camera, {}};
+  return make_camera(nominal->parameters).map([&](const CameraPtr& same) { return doubted(same, *nominal); });
 }
 
 Status run(const Arguments& arguments) {
@@ -363,7 +374,7 @@ int main(int argc, char** argv) {
   app.add_option("--source", arguments.source, "tum:DIR, video:FILE?times=FILE, sim:SCENARIO, ...")
       ->required();
   app.add_option("--calibration", arguments.calibration,
-                 "camera file, auto or auto:FILE; default: beside the source");
+                 "as cairn-track's: camera file, auto, auto:FILE or exact:FILE; default: beside the source");
   app.add_option("--start-focal", arguments.start_focal,
                  "with --calibration auto: factor on the focal length that it starts from");
   app.add_option("--trajectory", arguments.trajectory, "TUM rows are written here");

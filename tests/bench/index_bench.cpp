@@ -70,8 +70,7 @@ Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, si
     if (!*next) return place;
     if ((*next)->index % step != 0) continue;
     images.build_pyramid((*next)->image->view());
-    images.find_corners();
-    place.views.push_back(describe_place(images.pyramid, images.corners));
+    place.views.push_back(describe_place(images.pyramid, images.all_corners()));
   }
 }
 

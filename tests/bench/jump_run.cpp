@@ -59,7 +59,7 @@ Result<Place> make_place(std::span<const std::string> fields, uint8_t id, const 
   if (!recorded) return tl::unexpected(recorded.error());
   index->put(recorded->map);
   Place place{*camera, recorded->map->snapshot, {}, Truth(*exact), {}, std::stod(fields[4])};
-  const auto aligned = align(recorded->live, place.truth);
+  const auto aligned = align(recorded->poses, place.truth);
   if (!aligned) return tl::unexpected(aligned.error());
   place.truth_from_map = *aligned;
   for (auto next = (*source)->next(); !next || *next; next = (*source)->next()) {

@@ -53,6 +53,11 @@ void MappingLoop::frame(const Frame& frame) {
   if (result.keyframe) offer(*result.keyframe, frame);
 }
 
+MapRecord MappingLoop::record() {
+  maker_->keep_everything_anew();
+  return maker_->take_changes();
+}
+
 void MappingLoop::answer(const PlaceView& view) {
   const PlaceAnswer said = relocalize(index_, *camera_, view);
   observer_.on_answer(said);

@@ -8,6 +8,7 @@
 #include "client/tracking/tracker.h"
 #include "common/map/place_answer.h"
 #include "server/mapping/map_maker.h"
+#include "server/mapping/map_record.h"
 #include "server/relocalization/place_index.h"
 
 namespace cairn {
@@ -52,6 +53,8 @@ class MappingLoop {
   /// Null without a map.
   [[nodiscard]] const MapMaker* maker() const { return maker_.get(); }
   [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
+  /// All of the map; there is one.
+  [[nodiscard]] MapRecord record();
   /// The map as the relocalizer has it; null without one.
   [[nodiscard]] IndexedMapPtr indexed() const {
     return index_.maps().empty() ? nullptr : index_.maps().front();

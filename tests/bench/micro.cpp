@@ -35,7 +35,7 @@ const GrayImage& frame() {
 FrameImages prepare() {
   FrameImages images;
   images.build_pyramid(frame().view());
-  images.find_corners();
+  (void)images.all_corners();
   images.build_tiny();
   return images;
 }
@@ -81,8 +81,13 @@ void BM_PyramidOfOpenCv(benchmark::State& state) {
 BENCHMARK(BM_PyramidOfOpenCv);
 
 void BM_Fast10OnFourLevels(benchmark::State& state) {
-  FrameImages images = prepare();
-  for (auto _ : state) images.find_corners();
+  std::array<CornerList, kPyramidLevels> corners;
+  for (auto _ : state) {
+    for (int level = 0; level < kPyramidLevels; ++level) {
+      const auto l = static_cast<size_t>(level);
+      detect_fast10(prepared().pyramid.level(level), FrameImages::kFastThresholds[l], &corners[l]);
+    }
+  }
 }
 BENCHMARK(BM_Fast10OnFourLevels);
 
@@ -104,7 +109,7 @@ BENCHMARK(BM_FastOfOpenCvOnFourLevels);
 struct PatchAtCorner {
   PatchAtCorner() {
     const GrayView image = prepared().pyramid.level(0).view();
-    const auto candidates = find_candidates(image, prepared().corners[0]);
+    const auto candidates = find_candidates(image, prepared().corners(0));
     corner = candidates[candidates.size() / 2].corner;
     cut = cut_source_patch(image, corner, &source) && make_template(source, Warp::Identity(), 0, &patch);
   }
@@ -128,7 +133,7 @@ void BM_FindPatch(benchmark::State& state) {
   const Eigen::Vector2f center(static_cast<float>(at.corner.x) + 2, static_cast<float>(at.corner.y) - 2);
   for (auto _ : state) {
     benchmark::DoNotOptimize(
-        find_patch(at.patch, prepared().pyramid.level(0).view(), prepared().corners[0], center, 10));
+        find_patch(at.patch, prepared().pyramid.level(0).view(), prepared().corners(0), center, 10));
   }
 }
 BENCHMARK(BM_FindPatch);

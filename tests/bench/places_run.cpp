@@ -5,16 +5,20 @@
 // is wrong), and of the baselines. Without DDS.
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <limits>
 #include <optional>
+#include <tuple>
+#include <utility>
 #include <vector>
 
 #include "client/tracking/frame_images.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/votes.h"
+#include "tests/bench/kept_map.h"
 #include "tests/bench/light.h"
 #include "tests/bench/posed_map.h"
 #include "tests/bench/recall.h"
@@ -30,7 +34,9 @@ constexpr double kReach = 0.25;      // [m], or of the depth where the truth has
 
 struct Arguments {
   std::vector<std::string> videos, stills, unmapped;
+  std::string keep;  ///< folder of maps made before; empty: none are kept
   uint64_t seed = 1;
+  bool ours_alone = false;
   bool verbose = false;
 };
 constexpr size_t kVideoFields = 6;
@@ -128,22 +134,46 @@ Status measure_map(const std::vector<StampedPose>& poses, const Truth& truth, bo
   return {};
 }
 
+/// The map kept by that name; where there is none, what `make` gives, which is kept from now on. `pass` does
+/// instead of making what else that does.
+template <typename Make, typename Pass>
+Result<KeptMap> read_or_make(const Arguments& a, const std::string& name, MapId id, const Make& make,
+                             const Pass& pass) {
+  if (!a.keep.empty()) {
+    auto kept = read_kept_map(a.keep, name, id);
+    if (kept) pass();
+    if (kept || kept.error().code != ErrorCode::kNotFound) return kept;
+  }
+  auto made = make();
+  if (!made) return tl::unexpected(made.error());
+  if (!a.keep.empty()) {
+    if (const Status done = keep_map(a.keep, name, id, made->record, made->poses); !done)
+      return tl::unexpected(done.error());
+  }
+  return KeptMap{made->map, std::move(made->poses)};
+}
+
 /// NAME SOURCE CALIBRATION TRUTH UNIT FRAMES
-Result<Place> make_video(std::span<const std::string> fields, MapId id, uint64_t seed) {
+Result<Place> make_video(std::span<const std::string> fields, MapId id, const Arguments& a) {
   auto recording = open_recording(fields[1], fields[2], fields[3]);
   if (!recording) return tl::unexpected(recording.error());
-  const auto recorded =
-      map_beginning(recording->source.get(), std::stoul(fields[5]), recording->camera, id, seed);
-  if (!recorded) return tl::unexpected(recorded.error());
-  Place place{.name = fields[0], .how = "video", .camera = recording->camera, .map = recorded->map};
-  if (const Status done = measure_map(recorded->live, recording->truth, fields[4] == "m", &place); !done)
+  FrameSource* source = recording->source.get();
+  const size_t frames = std::stoul(fields[5]);
+  const auto mapped = read_or_make(
+      a, fields[0], id, [&] { return map_beginning(source, frames, recording->camera, id, a.seed); },
+      [&] {
+        for (size_t i = 0; i < frames; ++i) static_cast<void>(source->next());
+      });
+  if (!mapped) return tl::unexpected(mapped.error());
+  Place place{.name = fields[0], .how = "video", .camera = recording->camera, .map = mapped->map};
+  if (const Status done = measure_map(mapped->poses, recording->truth, fields[4] == "m", &place); !done)
     return tl::unexpected(done.error());
-  place.queries = choose_queries(read_all(recording->source.get()), recording->truth);
+  place.queries = choose_queries(read_all(source), recording->truth);
   return place;
 }
 
 /// NAME SOURCE TRUTH UNIT: every other still is mapped, the others are asked about.
-Result<Place> make_stills(std::span<const std::string> fields, MapId id, uint64_t seed) {
+Result<Place> make_stills(std::span<const std::string> fields, MapId id, const Arguments& a) {
   auto recording = open_recording(fields[1], kNone, fields[2]);
   if (!recording) return tl::unexpected(recording.error());
   std::vector<PosedStill> posed;
@@ -157,10 +187,11 @@ Result<Place> make_stills(std::span<const std::string> fields, MapId id, uint64_
       others.push_back(frame);
     }
   }
-  const auto mapped = map_posed_stills(recording->camera, posed, id, seed);
+  const auto mapped = read_or_make(
+      a, fields[0], id, [&] { return map_posed_stills(recording->camera, posed, id, a.seed); }, [] {});
   if (!mapped) return tl::unexpected(mapped.error());
   Place place{.name = fields[0], .how = "stills, posed", .camera = recording->camera, .map = mapped->map};
-  if (const Status done = measure_map(mapped->keyframes, recording->truth, fields[3] == "m", &place); !done)
+  if (const Status done = measure_map(mapped->poses, recording->truth, fields[3] == "m", &place); !done)
     return tl::unexpected(done.error());
   place.queries = choose_queries(others, recording->truth);
   return place;
@@ -194,8 +225,8 @@ Status make_each(const std::vector<std::string>& arguments, size_t fields, const
 
 Result<std::vector<Place>> make_places(const Arguments& a) {
   std::vector<Place> places;
-  const auto video = [&](auto fields, MapId id) { return make_video(fields, id, a.seed); };
-  const auto stills = [&](auto fields, MapId id) { return make_stills(fields, id, a.seed); };
+  const auto video = [&](auto fields, MapId id) { return make_video(fields, id, a); };
+  const auto stills = [&](auto fields, MapId id) { return make_stills(fields, id, a); };
   const auto unmapped = [](auto fields, MapId /*id*/) { return make_unmapped(fields); };
   Status done = make_each(a.videos, kVideoFields, video, &places);
   if (done) done = make_each(a.stills, kStillsFields, stills, &places);
@@ -301,7 +332,8 @@ using Scores = std::array<Score, kMethods>;
 
 class Examination {
  public:
-  Examination(const std::vector<Place>& places, bool verbose) : places_(places), verbose_(verbose) {
+  Examination(const std::vector<Place>& places, const Arguments& a)
+      : places_(places), verbose_(a.verbose), ours_alone_(a.ours_alone) {
     for (const Place& place : places) {
       if (place.map) all_.put(place.map);
     }
@@ -314,9 +346,8 @@ class Examination {
     for (const Query& query : place.queries) {
       FrameImages images;
       images.build_pyramid(relight(*query.image, light).view());
-      images.find_corners();
-      const PlaceView view = describe_place(images.pyramid, images.corners);
-      for (size_t m = 0; m < kMethods; ++m) {
+      const PlaceView view = describe_place(images.pyramid, images.all_corners());
+      for (size_t m = 0; m < (ours_alone_ ? 1 : kMethods); ++m) {
         const auto method = static_cast<Method>(m);
         const double before = thread_cpu_ms();
         const auto said = ask(method, all_, *place.camera, view);
@@ -354,19 +385,46 @@ class Examination {
       say(fmt::format("WRONG POSE {:.3f} of depth {:.3f}, {:.1f} deg", judged.off->metres, judged.depth,
                       judged.off->degrees));
     if (judged.answered || !judged.in_view) return;
-    const PlaceAnswer answer = relocalize(all_, *place.camera, view);
-    const bool has_one = !answer.candidates.empty();
-    const PlaceCandidate* best = has_one ? &answer.candidates.front() : nullptr;
-    for (const PlaceCandidate& c : answer.candidates) {
-      if (c.map == place.map->snapshot->map && (best->map != c.map || c.inliers > best->inliers)) best = &c;
+    say("not found; " + find_cause(place, view));
+  }
+
+  /// Where a question about a mapped place is lost: the keyframe of its own map that geometry likes best, the
+  /// rank it has by its picture and by words, and what geometry says of it.
+  [[nodiscard]] std::string find_cause(const Place& place, const PlaceView& view) const {
+    const IndexedMap& map = *place.map;
+    const RelocOptions options;
+    const auto cells = probed_cells(view);
+    const CornerGrid grid(view, *place.camera);
+    size_t best = 0;
+    Confirmation most;
+    const auto merit = [](const Confirmation& c) {
+      return std::tuple(c.confirmed, c.inliers, c.agreeing, c.supported);
+    };
+    for (size_t k = 0; k < map.keyframes.size(); ++k) {
+      const Confirmation said = confirm(view, cells, grid, *place.camera, map, k, options.confirm);
+      if (k > 0 && merit(said) <= merit(most)) continue;
+      most = said;
+      best = k;
     }
-    say(fmt::format("not found, {} corners; best: {} inliers {} of {}: {}", view.corners.size(),
-                    has_one ? name_of(best->map) : "-", has_one ? best->inliers : 0,
-                    has_one ? best->expected : 0, has_one ? best->reason : answer.reason));
+    const auto rank = [&](const auto& ranked) {
+      const auto at = std::find_if(ranked.begin(), ranked.end(),
+                                   [&](const auto& r) { return r.map == &map && r.keyframe == best; });
+      return at - ranked.begin() + 1;
+    };
+    const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
+    const size_t all = all_.keyframe_count();
+    return fmt::format(
+        "{} corners; rank {} by picture, {} by words; {} matches, {} supported, {} agree, {} of {} "
+        "met, {} of {} expected, alike {:.2f}: {}",
+        view.corners.size(), rank(find_alike(all_, picture, all, PictureSearch::kScan)),
+        rank(vote_everywhere(all_, view, cells, all)), most.matches, most.supported, most.agreeing,
+        most.inliers, most.met, most.inliers, most.expected, most.alikeness,
+        most.confirmed ? "confirmed" : most.reason);
   }
 
   const std::vector<Place>& places_;
   bool verbose_;
+  bool ours_alone_;
   PlaceIndex all_;
 };
 
@@ -396,7 +454,7 @@ void print_total(const char* method, const std::string& light, const Score& s) {
 Status run(const Arguments& arguments) {
   const auto places = make_places(arguments);
   if (!places) return tl::unexpected(places.error());
-  const Examination examination(*places, arguments.verbose);
+  const Examination examination(*places, arguments);
   std::printf("maps %zu keyframes %zu\n", examination.index().maps().size(),
               examination.index().keyframe_count());
   std::printf(
@@ -409,7 +467,7 @@ Status run(const Arguments& arguments) {
     std::fprintf(stderr, "asking, %s\n", to_string(light).c_str());
     for (const Place& place : *places) {
       const Scores scores = examination.examine(place, light);
-      if (totals.size() == 1) print_place(place, scores[0]);
+      if (totals.size() == 1 || arguments.verbose) print_place(place, scores[0]);
       std::fflush(stdout);
       for (size_t m = 0; m < kMethods; ++m) total[m].add(scores[m]);
     }
@@ -418,7 +476,7 @@ Status run(const Arguments& arguments) {
       "%-15s %-12s | in view, right | elsewhere, answered | wrong map, of all | wrong pose | "
       "own map taken away: asked, claimed | ms p50 p95\n",
       "method", "light");
-  for (size_t m = 0; m < kMethods; ++m) {
+  for (size_t m = 0; m < (arguments.ours_alone ? 1 : kMethods); ++m) {
     for (size_t l = 0; l < totals.size(); ++l)
       print_total(kMethodNames[m], to_string(lights_to_stand()[l]), totals[l][m]);
   }
@@ -438,6 +496,11 @@ int main(int argc, char** argv) {
   app.add_option("--stills", arguments.stills,
                  "NAME SOURCE TRUTH UNIT: every other one is mapped, from its given pose");
   app.add_option("--unmapped", arguments.unmapped, "NAME SOURCE CALIBRATION: asked about only");
+  app.add_option(
+      "--keep", arguments.keep,
+      "folder: a map found there by its name is not made again, whatever seed or frames it was made with; "
+      "what is made is kept there");
+  app.add_flag("--ours", arguments.ours_alone, "no baselines");
   app.add_option("--seed", arguments.seed, "of every random choice");
   app.add_flag("-v,--verbose", arguments.verbose, "a line for each of our mistakes");
   CLI11_PARSE(app, argc, argv);

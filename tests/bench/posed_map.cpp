@@ -209,9 +209,10 @@ Result<PosedMap> map_posed_stills(const CameraPtr& camera, const std::vector<Pos
   PosedMap result;
   for (size_t i = 0; i < stills.size(); ++i) {
     if (const KeyframePose* k = snapshot->find(KeyframeId{i + 1}))
-      result.keyframes.push_back({stills[i].time, k->camera_from_map.inverse()});
+      result.poses.push_back({stills[i].time, k->camera_from_map.inverse()});
   }
   result.map = index_map(nullptr, snapshot, restored->maker->keyframe_views());
+  result.record = restored->maker->take_changes();
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/io/trajectory.h"
+#include "server/mapping/map_record.h"
 #include "tests/bench/mapping_loop.h"
 
 namespace cairn {
@@ -21,7 +22,8 @@ struct PosedStill {
 
 struct PosedMap {
   IndexedMapPtr map;
-  std::vector<StampedPose> keyframes;  ///< map_from_camera, after adjustment
+  std::vector<StampedPose> poses;  ///< map_from_camera, after adjustment
+  MapRecord record;                ///< of the map
 };
 
 /// A map of stills that are too far apart for a tracker: corners that look alike in two of them and agree

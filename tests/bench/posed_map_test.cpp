@@ -23,7 +23,7 @@ TEST(PosedMap, ItsPointsLieOnWhatTheStillsShowAndAViewBetweenThemIsFound) {
   const testing::Scene scene(7);
   const auto mapped = map_posed_stills(scene.camera(), stills_of(scene, {0, 2, 4, 6, 8}), MapId{}, 1);
   ASSERT_TRUE(mapped) << mapped.error().message;
-  EXPECT_EQ(mapped->keyframes.size(), 5U);
+  EXPECT_EQ(mapped->poses.size(), 5U);
   const MapSnapshot& map = *mapped->map->snapshot;
   size_t points = 0;
   for (const auto& block : map.point_blocks) points += static_cast<size_t>(std::popcount(block->live));
@@ -32,11 +32,10 @@ TEST(PosedMap, ItsPointsLieOnWhatTheStillsShowAndAViewBetweenThemIsFound) {
   const SE3 truth = testing::Scene::pose(5);
   FrameImages images;
   images.build_pyramid(scene.render(truth, 50)->view());
-  images.find_corners();
   PlaceIndex index;
   index.put(mapped->map);
   const PlaceAnswer answer =
-      relocalize(index, *scene.camera(), describe_place(images.pyramid, images.corners));
+      relocalize(index, *scene.camera(), describe_place(images.pyramid, images.all_corners()));
   ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
   const PlaceCandidate& best = answer.candidates.front();
   const SE3 found = best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;

@@ -40,7 +40,7 @@ Result<RecordedMap> map_beginning(FrameSource* source, size_t frames, const Came
     if (next) mapping.frame(**next);
   }
   if (mapping.maker() == nullptr) return fail(ErrorCode::kDegenerate, "no map came of the first frames");
-  return RecordedMap{mapping.indexed(), std::move(live.poses)};
+  return RecordedMap{mapping.indexed(), std::move(live.poses), mapping.record()};
 }
 
 Status map_others(const std::vector<std::string>& sources, uint8_t first, uint64_t seed, PlaceIndex* index) {

@@ -7,6 +7,7 @@
 
 #include "client/capture/frame_source.h"
 #include "common/io/trajectory.h"
+#include "server/mapping/map_record.h"
 #include "tests/bench/mapping_loop.h"
 
 /// Maps made of recordings by the engines alone.
@@ -20,7 +21,8 @@ namespace cairn {
 /// The map of the first frames of a recording, and the poses that the tracker gave meanwhile.
 struct RecordedMap {
   IndexedMapPtr map;
-  std::vector<StampedPose> live;  ///< map_from_camera
+  std::vector<StampedPose> poses;  ///< map_from_camera
+  MapRecord record;                ///< of the map
 };
 /// Of at most `frames` frames of `source`, which goes on after them. kDegenerate: no map came of them.
 [[nodiscard]] Result<RecordedMap> map_beginning(FrameSource* source, size_t frames, const CameraPtr& camera,

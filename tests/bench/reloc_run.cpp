@@ -171,8 +171,7 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
     if (frame.index % kEvery != 0) continue;
     FrameImages images;
     images.build_pyramid(frame.image->view());
-    images.find_corners();
-    const PlaceView view = describe_place(images.pyramid, images.corners);
+    const PlaceView view = describe_place(images.pyramid, images.all_corners());
     const double begin = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, **camera, view, options);
     times.add(result, thread_cpu_ms() - begin);
@@ -219,9 +218,8 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     if (query == queries.end()) continue;
     FrameImages images;
     images.build_pyramid(frame.image->view());
-    images.find_corners();
     const double begin = thread_cpu_ms();
-    const PlaceView view = describe_place(images.pyramid, images.corners);
+    const PlaceView view = describe_place(images.pyramid, images.all_corners());
     const double described = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, *camera, view, options);
     describe_ms.push_back(described - begin);
@@ -256,7 +254,7 @@ Status run(const Arguments& arguments) {
   PlaceIndex index;
   index.put(mapped->map);
   if (const Status done = map_others(arguments.others, 2, arguments.seed, &index); !done) return done;
-  const auto truth_from_map = align(mapped->live, truth);
+  const auto truth_from_map = align(mapped->poses, truth);
   if (!truth_from_map) return tl::unexpected(truth_from_map.error());
   RelocOptions options;
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;

@@ -58,9 +58,9 @@ class DeletionTest : public ::testing::Test {
   [[nodiscard]] std::vector<MapId> places() {
     FrameImages images;
     images.build_pyramid(scene_.render(testing::Scene::pose(testing::kFirstView), 0)->view());
-    images.find_corners();
-    session_->send_question(std::make_shared<const PlaceView>(describe_place(images.pyramid, images.corners)),
-                            Timestamp{++asked_});
+    session_->send_question(
+        std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners())),
+        Timestamp{++asked_});
     std::optional<PlaceAnswer> answer;
     EXPECT_TRUE(eventually([&] { return (answer = session_->take_place_answer()).has_value(); }));
     std::vector<MapId> maps;

@@ -164,6 +164,20 @@ class Cameras(OnTheDesk):
         self.assertEqual((self.folder / "auto.txt").read_bytes(), path, "a run is repeated to the byte")
         self.assertEqual(saved.read_bytes(), kept)
 
+    def test_a_calibration_without_distortion_is_refined_unless_it_is_called_exact(self):
+        plain = self.folder / "plain.txt"
+        truth = next(line.split() for line in (self.folder / "desk/camera.txt").read_text().splitlines()
+                     if line and not line.startswith("#"))
+        plain.write_text(" ".join(truth[:6]) + "\n")
+        errors = {}
+        for name, words in (("nominal", [plain]), ("exact", [f"exact:{plain}"])):
+            with ServerProcess() as server:
+                stats, said = self.track(server, name, "--calibration", *words, "--pace", "lockstep")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
+            self.assertEqual("the calibration has no distortion" in said, name == "nominal", said)
+            errors[name] = self.ate_mm(name)
+        self.assertLess(errors["nominal"], errors["exact"], "the lens does distort")
+
     def test_a_camera_that_is_not_known_in_the_end_is_said_to_be_so_and_not_written(self):
         brief = self.folder / "brief"
         brief.mkdir()

@@ -158,8 +158,7 @@ TEST_F(SessionTest, ASecondProcessUnderOneNameIsRefusedUntilTheFirstHasGone) {
 std::shared_ptr<const PlaceView> view_of(const GrayImage& image) {
   FrameImages images;
   images.build_pyramid(image.view());
-  images.find_corners();
-  return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.corners));
+  return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners()));
 }
 
 TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) {

@@ -59,8 +59,7 @@ class WearerTest : public ::testing::Test {
     const auto image = scene.render(testing::Scene::pose(1), 77);
     FrameImages images;
     images.build_pyramid(image->view());
-    images.find_corners();
-    return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.corners));
+    return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners()));
   }
   PlaceAnswer ask(const View& view) {
     hand_->send_question(view, Timestamp{++time_});
