@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <future>
+#include <mutex>
+#include <new>
+#include <stdexcept>
+
+#include "common/image/corners.h"
+#include "common/image/place.h"
+#include "server/service/map_runner.h"
+#include "server/service/place_desk.h"
+#include "server/store/kept_map_fixture.h"
+#include "server/store/rows.h"
+
+/// Tests only: a map at work that is kept in a store, and may rest.
+namespace cairn::testing {
+
+inline constexpr std::chrono::seconds kDeadline{60};
+inline constexpr int kPngEndBytes = 12;
+
+template <typename Value>
+Value value_of(std::future<Value> future) {
+  if (future.wait_for(kDeadline) != std::future_status::ready) throw std::runtime_error("no answer");
+  return future.get();
+}
+
+/// What `ask` passes on to the callback that it is given.
+template <typename Value>
+Value answer_to(const std::function<void(std::function<void(Value)>)>& ask) {
+  auto promise = std::make_shared<std::promise<Value>>();
+  auto future = promise->get_future();
+  ask([promise](Value value) { promise->set_value(std::move(value)); });
+  return value_of(std::move(future));
+}
+
+inline wire::ImageMessage raw(const GrayImage& image) {
+  wire::ImageMessage message;
+  message.width = static_cast<uint32_t>(image.width());
+  message.height = static_cast<uint32_t>(image.height());
+  for (int y = 0; y < image.height(); ++y)
+    message.bytes.insert(message.bytes.end(), image.row(y), image.row(y) + image.width());
+  return message;
+}
+
+/// Where a view of the scene was taken, by what a tracker would send of it.
+inline PlaceQuery question(const CameraPtr& camera, const GrayImage& image) {
+  constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
+  Pyramid pyramid;
+  pyramid.build(image.view());
+  std::array<CornerList, kPyramidLevels> corners;
+  for (int l = 0; l < kPyramidLevels; ++l) {
+    const auto i = static_cast<size_t>(l);
+    detect_fast10(pyramid.level(l), kFastThresholds[i], &corners[i]);
+  }
+  return {camera, describe_place(pyramid, corners), {}, true};
+}
+
+/// What is begun on a lane stays there until this goes, or release().
+class Blocker {
+ public:
+  using Submit = std::function<void(std::function<void()> task)>;
+  explicit Blocker(const Submit& submit) {
+    submit([released = released_] { released->get_future().wait(); });
+  }
+  ~Blocker() { release(); }
+  Blocker(const Blocker&) = delete;
+  Blocker& operator=(const Blocker&) = delete;
+  void release() {
+    if (!std::exchange(is_released_, true)) released_->set_value();
+  }
+
+ private:
+  std::shared_ptr<std::promise<void>> released_ = std::make_shared<std::promise<void>>();
+  bool is_released_ = false;
+};
+
+using StorePtr = std::shared_ptr<MapPersistence>;
+
+/// A map at work that is kept in a store.
+class KeptMap {
+ public:
+  KeptMap(MapRunner::Lanes lanes, std::filesystem::path folder, StorePtr store)
+      : lanes_(lanes), folder_(std::move(folder)), store_(std::move(store)) {
+    make_runner();
+  }
+  ~KeptMap() { end_work(); }
+  KeptMap(const KeptMap&) = delete;
+  KeptMap& operator=(const KeptMap&) = delete;
+
+  [[nodiscard]] MapRunner& runner() { return *runner_; }
+  [[nodiscard]] MapPersistence& store() { return *store_; }
+  [[nodiscard]] MapId id() const { return newest().snapshot->map; }
+  [[nodiscard]] MapRevision newest() const {
+    const std::scoped_lock lock(mutex_);
+    return newest_;
+  }
+  [[nodiscard]] size_t without_images() const { return newest().statistics.without_images; }
+  [[nodiscard]] std::string frozen() const {
+    const std::scoped_lock lock(mutex_);
+    return frozen_;
+  }
+  /// Called whenever images have been let go or are back.
+  void on_rested(std::function<void()> listener) {
+    set([&] { on_rested_ = std::move(listener); });
+  }
+
+  Result<SeedResult> start(const SeedInput& input) {
+    SeedJob job;
+    job.origin = next_origin();
+    job.input = input;
+    job.first_image = raw(*input.first_image);
+    job.second_image = raw(*input.second_image);
+    job.lockstep = true;
+    using Answer = Result<SeedResult>;
+    return answer_to<Answer>([&](std::function<void(Answer)> done) {
+      runner_->start(std::move(job),
+                     [done](Answer result, const MapSnapshotPtr&) { done(std::move(result)); });
+    });
+  }
+  [[nodiscard]] OfferJob job(const KeyframeInput& input, bool lockstep = true) {
+    OfferJob job;
+    job.origin = next_origin();
+    job.input = input;
+    job.epoch = newest().snapshot->epoch;
+    job.image = raw(*input.image);
+    job.lockstep = lockstep;
+    return job;
+  }
+  std::future<OfferJudgement> send(const KeyframeInput& input, bool lockstep = true) {
+    auto promise = std::make_shared<std::promise<OfferJudgement>>();
+    runner_->offer(job(input, lockstep),
+                   [promise](OfferJudgement judged) { promise->set_value(std::move(judged)); });
+    return promise->get_future();
+  }
+  OfferJudgement offer(const KeyframeInput& input) { return value_of(send(input)); }
+
+  /// What was begun on the queue, and what that has posted to it, has come to its end.
+  void settle_queue() {
+    for (int i = 0; i < 3; ++i) (void)answer_to<double>([this](auto done) { runner_->measure(done); });
+  }
+  /// So has what was handed to the writer.
+  void settle_writer() {
+    (void)answer_to<bool>([this](auto done) { store_->run([done](Store&) { done(true); }); });
+  }
+  void settle() {
+    for (int i = 0; i < 2; ++i) {
+      settle_queue();
+      settle_writer();
+    }
+    settle_queue();
+  }
+  void flush() {
+    (void)answer_to<bool>([this](auto done) { runner_->flush([done] { done(true); }); });
+  }
+  [[nodiscard]] std::unique_ptr<Blocker> block_writer() {
+    return std::make_unique<Blocker>([this](auto task) { store_->run([task](Store&) { task(); }); });
+  }
+  void ask_to_rest() { runner_->rest(newest().snapshot->revision); }
+  /// All kept, and then all images let go.
+  void rest() {
+    flush();
+    ask_to_rest();
+    settle();
+    EXPECT_EQ(without_images(), newest().statistics.keyframes);
+  }
+
+  /// By another program, or by the disk.
+  void damage(const std::string& sql) const {
+    const Status done = open_file().execute(sql);
+    ASSERT_TRUE(done) << done.error().message;
+  }
+  /// Makes the rows of all images so large, without another picture in them.
+  void inflate_images(size_t bytes) const {
+    auto database = open_file();
+    for (int64_t id = 1; id <= static_cast<int64_t>(newest().statistics.keyframes); ++id) {
+      auto select = database.prepare("SELECT data FROM images WHERE id = ?");
+      ASSERT_TRUE(select && *select->bind(0, id).step());
+      const auto blob = select->blob(0);
+      std::vector<uint8_t> data(blob.begin(), blob.end());
+      const std::vector<uint8_t> end(data.end() - kPngEndBytes, data.end());
+      data.resize(bytes);
+      std::copy(end.begin(), end.end(), data.end() - kPngEndBytes);
+      auto put = database.prepare(put_row_sql("images"));
+      ASSERT_TRUE(put);
+      ASSERT_TRUE(put->bind(0, id).bind(1, data).bind(2, row_checksum(id, data)).run());
+    }
+  }
+  [[nodiscard]] std::filesystem::path file() const {
+    return folder_ / "maps" / (to_hex(id().bytes) + ".cairnmap");
+  }
+
+  /// As by a server that ends and starts again. With a store of its own.
+  void restart() {
+    runner_->save_last_changes();
+    end_work();
+    store_.reset();
+    store_ = std::move(*MapPersistence::start(folder_, null_logger()));
+    std::vector<RestoredMap> restored = store_->restore({}, 1, RestoredImages::kLetGo);
+    ASSERT_EQ(restored.size(), 1U);
+    make_runner();
+    MapRevision first = runner_->resume(std::move(restored[0]));
+    set([&] { newest_ = std::move(first); });
+    runner_->go_on();
+  }
+  /// It keeps its last changes and lets go of the store.
+  void end() {
+    runner_->save_last_changes();
+    end_work();
+    store_.reset();
+  }
+  /// All that its file holds. When everybody has let go of the store.
+  [[nodiscard]] std::vector<uint8_t> content() const {
+    auto opened = MapFile::open(file());
+    if (!opened) throw std::runtime_error(opened.error().message);
+    const StoredMap map = opened->load();
+    EXPECT_THAT(map.damage, ::testing::IsEmpty());
+    return testing::bytes_of(map.record);
+  }
+
+ private:
+  void make_runner() {
+    runner_ = std::make_shared<MapRunner>(
+        lanes_, MapMakerOptions{}, store_.get(),
+        MapRunner::Listener{[this](MapRevision now) { set([&] { newest_ = std::move(now); }); },
+                            [this](const std::string& why) { set([&] { frozen_ = why; }); },
+                            [this](const MapStatistics& now) {
+                              std::function<void()> listener;
+                              set([&] {
+                                newest_.statistics = now;
+                                listener = on_rested_;
+                              });
+                              if (listener) listener();
+                            }},
+        null_logger());
+  }
+  /// No task of it runs any more, or will.
+  void end_work() {
+    runner_->stop();
+    for (WorkerPool* lane : {&lanes_.background, &lanes_.urgent, &lanes_.background})
+      (void)answer_to<bool>([lane](auto done) { lane->submit([done] { done(true); }); });
+  }
+  [[nodiscard]] sqlite::Database open_file() const {
+    auto database = sqlite::Database::open(file(), sqlite::OpenMode::kReadWrite);
+    if (!database) throw std::runtime_error(database.error().message);
+    return std::move(*database);
+  }
+  [[nodiscard]] JobOrigin next_origin() { return {"anna", {SessionId{1}, ++commands_}}; }
+  template <typename Set>
+  void set(Set change) {
+    const std::scoped_lock lock(mutex_);
+    change();
+  }
+  const MapRunner::Lanes lanes_;
+  const std::filesystem::path folder_;
+  uint64_t commands_ = 0;
+  mutable std::mutex mutex_;
+  MapRevision newest_;
+  std::string frozen_;
+  std::function<void()> on_rested_;
+  StorePtr store_;
+  std::shared_ptr<MapRunner> runner_;
+};
+
+class MapRestingTest : public testing::KeptMapFixture {
+ protected:
+  ~MapRestingTest() override {
+    urgent_.stop();
+    background_.stop();
+  }
+  [[nodiscard]] StorePtr open_store(const std::string& name) const {
+    return std::move(*MapPersistence::start(folder_ / name, null_logger()));
+  }
+  [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& store_name, StorePtr store, MapId id) {
+    auto map = std::make_unique<KeptMap>(lanes(), folder_ / store_name, std::move(store));
+    input_.map = id;
+    const auto made = map->start(input_);
+    EXPECT_TRUE(made) << made.error().message;
+    return map;
+  }
+  /// With a store of its own.
+  [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& name = "map") {
+    return start_map(name, open_store(name), header_.id);
+  }
+  [[nodiscard]] KeyframeInput frame(const KeptMap& map, int step) const {
+    return testing::make_offer(scene_, *map.newest().snapshot, step);
+  }
+  void grow(KeptMap* map, int step) {
+    const OfferJudgement judged = map->offer(frame(*map, step));
+    EXPECT_EQ(judged.decision, wire::OfferDecision::kAccepted) << judged.reason;
+  }
+  [[nodiscard]] MapRunner::Lanes lanes() { return {urgent_, background_}; }
+  [[nodiscard]] std::unique_ptr<Blocker> block_urgent_lane() {
+    return std::make_unique<Blocker>([this](auto task) { urgent_.submit(task); });  // its only worker
+  }
+  WorkerPool urgent_{1, 0, null_logger()};
+  WorkerPool background_{1, 0, null_logger()};
+};
+
+}  // namespace cairn::testing
