@@ -10,8 +10,6 @@
 namespace cairn {
 namespace {
 
-/// For each keyframe wanted so many are taken by their compact pictures at first.
-constexpr size_t kTakenPerWanted = 4;
 /// [unlikeness] by which a bound may be wrong: the rounding of float sums over the image, divided by its
 /// contrast.
 constexpr float kRounding = 1e-3F;
@@ -21,15 +19,14 @@ bool is_better(const Ranked& a, const Ranked& b) {
          std::tie(b.cost, b.map->snapshot->map, b.keyframe);
 }
 
-/// A keyframe and the distance of its compact picture.
-struct Near {
-  float distance = 0;
-  KeyframePlace place;
+/// The unlikeness of pictures whose compact pictures are so far apart is not below.
+float bound_at(float distance) {
+  return 0.5F * distance - kRounding;
+}
 
-  /// The unlikeness is not below.
-  [[nodiscard]] float bound() const { return 0.5F * distance - kRounding; }
-  friend bool operator<(const Near& a, const Near& b) { return a.distance < b.distance; }
-};
+bool is_nearer(const NearPicture& a, const NearPicture& b) {
+  return a.distance < b.distance;
+}
 
 /// The nearest of what is offered: a heap, the farthest at the front.
 class NearestFew {
@@ -39,23 +36,23 @@ class NearestFew {
   /// What is not nearer is of no use.
   [[nodiscard]] float limit() const { return is_full() ? heap_.front().distance : kInfinity; }
   [[nodiscard]] bool is_full() const { return heap_.size() == count_; }
-  void offer(const Near& near) {
+  void offer(const NearPicture& near) {
     if (!(near.distance < limit())) return;
     heap_.push_back(near);
-    std::push_heap(heap_.begin(), heap_.end());
+    std::push_heap(heap_.begin(), heap_.end(), is_nearer);
     if (heap_.size() <= count_) return;
-    std::pop_heap(heap_.begin(), heap_.end());
+    std::pop_heap(heap_.begin(), heap_.end(), is_nearer);
     heap_.pop_back();
   }
-  [[nodiscard]] std::vector<Near> take_sorted() {
-    std::sort_heap(heap_.begin(), heap_.end());
+  [[nodiscard]] std::vector<NearPicture> take_sorted() {
+    std::sort_heap(heap_.begin(), heap_.end(), is_nearer);
     return std::move(heap_);
   }
 
  private:
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
   size_t count_;
-  std::vector<Near> heap_;
+  std::vector<NearPicture> heap_;
 };
 
 /// Calls `found` for each picture nearer than `limit()` says by then.
@@ -64,15 +61,16 @@ void scan(const IndexedMap& map, const CompactPicture& query, const Limit& limit
   for (uint32_t k = 0; k < map.pictures.size(); ++k) {
     const float most = limit();
     const float distance = compact_distance(map.pictures[k], query, most);
-    if (distance < most) found(Near{distance, {&map, k}});
+    if (distance < most) found(NearPicture{distance, {&map, k}});
   }
 }
 
 /// The best `count` by exact comparison of those that their bounds do not exclude. `near`: nearest first.
-std::vector<Ranked> compare_exactly(const std::vector<Near>& near, const QueryPicture& query, size_t count) {
+std::vector<Ranked> compare_exactly(const std::vector<NearPicture>& near, const QueryPicture& query,
+                                    size_t count) {
   std::vector<Ranked> best;
-  for (const Near& n : near) {
-    if (best.size() == count && n.bound() > best.back().cost) break;
+  for (const NearPicture& n : near) {
+    if (best.size() == count && bound_at(n.distance) > best.back().cost) break;
     const Ranked ranked{unlikeness(*n.place.map->keyframes[n.place.keyframe], query), n.place.map,
                         n.place.keyframe};
     best.insert(std::upper_bound(best.begin(), best.end(), ranked, is_better), ranked);
@@ -85,7 +83,7 @@ NearestFew scan_all(const PlaceIndex& index, const CompactPicture& query, size_t
   NearestFew few(count);
   for (const IndexedMapPtr& map : index.maps())
     scan(
-        *map, query, [&] { return few.limit(); }, [&](const Near& n) { few.offer(n); });
+        *map, query, [&] { return few.limit(); }, [&](const NearPicture& n) { few.offer(n); });
   return few;
 }
 
@@ -102,18 +100,14 @@ NearestFew ask_forest(const PlaceIndex& index, const CompactPicture& query, size
   return few;
 }
 
-bool is_asked(const PlaceIndex& index, PictureSearch search) {
-  return search == PictureSearch::kForest && index.forest();
-}
-
 /// All that may be better than the last of `best`, which a scan for a few has found.
-std::vector<Near> scan_within(const PlaceIndex& index, const CompactPicture& query, float unlikeness) {
-  std::vector<Near> within;
+std::vector<NearPicture> scan_within(const PlaceIndex& index, const CompactPicture& query, float unlikeness) {
+  std::vector<NearPicture> within;
   const float limit = 2 * (unlikeness + 2 * kRounding);
   for (const IndexedMapPtr& map : index.maps())
     scan(
-        *map, query, [&] { return limit; }, [&](const Near& n) { within.push_back(n); });
-  std::sort(within.begin(), within.end());
+        *map, query, [&] { return limit; }, [&](const NearPicture& n) { within.push_back(n); });
+  std::sort(within.begin(), within.end(), is_nearer);
   return within;
 }
 
@@ -132,34 +126,38 @@ float unlikeness(const IndexedKeyframe& keyframe, const QueryPicture& query) {
   return 1 - (a * a + b * b - difference) / product;
 }
 
-std::vector<Ranked> find_alike(const PlaceIndex& index, const QueryPicture& query, size_t count,
-                               PictureSearch search) {
-  if (count == 0 || !(query.contrast > 0)) return {};
-  if (is_asked(index, search)) {
-    NearestFew few = ask_forest(index, query.compact, kTakenPerWanted * count);
-    return compare_exactly(few.take_sorted(), query, count);
-  }
-  NearestFew few = scan_all(index, query.compact, kTakenPerWanted * count);
-  const float reached = few.limit();  // infinite: all have been taken
-  std::vector<Ranked> best = compare_exactly(few.take_sorted(), query, count);
-  if (best.empty() || Near{reached, {}}.bound() > best.back().cost) return best;
-  return compare_exactly(scan_within(index, query.compact, best.back().cost), query, count);
+NearPictures::NearPictures(const PlaceIndex& index, const QueryPicture& query, PictureSearch search,
+                           size_t pictures)
+    : index_(index),
+      query_(query),
+      by_forest_(search == PictureSearch::kForest && index.forest() != nullptr),
+      pictures_(pictures) {
+  if (!(query.contrast > 0)) return;
+  NearestFew few =
+      by_forest_ ? ask_forest(index, query.compact, pictures) : scan_all(index, query.compact, pictures);
+  near_ = few.take_sorted();
 }
 
-std::vector<const IndexedMap*> find_maps_alike(const PlaceIndex& index, const QueryPicture& query,
-                                               size_t pictures, PictureSearch search) {
+std::vector<Ranked> NearPictures::alike(size_t count) const {
+  if (count == 0) return {};
+  std::vector<Ranked> best = compare_exactly(near_, query_, count);
+  if (by_forest_ || near_.size() < pictures_) return best;  // there are no more
+  const float worst = best.size() < count ? std::numeric_limits<float>::infinity() : best.back().cost;
+  if (bound_at(near_.back().distance) > worst) return best;
+  return compare_exactly(scan_within(index_, query_.compact, worst), query_, count);
+}
+
+std::vector<const IndexedMap*> NearPictures::maps() const {
   std::vector<const IndexedMap*> maps;
-  if (index.keyframe_count() <= pictures || !(query.contrast > 0)) {
-    for (const IndexedMapPtr& map : index.maps()) maps.push_back(map.get());
+  if (index_.keyframe_count() <= pictures_ || !(query_.contrast > 0)) {
+    for (const IndexedMapPtr& map : index_.maps()) maps.push_back(map.get());
     return maps;
   }
-  NearestFew few = is_asked(index, search) ? ask_forest(index, query.compact, pictures)
-                                           : scan_all(index, query.compact, pictures);
-  for (const Near& near : few.take_sorted()) maps.push_back(near.place.map);
-  const auto is_of_other_size = [&query](const CompactPicture& picture) {
-    return picture.width != query.compact.width || picture.height != query.compact.height;
+  for (const NearPicture& near : near_) maps.push_back(near.place.map);
+  const auto is_of_other_size = [this](const CompactPicture& picture) {
+    return picture.width != query_.compact.width || picture.height != query_.compact.height;
   };
-  for (const IndexedMapPtr& map : index.maps()) {
+  for (const IndexedMapPtr& map : index_.maps()) {
     if (std::ranges::any_of(map->pictures, is_of_other_size)) maps.push_back(map.get());
   }
   std::sort(maps.begin(), maps.end(),

@@ -36,18 +36,39 @@ enum class PictureSearch : uint8_t {
   kScan,    ///< all by a scan: exact, so an answer depends on the maps alone
 };
 
-/// The `count` keyframes of the lowest unlikeness(), best first; ties go by ids. Pictures of another size,
-/// and those of a query without contrast, are not among them. By compact pictures, and what is near by these
-/// exactly: their distance is a bound of the unlikeness, so a scan leaves out nothing.
-[[nodiscard]] std::vector<Ranked> find_alike(const PlaceIndex& index, const QueryPicture& query, size_t count,
-                                             PictureSearch search);
+/// A keyframe and the distance of its compact picture.
+struct NearPicture {
+  float distance = 0;
+  KeyframePlace place;
+};
 
-/// The maps of the `pictures` keyframes that are nearest by their compact pictures, ascending by id: all
-/// where there are not more keyframes, or the query has no contrast. A map with pictures of another size,
-/// which cannot be compared, is always one of them.
-[[nodiscard]] std::vector<const IndexedMap*> find_maps_alike(const PlaceIndex& index,
-                                                             const QueryPicture& query, size_t pictures,
-                                                             PictureSearch search);
+/// Pictures that a question looks at: its words vote for keyframes of the maps of these (without a bound
+/// their lists are most of the time from some thousand keyframes on), and the most alike are among them.
+constexpr size_t kPicturesNear = 512;
+
+/// The keyframes that are nearest to a query by their compact pictures, found once, then asked. Not
+/// thread-safe; index and query have to outlive it.
+class NearPictures {
+ public:
+  NearPictures(const PlaceIndex& index, const QueryPicture& query, PictureSearch search,
+               size_t pictures = kPicturesNear);
+
+  /// The `count` keyframes of the lowest unlikeness(), best first; ties go by ids. Pictures of another size,
+  /// and those of a query without contrast, are not among them. What is near is compared exactly: the
+  /// distance of compact pictures is a bound of the unlikeness, so a scan leaves out nothing, and a forest
+  /// what it has not found near.
+  [[nodiscard]] std::vector<Ranked> alike(size_t count) const;
+  /// Their maps, ascending by id: all where there are not more keyframes, or the query has no contrast. A map
+  /// with pictures of another size, which cannot be compared, is always one of them.
+  [[nodiscard]] std::vector<const IndexedMap*> maps() const;
+
+ private:
+  const PlaceIndex& index_;
+  const QueryPicture& query_;
+  const bool by_forest_;
+  const size_t pictures_;
+  std::vector<NearPicture> near_;  ///< nearest first
+};
 
 /// As Castle et al. 2008: the keyframe with the smallest mean squared difference, which is the cost. Null
 /// map: there is none of the query's size.

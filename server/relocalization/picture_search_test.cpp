@@ -65,6 +65,11 @@ std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryPicture& que
   return all;
 }
 
+std::vector<Ranked> find_alike(const PlaceIndex& index, const QueryPicture& query, size_t count,
+                               PictureSearch search) {
+  return NearPictures(index, query, search).alike(count);
+}
+
 /// What an index says of where its keyframes are must be so: each once, in its slot or in none.
 void expect_consistent(const PlaceIndex& index) {
   std::set<std::pair<MapId, KeyframeId>> known;
@@ -142,10 +147,14 @@ TEST(FindAlike, AScanIsExact) {
   for (uint32_t place = 1; place <= 18; ++place) {  // six of them are of no map
     const QueryPicture query = make_query(place, 100 + place);
     const auto exact = compare_all(index, query);
-    for (const size_t count : {size_t{1}, size_t{12}, size_t{500}}) {
-      const auto found = find_alike(index, query, count, PictureSearch::kScan);
-      ASSERT_EQ(found.size(), std::min(count, exact.size()));
-      for (size_t i = 0; i < found.size(); ++i) EXPECT_TRUE(is_same(found[i], exact[i])) << place << " " << i;
+    for (const size_t pictures : {size_t{5}, size_t{48}, kPicturesNear}) {
+      const NearPictures near(index, query, PictureSearch::kScan, pictures);
+      for (const size_t count : {size_t{1}, size_t{12}, size_t{500}}) {
+        const auto found = near.alike(count);
+        ASSERT_EQ(found.size(), std::min(count, exact.size()));
+        for (size_t i = 0; i < found.size(); ++i)
+          EXPECT_TRUE(is_same(found[i], exact[i])) << place << " " << i;
+      }
     }
   }
 }
@@ -218,10 +227,10 @@ TEST(FindAlike, TheMapOfThePlaceIsAmongTheMapsAlike) {
     if (planted) index.set_forest(plant_forest(index, 0));
     for (uint32_t place = 1; place <= 30; ++place) {
       const QueryPicture query = make_query(place, 50 + place);
-      const auto maps = find_maps_alike(index, query, 100, PictureSearch::kForest);
+      const auto maps = NearPictures(index, query, PictureSearch::kForest, 100).maps();
       EXPECT_LT(maps.size(), 30U);
       EXPECT_EQ(std::count(maps.begin(), maps.end(), index.find(map_id(place))), 1);
-      EXPECT_EQ(find_maps_alike(index, query, 600, PictureSearch::kForest).size(), 30U)
+      EXPECT_EQ(NearPictures(index, query, PictureSearch::kForest, 600).maps().size(), 30U)
           << "there are not more";
     }
   }
@@ -233,11 +242,11 @@ TEST(FindAlike, AMapWithPicturesOfAnotherSizeMayBeIt) {
   GrayImage striped(90, 60);
   for (int x = 0; x < 90; ++x) striped.row(20)[x] = 255;
   const auto maps =
-      find_maps_alike(index, QueryPicture(TinyImage(striped, kPlaceBlur)), 100, PictureSearch::kScan);
+      NearPictures(index, QueryPicture(TinyImage(striped, kPlaceBlur)), PictureSearch::kScan, 100).maps();
   EXPECT_EQ(maps.size(), 30U) << "its words may be there";
   PlaceIndex mixed = index;
   mixed.put(picture_map(map_id(99), {wide}));
-  const auto with_it = find_maps_alike(mixed, make_query(3, 53), 100, PictureSearch::kScan);
+  const auto with_it = NearPictures(mixed, make_query(3, 53), PictureSearch::kScan, 100).maps();
   EXPECT_EQ(std::count(with_it.begin(), with_it.end(), mixed.find(map_id(99))), 1);
   EXPECT_LT(with_it.size(), 31U);
 }

@@ -15,9 +15,6 @@
 namespace cairn {
 namespace {
 
-/// Words vote for keyframes of the maps that have one of so many pictures most alike: without a bound their
-/// lists are most of the time from some thousand keyframes on.
-constexpr size_t kVotingPictures = 512;
 /// Length of the two orders of merit that are fused. Where pictures or words are led astray (other light) the
 /// place is far down in both, yet at a like rank.
 constexpr size_t kFused = 128;
@@ -172,11 +169,9 @@ class Inquiry {
   bool search(const PlaceIndex& index, const QueryPicture& picture) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = tried_.size();
-    const auto first = find_alike(index, picture, shortlist, options_.search);
-    if (try_out(first, before + static_cast<size_t>(options_.by_picture_alone))) return true;
-    const auto by_picture = find_alike(index, picture, kFused, options_.search);
-    const auto maps = find_maps_alike(index, picture, kVotingPictures, options_.search);
-    const auto fused = fuse(by_picture, vote(index, maps, view_, cells_, kFused), picture);
+    const NearPictures near(index, picture, options_.search);
+    if (try_out(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone))) return true;
+    const auto fused = fuse(near.alike(kFused), vote(index, near.maps(), view_, cells_, kFused), picture);
     if (try_out(fused, before + shortlist)) return true;
     if (!is_any_confirmed()) return false;
     return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);

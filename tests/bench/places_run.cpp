@@ -416,7 +416,7 @@ class Examination {
     return fmt::format(
         "{} corners; rank {} by picture, {} by words; {} matches, {} supported, {} agree, {} of {} "
         "met, {} of {} expected, alike {:.2f}: {}",
-        view.corners.size(), rank(find_alike(all_, picture, all, PictureSearch::kScan)),
+        view.corners.size(), rank(NearPictures(all_, picture, PictureSearch::kScan, all).alike(all)),
         rank(vote_everywhere(all_, view, cells, all)), most.matches, most.supported, most.agreeing,
         most.inliers, most.met, most.inliers, most.expected, most.alikeness,
         most.confirmed ? "confirmed" : most.reason);
