@@ -103,7 +103,7 @@ float compact_distance(const float* a, const float* b, float limit) {
 }
 
 float compact_distance(const CompactPicture& a, const CompactPicture& b, float limit) {
-  if (a.width != b.width || a.height != b.height) return std::numeric_limits<float>::infinity();
+  if (!is_comparable(a, b)) return std::numeric_limits<float>::infinity();
   return compact_distance(a.values.data(), b.values.data(), limit);
 }
 

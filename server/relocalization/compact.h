@@ -29,6 +29,11 @@ struct CompactPicture {
 
 [[nodiscard]] CompactPicture make_compact(const TinyImage& tiny);
 
+/// Only images of one size can be compared.
+[[nodiscard]] inline bool is_comparable(const CompactPicture& a, const CompactPicture& b) {
+  return a.width == b.width && a.height == b.height;
+}
+
 /// Squared distance. Never more than 2 (1 - correlation) of the two tiny images (Parseval), and little less:
 /// the blur has taken the other frequencies. Infinite for images of other sizes. Where it exceeds `limit` the
 /// result is only some value above that.

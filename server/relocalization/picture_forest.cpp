@@ -77,7 +77,7 @@ class PictureForest::Trees {
   }
 
   [[nodiscard]] bool has_size_of(const CompactPicture& query) const {
-    return query.width == pictures_.front().width && query.height == pictures_.front().height;
+    return is_comparable(query, pictures_.front());
   }
   [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const {

@@ -154,11 +154,10 @@ std::vector<const IndexedMap*> NearPictures::maps() const {
     return maps;
   }
   for (const NearPicture& near : near_) maps.push_back(near.place.map);
-  const auto is_of_other_size = [this](const CompactPicture& picture) {
-    return picture.width != query_.compact.width || picture.height != query_.compact.height;
-  };
   for (const IndexedMapPtr& map : index_.maps()) {
-    if (std::ranges::any_of(map->pictures, is_of_other_size)) maps.push_back(map.get());
+    if (map->pictures.empty()) continue;
+    if (!map->is_of_one_size || !is_comparable(map->pictures.front(), query_.compact))
+      maps.push_back(map.get());
   }
   std::sort(maps.begin(), maps.end(),
             [](const IndexedMap* a, const IndexedMap* b) { return a->snapshot->map < b->snapshot->map; });

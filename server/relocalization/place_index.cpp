@@ -139,6 +139,11 @@ auto position_of(const std::vector<IndexedMapPtr>& maps, const MapId& id) {
 
 }  // namespace
 
+bool are_comparable(std::span<const CompactPicture> pictures) {
+  return std::ranges::all_of(pictures,
+                             [&](const CompactPicture& p) { return is_comparable(p, pictures.front()); });
+}
+
 InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
   InvertedLists lists;
   lists.begin.resize(kVocabularyWords + 1);
@@ -186,6 +191,7 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
     map->pictures.push_back(known && previous->keyframes[*known] == k ? previous->pictures[*known]
                                                                       : make_compact(k->tiny));
   }
+  map->is_of_one_size = are_comparable(map->pictures);
   map->lists = invert(map->keyframes);
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)

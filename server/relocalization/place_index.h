@@ -70,12 +70,16 @@ struct InvertedLists {
   }
 };
 
+/// Whether each can be compared with each.
+[[nodiscard]] bool are_comparable(std::span<const CompactPicture> pictures);
+
 [[nodiscard]] InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes);
 
 struct IndexedMap {
   MapSnapshotPtr snapshot;                    ///< positions and poses
   std::vector<IndexedKeyframePtr> keyframes;  ///< live in `snapshot`, ascending by id
   std::vector<CompactPicture> pictures;       ///< of `keyframes`
+  bool is_of_one_size = true;                 ///< all `pictures`
   InvertedLists lists;
   /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
   std::vector<std::vector<Eigen::Vector3f>> positions;

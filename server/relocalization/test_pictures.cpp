@@ -67,6 +67,7 @@ IndexedMapPtr picture_map(const MapId& id, std::vector<TinyImage> pictures,
     map->pictures.push_back(make_compact(keyframe->tiny));
     map->keyframes.push_back(std::move(keyframe));
   }
+  map->is_of_one_size = are_comparable(map->pictures);
   map->lists = invert(map->keyframes);
   map->positions.resize(map->keyframes.size());
   map->snapshot = std::move(snapshot);
