@@ -247,7 +247,7 @@ TEST(FindAlike, AMapWithPicturesOfAnotherSizeMayBeIt) {
   PlaceIndex mixed = index;
   mixed.put(picture_map(map_id(99), {wide}));
   mixed.put(picture_map(map_id(98), {LeafPlace(98).view(0, 0), wide}));
-  const auto with_them = NearPictures(mixed, make_query(3, 53), PictureSearch::kScan, 20).maps();
+  const auto with_them = NearPictures(mixed, make_query(3, 53), PictureSearch::kScan, 5).maps();
   for (const uint32_t other : {98U, 99U})
     EXPECT_EQ(std::count(with_them.begin(), with_them.end(), mixed.find(map_id(other))), 1);
   EXPECT_LT(with_them.size(), 32U);
