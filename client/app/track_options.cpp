@@ -84,8 +84,7 @@ void declare(CLI::App& app, Words& words) {
          "--calibration", words.calibration,
          "camera.txt, yaml of Kalibr, OpenCV or ROS, PTAM's camera.cfg; auto: focal length and k1 are found "
          "out while the map grows, from nothing or from a rough FILE. A FILE without distortion is believed "
-         "to "
-         "0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
+         "to 0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
       ->type_name("FILE|auto|auto:FILE|exact:FILE");
   app.add_option("--save-calibration", words.saved_calibration,
                  "where a camera that was found out is written [cairn-camera-NAME.yaml]")

@@ -415,11 +415,11 @@ class Examination {
     const size_t all = all_.keyframe_count();
     return fmt::format(
         "{} corners; rank {} by picture, {} by words; {} matches, {} supported, {} agree, {} of {} "
-        "met, {} of {} expected, alike {:.2f}: {}",
+        "met, {} of {} expected, alike {:.2f}, order {:.2f}, unity {:.2f}, evidence {:.2f}: {}",
         view.corners.size(), rank(NearPictures(all_, picture, PictureSearch::kScan, all).alike(all)),
         rank(vote_everywhere(all_, view, cells, all)), most.matches, most.supported, most.agreeing,
-        most.inliers, most.met, most.inliers, most.expected, most.alikeness,
-        most.confirmed ? "confirmed" : most.reason);
+        most.inliers, most.met, most.inliers, most.expected, most.alikeness, most.order, unity(most),
+        evidence(most), most.confirmed ? "confirmed" : most.reason);
   }
 
   const std::vector<Place>& places_;
