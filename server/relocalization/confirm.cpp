@@ -75,12 +75,12 @@ bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
 }
 
 void judge(const ConfirmOptions& options, Confirmation* result) {
+  const bool looks_right = speak(options.by_picture, *result) || speak(options.by_points, *result);
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
-  } else if (!speak(options.by_picture, *result) && !speak(options.by_points, *result) &&
-             !speak(options.by_extent, *result)) {
+  } else if (!looks_right && !speak(options.by_extent, *result)) {
     result->reason = fmt::format(
         "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
         "together agrees: {:.2f} in all; corners agree in {} of 12 parts",
@@ -88,6 +88,7 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
         result->agreeing_cells);
   } else {
     result->confirmed = true;
+    result->changed = !looks_right;
   }
 }
 

@@ -40,6 +40,7 @@ struct ConfirmOptions {
 /// What geometry says of a keyframe as the place of a query.
 struct Confirmation {
   bool confirmed = false;
+  bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone
   SE3 camera_from_map;
   int matches = 0;                ///< by descriptors alone
   int supported = 0;              ///< of these, by their neighbours
