@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <bitset>
+#include <array>
 #include <iterator>
 #include <utility>
 
@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kCellsAcross = 4;
 constexpr int kCellsDown = 3;
+constexpr int kAgreeingInCell = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
 constexpr size_t kNeighbours = 4;         ///< keyframes whose points are looked for around a pose
 constexpr double kAngleWeight = 1;        ///< a radian between optical axes counts as one mean depth apart
@@ -48,16 +49,17 @@ std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span
   return found;
 }
 
-int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera) {
-  std::bitset<size_t{kCellsAcross} * kCellsDown> occupied;
+/// Cells of the image in which at least so many of the corners lie.
+int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
+  std::array<int, size_t{kCellsAcross} * kCellsDown> inside{};
   for (const size_t corner : corners) {
     const Eigen::Vector2f& p = view.corners[corner].pixel;
     const int column =
         std::clamp(static_cast<int>(p.x()) * kCellsAcross / camera.width(), 0, kCellsAcross - 1);
     const int row = std::clamp(static_cast<int>(p.y()) * kCellsDown / camera.height(), 0, kCellsDown - 1);
-    occupied.set(static_cast<size_t>(row * kCellsAcross + column));
+    ++inside[static_cast<size_t>(row * kCellsAcross + column)];
   }
-  return static_cast<int>(occupied.count());
+  return static_cast<int>(std::ranges::count_if(inside, [&](int count) { return count >= fewest; }));
 }
 
 std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b) {
@@ -68,22 +70,25 @@ std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b)
 
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
   return said.alikeness >= needed.alikeness && evidence(said) >= needed.evidence &&
-         said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected;
+         said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected &&
+         said.agreeing_cells >= needed.agreeing_cells;
 }
 
 void judge(const ConfirmOptions& options, Confirmation* result) {
+  const bool looks_right = speak(options.by_picture, *result) || speak(options.by_points, *result);
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
   } else if (result->cells < options.min_cells) {
     result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
-  } else if (!speak(options.by_picture, *result) && !speak(options.by_points, *result)) {
+  } else if (!looks_right && !speak(options.by_extent, *result)) {
     result->reason = fmt::format(
         "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
-        "together "
-        "agrees: {:.2f} in all",
-        result->inliers, result->met, result->alikeness, unity(*result), evidence(*result));
+        "together agrees: {:.2f} in all; corners agree in {} of 12 parts",
+        result->inliers, result->met, result->alikeness, unity(*result), evidence(*result),
+        result->agreeing_cells);
   } else {
     result->confirmed = true;
+    result->changed = !looks_right;
   }
 }
 
@@ -137,6 +142,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     return result;
   }
   result.agreeing = pose->inliers;
+  result.agreeing_cells = count_cells(view, corners_found(matches, pose->weights), camera, kAgreeingInCell);
   ProjectedPoints points;
   for (const double radius : kRadii) {
     project_points(camera, pose->camera_from_map, map, keyframes_around(map, pose->camera_from_map), &points);
@@ -156,7 +162,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     result.met = static_cast<int>(guided.met);
     result.found = corners_found(guided.matches, pose->weights);
   }
-  result.cells = count_cells(view, result.found, camera);
+  result.cells = count_cells(view, result.found, camera, 1);
   result.explained = united(result.explained, result.found);
   const Appearance appearance = compare_appearance(view, camera, points);
   result.alikeness = appearance.local;

@@ -17,16 +17,19 @@ struct ConfirmOptions {
   int min_inliers = 30;  ///< of the refined pose
   int min_cells = 5;     ///< of the 4x3 cells of the image, in which inliers lie
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
-  /// (appearance.h), what all of them say together (evidence()), and inliers: their share of what could match
-  /// around the pose (GuidedMatches::met), and of the points expected. Either of two ways.
+  /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
+  /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
+  /// that agree lie in. Any of three ways.
   struct Witnesses {
     double alikeness = 0;
     double evidence = 0;
     double of_met = 0;
     double of_expected = 0;
+    int agreeing_cells = 0;
   };
-  Witnesses by_picture = {0.53, 0.66, 0.35, 0};    ///< looks the same
-  Witnesses by_points = {0.50, 0.60, 0.45, 0.36};  ///< partly hidden or changed: most of its points are seen
+  Witnesses by_picture = {0.53, 0.66, 0.35, 0, 0};    ///< looks the same
+  Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};  ///< partly hidden: most of its points are seen
+  Witnesses by_extent = {0.42, 0, 0.53, 0, 8};        ///< a part has moved: what stands lies all about it
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;
@@ -37,6 +40,7 @@ struct ConfirmOptions {
 /// What geometry says of a keyframe as the place of a query.
 struct Confirmation {
   bool confirmed = false;
+  bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone
   SE3 camera_from_map;
   int matches = 0;                ///< by descriptors alone
   int supported = 0;              ///< of these, by their neighbours
@@ -45,6 +49,7 @@ struct Confirmation {
   int expected = 0;               ///< points of the neighbourhood that project into the image
   int met = 0;                    ///< matches of these that there could be (GuidedMatches)
   int cells = 0;                  ///< of 12, with an inlier in them
+  int agreeing_cells = 0;         ///< of 12, with two in them at least of those that are `agreeing`
   double alikeness = -1;          ///< Appearance::local
   double order = -1;              ///< Appearance::order
   std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`

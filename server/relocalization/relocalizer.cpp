@@ -24,6 +24,10 @@ constexpr size_t kFused = 128;
 constexpr size_t kTriesOfConfirmed = 4;
 constexpr size_t kMoreForPose = 4;
 
+/// Poses of one picture in one map that are farther apart contradict each other: distance of the centres, in
+/// mean depths, plus angle, in radians. The same pose from two keyframes is off by a third of that.
+constexpr double kSamePose = 0.15;
+
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
 /// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
@@ -99,24 +103,28 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 struct Tried {
   PlaceCandidate candidate;
   Confirmation said;
+  double mean_depth = 0;  ///< of the keyframe
 };
 
-/// What places that have been refused explain of a picture for which another is confirmed.
+/// What its rivals explain of a picture for which another is confirmed.
 struct Rivalry {
   size_t most = 0;                 ///< corners that one of them explains
   std::vector<size_t> peculiar{};  ///< corners found that none of them explains
 };
 
-/// A map of which any keyframe is confirmed is no rival: where maps overlap, both are right.
-bool is_refused(const MapId& map, std::span<const Tried> tried) {
-  return std::ranges::none_of(tried,
-                              [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed; });
+/// A map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place that
+/// has changed, the part that stands may be what it has in common with another: there all other maps are.
+bool is_rival(const MapId& map, const Tried& confirmed, std::span<const Tried> tried) {
+  if (map == confirmed.candidate.map) return false;
+  return confirmed.said.changed || std::ranges::none_of(tried, [&](const Tried& t) {
+           return t.candidate.map == map && t.said.confirmed && !t.said.changed;
+         });
 }
 
 Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
   Rivalry rivalry{0, confirmed.said.found};
   for (const Tried& rival : tried) {
-    if (!is_refused(rival.candidate.map, tried)) continue;
+    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
     const std::vector<size_t>& explained = rival.said.explained;
     rivalry.most = std::max(rivalry.most, explained.size());
     std::vector<size_t> left;
@@ -140,6 +148,26 @@ std::optional<std::string> find_why_common(const RelocOptions& options, const Tr
   return fmt::format(
       "it explains {} corners, a place that looks like it {}, and {} of {} found are its own only", explained,
       rivalry.most, rivalry.peculiar.size(), found);
+}
+
+bool contradict(const Tried& a, const Tried& b) {
+  if (a.candidate.map != b.candidate.map) return false;
+  const SE3& one = a.said.camera_from_map;
+  const SE3& other = b.said.camera_from_map;
+  const double apart = (one.center() - other.center()).norm() / std::max(1e-6, a.mean_depth);
+  return apart + one.rotation().angularDistance(other.rotation()) > kSamePose;
+}
+
+/// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
+/// with which more of the picture agrees stands. Why a pose does not; nothing: it does.
+std::optional<std::string> find_why_contradicted(const Tried& confirmed, std::span<const Tried> tried) {
+  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_cells, t.said.agreeing); };
+  const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
+    return t.said.confirmed && contradict(confirmed, t) && extent(t) > extent(confirmed);
+  });
+  if (wider == tried.end()) return std::nullopt;
+  return fmt::format("corners in {} of 12 parts agree with another pose in this map, in {} with this",
+                     wider->said.agreeing_cells, confirmed.said.agreeing_cells);
 }
 
 /// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
@@ -183,7 +211,8 @@ class Inquiry {
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
     for (Tried& t : tried_) {
       if (!t.said.confirmed) continue;
-      const auto refusal = find_why_common(options_, t, tried_);
+      auto refusal = find_why_contradicted(t, tried_);
+      if (!refusal) refusal = find_why_common(options_, t, tried_);
       t.candidate.confirmed = !refusal;
       t.candidate.reason = refusal.value_or("");
     }
@@ -213,7 +242,9 @@ class Inquiry {
       Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
       PlaceCandidate candidate = make_candidate(r, said);
-      tried_.push_back({std::move(candidate), std::move(said)});
+      const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
+      tried_.push_back(
+          {std::move(candidate), std::move(said), pose ? static_cast<double>(pose->mean_depth) : 0});
       if (is_clear(tried_.back().said, options_) && !find_why_common(options_, tried_.back(), tried_))
         return true;
     }

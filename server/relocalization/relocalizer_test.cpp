@@ -190,6 +190,32 @@ TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
   EXPECT_EQ(unity(said), 1) << "what no neighbour supports may agree, too";
 }
 
+/// Of the left `share` of a picture what was above is below: things that were moved.
+GrayImage rearranged(const GrayView& image, double share) {
+  GrayImage changed(image);
+  const auto width = static_cast<size_t>(share * image.width);
+  for (int y = 0; y < image.height; ++y)
+    std::copy_n(image.row((y + image.height / 2) % image.height), width, changed.row(y));
+  return changed;
+}
+
+TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt) {
+  RelocOptions without;
+  without.confirm.by_extent.agreeing_cells = 13;  // of 12
+  for (const int step : {5, 6, 7}) {
+    SCOPED_TRACE(step);
+    const auto image = scene().render(Scene::pose(step), 400 + static_cast<uint64_t>(step));
+    const auto ask = [&](double share, const RelocOptions& options) {
+      return relocalize(index_, *scene().camera(), describe_image(rearranged(image->view(), share)), options);
+    };
+    EXPECT_EQ(ask(0.4, without).verdict, PlaceVerdict::kNotKnown) << "nothing else speaks for it";
+    const PlaceAnswer answer = ask(0.4, {});
+    ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
+    EXPECT_LT(error_of(camera_of(answer, *map().snapshot()), Scene::pose(step), *map().snapshot()), 0.01);
+    EXPECT_EQ(ask(0.45, {}).verdict, PlaceVerdict::kNotKnown) << "what stands lies in one half";
+  }
+}
+
 /// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
 /// the empty one explains all it has, and so does the full one in part. Then it is neither.
 TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
