@@ -451,7 +451,7 @@ class CornerProbe : public StageProbe {
   int asked = 0;
 };
 
-/// The corners of the two large levels are most of what a frame may cost.
+/// The corners of the two large levels cost a quarter of a frame's time.
 TEST(PoseFinder, AsksForAllCornersOnlyWhereAlignmentFindsTooFew) {
   const CameraPtr camera = test_camera();
   const test::PlaneScene scene(3, camera);

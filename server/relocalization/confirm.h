@@ -29,7 +29,8 @@ struct ConfirmOptions {
   };
   Witnesses by_picture = {0.53, 0.66, 0.35, 0, 0};    ///< looks the same
   Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};  ///< partly hidden: most of its points are seen
-  Witnesses by_extent = {0.42, 0, 0.53, 0, 8};        ///< a part has moved: what stands lies all about it
+  Witnesses by_extent = {0.42, 0, 0.53, 0,
+                         8};  ///< a part has moved: the rest, in most of the picture, agrees
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;

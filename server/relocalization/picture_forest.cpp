@@ -11,10 +11,7 @@ namespace cairn {
 namespace {
 
 constexpr int kTrees = 4;
-/// Pictures compared before a search ends: for each that is wanted, and in all. Recall and time are in
-/// tests/bench/README.md; whoever wants hundreds wants only to know about where they are.
-constexpr int kChecksPerWanted = 64;
-constexpr int kMostChecks = 4096;
+constexpr int kChecks = 4096;  ///< pictures compared before a search ends (recall and time: tests/bench)
 
 /// compact_distance() as FLANN wants it.
 struct Distance {
@@ -82,9 +79,7 @@ class PictureForest::Trees {
   [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const {
     NearestThere nearest(std::min(count, pictures_.size()), slots_, is_there);
-    index_.findNeighbors(
-        nearest, query.values.data(),
-        flann::SearchParams(std::min(kMostChecks, kChecksPerWanted * static_cast<int>(count))));
+    index_.findNeighbors(nearest, query.values.data(), flann::SearchParams(kChecks));
     return nearest.take();
   }
   [[nodiscard]] const std::vector<CompactPicture>& pictures() const { return pictures_; }

@@ -100,10 +100,10 @@ NearestFew ask_forest(const PlaceIndex& index, const CompactPicture& query, size
   return few;
 }
 
-/// All that may be better than the last of `best`, which a scan for a few has found.
-std::vector<NearPicture> scan_within(const PlaceIndex& index, const CompactPicture& query, float unlikeness) {
+/// All whose unlikeness may be `most` or less, nearest first.
+std::vector<NearPicture> scan_within(const PlaceIndex& index, const CompactPicture& query, float most) {
   std::vector<NearPicture> within;
-  const float limit = 2 * (unlikeness + 2 * kRounding);
+  const float limit = 2 * (most + 2 * kRounding);
   for (const IndexedMapPtr& map : index.maps())
     scan(
         *map, query, [&] { return limit; }, [&](const NearPicture& n) { within.push_back(n); });
@@ -131,10 +131,10 @@ NearPictures::NearPictures(const PlaceIndex& index, const QueryPicture& query, P
     : index_(index),
       query_(query),
       by_forest_(search == PictureSearch::kForest && index.forest() != nullptr),
-      pictures_(pictures) {
+      pictures_(std::max<size_t>(1, pictures)) {
   if (!(query.contrast > 0)) return;
   NearestFew few =
-      by_forest_ ? ask_forest(index, query.compact, pictures) : scan_all(index, query.compact, pictures);
+      by_forest_ ? ask_forest(index, query.compact, pictures_) : scan_all(index, query.compact, pictures_);
   near_ = few.take_sorted();
 }
 

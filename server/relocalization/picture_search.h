@@ -46,8 +46,8 @@ struct NearPicture {
 /// their lists are most of the time from some thousand keyframes on), and the most alike are among them.
 constexpr size_t kPicturesNear = 512;
 
-/// The keyframes that are nearest to a query by their compact pictures, found once, then asked. Not
-/// thread-safe; index and query have to outlive it.
+/// The `pictures` keyframes (one at least) that are nearest to a query by their compact pictures, found once,
+/// then asked. Index and query have to outlive it.
 class NearPictures {
  public:
   NearPictures(const PlaceIndex& index, const QueryPicture& query, PictureSearch search,

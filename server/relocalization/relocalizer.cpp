@@ -96,7 +96,7 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
 
 /// So much that no other place can look better: the rest need not be tried.
 bool is_clear(const Confirmation& said, const RelocOptions& options) {
-  return said.confirmed && said.agreeing >= options.confirm.clear_agreeing &&
+  return said.confirmed && !said.changed && said.agreeing >= options.confirm.clear_agreeing &&
          evidence(said) >= options.confirm.clear_evidence;
 }
 
@@ -113,10 +113,10 @@ struct Rivalry {
 };
 
 /// A map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place that
-/// has changed, the part that stands may be what it has in common with another: there all other maps are.
-bool is_rival(const MapId& map, const Tried& confirmed, std::span<const Tried> tried) {
-  if (map == confirmed.candidate.map) return false;
-  return confirmed.said.changed || std::ranges::none_of(tried, [&](const Tried& t) {
+/// has changed every other map is one: the part that stands may be what they have in common.
+bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
+  if (map == judged.candidate.map) return false;
+  return judged.said.changed || std::ranges::none_of(tried, [&](const Tried& t) {
            return t.candidate.map == map && t.said.confirmed && !t.said.changed;
          });
 }
@@ -146,28 +146,39 @@ std::optional<std::string> find_why_common(const RelocOptions& options, const Tr
       static_cast<double>(explained) >= options.least_margin * static_cast<double>(rivalry.most))
     return std::nullopt;
   return fmt::format(
-      "it explains {} corners, a place that looks like it {}, and {} of {} found are its own only", explained,
-      rivalry.most, rivalry.peculiar.size(), found);
+      "more than one place looks like this: it explains {} corners, another {}, and {} of {} found are its "
+      "own only",
+      explained, rivalry.most, rivalry.peculiar.size(), found);
 }
 
 bool contradict(const Tried& a, const Tried& b) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = a.said.camera_from_map;
   const SE3& other = b.said.camera_from_map;
-  const double apart = (one.center() - other.center()).norm() / std::max(1e-6, a.mean_depth);
-  return apart + one.rotation().angularDistance(other.rotation()) > kSamePose;
+  const double apart = (one.center() - other.center()).norm();
+  const double depth = std::max(1e-6, std::min(a.mean_depth, b.mean_depth));
+  return apart / depth + one.rotation().angularDistance(other.rotation()) > kSamePose;
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
-/// with which more of the picture agrees stands. Why a pose does not; nothing: it does.
-std::optional<std::string> find_why_contradicted(const Tried& confirmed, std::span<const Tried> tried) {
+/// with which corners in more parts of the picture agree, or else more corners, stands, if nothing else
+/// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
+std::optional<std::string> find_why_contradicted(const Tried& judged, std::span<const Tried> tried) {
   const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_cells, t.said.agreeing); };
   const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
-    return t.said.confirmed && contradict(confirmed, t) && extent(t) > extent(confirmed);
+    return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
   });
   if (wider == tried.end()) return std::nullopt;
-  return fmt::format("corners in {} of 12 parts agree with another pose in this map, in {} with this",
-                     wider->said.agreeing_cells, confirmed.said.agreeing_cells);
+  return fmt::format("{} corners in {} of 12 parts agree with another pose in this map, {} in {} with this",
+                     wider->said.agreeing, wider->said.agreeing_cells, judged.said.agreeing,
+                     judged.said.agreeing_cells);
+}
+
+/// Why what looks right by itself is not believed, given all else that has been tried; nothing: it is.
+std::optional<std::string> find_why_refused(const RelocOptions& options, const Tried& judged,
+                                            std::span<const Tried> tried) {
+  auto refusal = find_why_contradicted(judged, tried);
+  return refusal ? refusal : find_why_common(options, judged, tried);
 }
 
 /// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
@@ -211,8 +222,7 @@ class Inquiry {
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
     for (Tried& t : tried_) {
       if (!t.said.confirmed) continue;
-      auto refusal = find_why_contradicted(t, tried_);
-      if (!refusal) refusal = find_why_common(options_, t, tried_);
+      const auto refusal = find_why_refused(options_, t, tried_);
       t.candidate.confirmed = !refusal;
       t.candidate.reason = refusal.value_or("");
     }
@@ -245,7 +255,7 @@ class Inquiry {
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
       tried_.push_back(
           {std::move(candidate), std::move(said), pose ? static_cast<double>(pose->mean_depth) : 0});
-      if (is_clear(tried_.back().said, options_) && !find_why_common(options_, tried_.back(), tried_))
+      if (is_clear(tried_.back().said, options_) && !find_why_refused(options_, tried_.back(), tried_))
         return true;
     }
     return false;
@@ -291,7 +301,7 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   } else if (result.candidates.front().confirmed) {
     result.verdict = PlaceVerdict::kConfirmed;
   } else if (is_any_confirmed) {
-    result.reason = "more than one place looks like this: " + result.candidates.front().reason;
+    result.reason = result.candidates.front().reason;
   } else {
     result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",
                                 result.candidates.size(), index.keyframe_count());
