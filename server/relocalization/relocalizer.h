@@ -33,7 +33,7 @@ struct RelocOptions {
   /// Pictures that are scanned before a forest is planted.
   size_t most_scanned = kMostScanned;
   ConfirmOptions confirm;
-  /// What a place that is confirmed must have before those that are refused: its share of the corners found
+  /// What a place that is confirmed must have before its rivals: its share of the corners found
   /// that none of them explains,
   double least_peculiar = 0.25;
   /// and the corners that it explains, over those that any of them does.
