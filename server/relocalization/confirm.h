@@ -13,9 +13,9 @@ namespace cairn {
 struct ConfirmOptions {
   int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
   int ransac_iterations = 300;
-  int min_agreeing = 9;  ///< of all matches by descriptors alone, with the pose: it is refined
-  int min_inliers = 30;  ///< of the refined pose
-  int min_cells = 5;     ///< of the 4x3 cells of the image, in which inliers lie
+  int min_agreeing = 12;  ///< of all matches by descriptors alone, with the pose: it is refined
+  int min_inliers = 30;   ///< of the refined pose
+  int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
   /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
   /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
