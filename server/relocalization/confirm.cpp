@@ -74,8 +74,17 @@ bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
          said.agreeing_cells >= needed.agreeing_cells;
 }
 
+bool do_enough_agree(const ConfirmOptions& options, const Confirmation& said) {
+  return said.agreeing >= options.enough_agreeing;
+}
+
+bool does_look_right(const ConfirmOptions& options, const Confirmation& said) {
+  if (!do_enough_agree(options, said)) return speak(options.by_few, said);
+  return speak(options.by_picture, said) || speak(options.by_points, said);
+}
+
 void judge(const ConfirmOptions& options, Confirmation* result) {
-  const bool looks_right = speak(options.by_picture, *result) || speak(options.by_points, *result);
+  const bool looks_right = does_look_right(options, *result);
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
   } else if (result->cells < options.min_cells) {
@@ -163,11 +172,12 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     result.found = corners_found(guided.matches, pose->weights);
   }
   result.cells = count_cells(view, result.found, camera, 1);
-  result.explained = united(result.explained, result.found);
   const Appearance appearance = compare_appearance(view, camera, points);
   result.alikeness = appearance.local;
   result.order = appearance.order;
   judge(options, &result);
+  if (result.confirmed || do_enough_agree(options, result))
+    result.explained = united(result.explained, result.found);
   return result;
 }
 

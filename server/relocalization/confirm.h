@@ -13,9 +13,10 @@ namespace cairn {
 struct ConfirmOptions {
   int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
   int ransac_iterations = 300;
-  int min_agreeing = 12;  ///< of all matches by descriptors alone, with the pose: it is refined
-  int min_inliers = 30;   ///< of the refined pose
-  int min_cells = 5;      ///< of the 4x3 cells of the image, in which inliers lie
+  int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
+  int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
+  int min_inliers = 30;      ///< of the refined pose
+  int min_cells = 5;         ///< of the 4x3 cells of the image, in which inliers lie
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
   /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
   /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
@@ -31,6 +32,8 @@ struct ConfirmOptions {
   Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};  ///< partly hidden: most of its points are seen
   Witnesses by_extent = {0.42, 0, 0.53, 0,
                          8};  ///< a part has moved: the rest, in most of the picture, agrees
+  /// Few corners agree, as where much of the picture is white: all else must speak clearly.
+  Witnesses by_few = {0.53, 0.75, 0.45, 0, 0};
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;
@@ -54,7 +57,7 @@ struct Confirmation {
   double alikeness = -1;          ///< Appearance::local
   double order = -1;              ///< Appearance::order
   std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`
-  std::vector<size_t> explained;  ///< these, and those that are `supported`; ascending, each once
+  std::vector<size_t> explained;  ///< `supported`, and `found` unless few agree and it is refused; ascending
   std::string reason;             ///< why it is not confirmed
 };
 

@@ -216,6 +216,61 @@ TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt)
   }
 }
 
+/// As if more corners had to agree than do.
+RelocOptions few_agree() {
+  RelocOptions options;
+  options.confirm.enough_agreeing = 1000;
+  options.confirm.by_extent.agreeing_cells = 13;  // of 12: of few corners there are not two in each of eight
+  return options;
+}
+
+TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
+  constexpr double kMoved = 0.28;
+  for (const int step : {5, 6, 7}) {
+    SCOPED_TRACE(step);
+    const auto image = scene().render(Scene::pose(step), 500 + static_cast<uint64_t>(step));
+    const PlaceView same = describe_image(image->view());
+    PlaceView partly = describe_image(image->view());
+    partly.small = rearranged(same.small.view(), kMoved);
+    const auto ask = [&](const PlaceView& view, const RelocOptions& options) {
+      return relocalize(index_, *scene().camera(), view, options).verdict;
+    };
+    EXPECT_EQ(ask(same, few_agree()), PlaceVerdict::kConfirmed);
+    EXPECT_EQ(ask(partly, {}), PlaceVerdict::kConfirmed) << "enough agree";
+    EXPECT_EQ(ask(partly, few_agree()), PlaceVerdict::kNotKnown);
+  }
+}
+
+TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirmed) {
+  const auto image = scene().render(Scene::pose(5), 105);
+  const PlaceView view = describe_image(image->view());
+  const auto cells = probed_cells(view);
+  const CornerGrid grid(view, *scene().camera());
+  const IndexedMapPtr indexed = map().index();
+  const auto ask = [&](const ConfirmOptions& options) {
+    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, options);
+  };
+  const auto explains = [](const Confirmation& said) {
+    return std::ranges::includes(said.explained, said.found);
+  };
+  ConfirmOptions options = few_agree().confirm;
+  const Confirmation clear = ask(options);
+  ASSERT_TRUE(clear.confirmed) << clear.reason;
+  EXPECT_TRUE(explains(clear));
+  options.by_few.evidence = 1.01;
+  const Confirmation refused = ask(options);
+  ASSERT_FALSE(refused.confirmed);
+  ASSERT_EQ(refused.found, clear.found);
+  EXPECT_EQ(refused.explained.size(), static_cast<size_t>(refused.supported));
+  options.by_picture.evidence = 1.01;
+  options.by_points.evidence = 1.01;
+  options.by_extent.agreeing_cells = 13;  // of 12
+  options.enough_agreeing = options.min_agreeing;
+  const Confirmation rival = ask(options);
+  ASSERT_FALSE(rival.confirmed);
+  EXPECT_TRUE(explains(rival)) << "enough agree";
+}
+
 /// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
 /// the empty one explains all it has, and so does the full one in part. Then it is neither.
 TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
