@@ -20,7 +20,7 @@ struct ConfirmOptions {
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
   /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
   /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
-  /// that agree lie in. Any of three ways.
+  /// that agree lie in. Any of these ways.
   struct Witnesses {
     double alikeness = 0;
     double evidence = 0;
