@@ -11,6 +11,7 @@ namespace {
 constexpr double kQuestionInterval = 1.0 / 15 - 1e-3;  // [s]
 constexpr double kAnswerPatience = 0.5;                // [s]
 constexpr double kFresh = 1.0;                         // [s]
+constexpr size_t kMuchToSee = 100;                     // corners: a known place would mostly be known by them
 
 }  // namespace
 
@@ -24,7 +25,9 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   asked_ = time;
   under_way_ = true;
   tiny_ = place_image(frame);
-  return std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
+  auto view = std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
+  shows_much_ = view->corners.size() >= kMuchToSee;
+  return view;
 }
 
 bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
@@ -32,6 +35,7 @@ bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
   const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
   suggestion_ = is_news ? suggestion : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;
+  is_elsewhere_ |= !suggestion && shows_much_;
   return is_news;
 }
 

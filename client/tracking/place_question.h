@@ -36,6 +36,7 @@ class PlaceQuestion {
     taken_.reset();
     suggestion_.reset();
     refuted_.forget();
+    shows_much_ = is_elsewhere_ = false;  // an answer that is still to come is about before
   }
   void drop_suggestion() { suggestion_.reset(); }
   /// As new, but for the places refuted: who starts over must not be led to them again.
@@ -49,6 +50,9 @@ class PlaceQuestion {
                                         const MapSnapshot& map);
   /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
   [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
+  /// Whether a picture with much to see, asked about since the last prove(), was of no place known: the
+  /// camera is elsewhere. Of a hand before the lens, or of blur, that says nothing.
+  [[nodiscard]] bool is_elsewhere() const { return is_elsewhere_; }
   /// Whether the latest question that could have been answered was not.
   [[nodiscard]] bool nobody_answers() const { return nobody_answers_; }
 
@@ -58,6 +62,8 @@ class PlaceQuestion {
   bool nobody_answers_ = false;
   TinyImage tiny_;                      ///< of the frame asked about
   std::optional<Timestamp> not_known_;  ///< when the frame was taken of which the latest answer says so
+  bool shows_much_ = false;             ///< the frame asked about
+  bool is_elsewhere_ = false;
   std::optional<PoseSuggestion> suggestion_;
   std::optional<PoseSuggestion> taken_;  ///< and not refuted yet
   RefutedPlaces refuted_;

@@ -26,8 +26,8 @@ constexpr float kRecoveredQuality = 0.4F;  // and their share;
 constexpr float kSuggestedQuality =
     0.25F;                            // less for a place that geometry speaks for: it may be poorly mapped
 constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
-// A camera that has been lost for longer may have been carried elsewhere, to a place that looks the same from
-// where it was [s].
+// A camera that has been lost for longer, or has since seen what no map is known of, may have been carried
+// elsewhere, to a place that looks the same from where it was [s].
 constexpr double kStillHere = 1.0;
 // Correlation of the tiny images of two frames, the motion between them undone: below, they show different
 // things, most likely; strangers are above now and then, and cost two frames more.
@@ -253,7 +253,7 @@ bool Tracker::State::is_sound(PoseVerdict verdict) const {
 
 bool Tracker::State::may_be_elsewhere(Timestamp time) const {
   const double since = seconds_between(time, proven_time);
-  return since < 0 || since > kStillHere;
+  return since < 0 || since > kStillHere || question.is_elsewhere();
 }
 
 void Tracker::State::propose_keyframe() {

@@ -182,6 +182,53 @@ TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
   EXPECT_LT(center_distance(step(truth).camera_from_map, truth), 2e-3);
 }
 
+/// Its memory is tried while it cannot have gone far. Of a covered lens "not known" says nothing, of a
+/// picture with much to see it says that the camera is elsewhere: then only who compares with all maps is
+/// believed.
+TEST_F(OnMap, MemoryIsNoWitnessOnceTheCameraWasSeenElsewhere) {
+  const test::PlaneScene elsewhere(99, camera);
+  const SE3 truth = looking_down(0.02, 0);
+  const auto stranger = elsewhere.render(truth);
+  const auto is_found_again = [&] {
+    bool found = false;
+    for (int i = 0; i < 6; ++i) {
+      const FrameResult& result = step(truth);
+      found |= result.pose_measured;
+      if (result.place_question) tracker.place_answered(std::nullopt);
+    }
+    return found;
+  };
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  for (int i = 0; i < 4; ++i) {
+    if (blank().place_question) tracker.place_answered(std::nullopt);
+  }
+  EXPECT_TRUE(is_found_again());
+  for (int i = 0; i < 4; ++i) {
+    if (tracker.track(stranger, {++frame * kFrame}, map).place_question) tracker.place_answered(std::nullopt);
+  }
+  EXPECT_FALSE(is_found_again());
+  tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1},
+                                        truth * map->find(KeyframeId{1})->camera_from_map.inverse()});
+  EXPECT_TRUE(is_found_again());
+  for (int i = 0; i < 4; ++i) {
+    if (blank().place_question) tracker.place_answered(std::nullopt);
+  }
+  EXPECT_TRUE(is_found_again()) << "since then it is here again";
+}
+
+TEST_F(OnMap, MemoryIsTheOnlyWitnessWhenNobodyAnswersAnyMore) {
+  const test::PlaneScene elsewhere(99, camera);
+  const SE3 truth = looking_down(0.02, 0);
+  const auto stranger = elsewhere.render(truth);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  for (int i = 0; i < 4; ++i) {
+    if (tracker.track(stranger, {++frame * kFrame}, map).place_question) tracker.place_answered(std::nullopt);
+  }
+  bool found = false;
+  for (int i = 0; i < 30 && !found; ++i) found = step(truth).pose_measured;
+  EXPECT_TRUE(found);
+}
+
 /// A tracker that knows nothing but what it is told of where it may be.
 TEST_F(OnMap, ASuggestedPlaceIsBelievedWhenThreeFramesProveIt) {
   const SE3 truth = looking_down(0.05, 0.01);
