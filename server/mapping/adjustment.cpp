@@ -2,14 +2,15 @@
 #include "server/mapping/adjustment.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
+#include "common/geometry/alignment.h"
 #include "server/mapping/bundle_ceres.h"
 
 namespace cairn {
 namespace {
 
-constexpr size_t kMinAnchorPoints = 10;
 constexpr KeyframeId kFirstKeyframe{1};
 
 /// Index of each id in an ascending list, -1 where absent; indexed by id - 1.
@@ -170,32 +171,66 @@ void write_local(const MapProblem& solved, MapState* map) {
     map->point(solved.points[i]).position = solved.bundle.points[i];
 }
 
-void hold_scale(const MapProblem& solved, const ScaleAnchor& anchor, MapState* map) {
+/// Where a keyframe is and how far what it looks at.
+struct Standing {
+  SE3 camera_from_map;
+  double depth = 0;
+};
+
+std::vector<Standing> standing_of(const MapState& map) {
+  std::vector<Standing> standing;
+  standing.reserve(map.keyframes().size());
+  for (const MapKeyframe& k : map.keyframes()) standing.push_back({k.camera_from_map, k.mean_depth});
+  return standing;
+}
+
+/// Spread of `to` about its mean over that of `from`; 1 where there is none (one keyframe).
+double spread_ratio(const std::vector<Eigen::Vector3d>& from, const std::vector<Eigen::Vector3d>& to) {
+  const auto spread = [](const std::vector<Eigen::Vector3d>& places) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& p : places) mean += p / static_cast<double>(places.size());
+    double sum = 0;
+    for (const Eigen::Vector3d& p : places) sum += (p - mean).squaredNorm();
+    return std::sqrt(sum);
+  };
+  const double ratio = spread(to) / spread(from);
+  return std::isfinite(ratio) && ratio > 0 ? ratio : 1.0;
+}
+
+/// Two views a few degrees apart know little of their own poses: a frame and a unit that hang on them, or on
+/// the depths of their points, would move all the rest whenever these are corrected, and with it everyone's
+/// pose. The unit is held by the spread of the keyframes, the frame by what they see: corners of the view at
+/// their depth, since keyframes that go where they look are on one line with what lies ahead.
+void hold_frame(const MapProblem& solved, const std::vector<Standing>& before, MapState* map) {
+  static const std::array<Eigen::Vector3d, 5> kSeen{
+      {{0, 0, 0}, {-0.5, -0.4, 1}, {0.5, -0.4, 1}, {-0.5, 0.4, 1}, {0.5, 0.4, 1}}};
   const auto fixed = std::count_if(solved.bundle.poses.begin(), solved.bundle.poses.end(),
                                    [](const BundlePose& p) { return p.fixed; });
-  if (fixed < 2) map->transform(anchor.correction(*map));
+  if (fixed >= 2) return;
+  std::vector<Eigen::Vector3d> places;
+  std::vector<Eigen::Vector3d> places_before;
+  for (size_t i = 0; i < before.size(); ++i) {
+    if (!map->keyframes()[i].live) continue;
+    places.push_back(map->keyframes()[i].camera_from_map.center());
+    places_before.push_back(before[i].camera_from_map.center());
+  }
+  const double scale = spread_ratio(places, places_before);
+  std::vector<Eigen::Vector3d> from;
+  std::vector<Eigen::Vector3d> to;
+  for (size_t i = 0; i < before.size(); ++i) {
+    const MapKeyframe& k = map->keyframes()[i];
+    if (!k.live) continue;
+    const Eigen::Quaterniond map_from_camera = k.camera_from_map.rotation().conjugate();
+    for (const Eigen::Vector3d& seen : kSeen) {
+      from.push_back(scale * k.camera_from_map.center() + map_from_camera * (before[i].depth * seen));
+      to.push_back(before[i].camera_from_map.inverse() * (before[i].depth * seen));
+    }
+  }
+  const auto back = align_points(from, to, false);
+  if (back) map->transform({scale, back->rotation(), back->translation()});
 }
 
 }  // namespace
-
-ScaleAnchor::ScaleAnchor(const MapState& map) {
-  const Eigen::Vector3d center = map.keyframe(kFirstKeyframe).camera_from_map.center();
-  for (const Measurement& m : map.keyframe(kFirstKeyframe).measurements) {
-    distances_.emplace_back(m.point, (map.point(m.point).position - center).norm());
-  }
-}
-
-Similarity3 ScaleAnchor::correction(const MapState& map) const {
-  const Eigen::Vector3d center = map.keyframe(kFirstKeyframe).camera_from_map.center();
-  std::vector<double> ratios;
-  for (const auto& [id, distance] : distances_) {
-    if (map.is_live(id)) ratios.push_back(distance / (map.point(id).position - center).norm());
-  }
-  if (ratios.size() < kMinAnchorPoints) return {};
-  const auto middle = ratios.begin() + static_cast<ptrdiff_t>(ratios.size() / 2);
-  std::nth_element(ratios.begin(), middle, ratios.end());
-  return {*middle, Eigen::Quaterniond::Identity(), center * (1 - *middle)};
-}
 
 MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours) {
   const std::vector<int> shared = map.shared_points(map.keyframe(newest).measurements);
@@ -235,12 +270,13 @@ MapProblem global_problem(const MapState& map) {
   return problem;
 }
 
-void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map) {
+void write_back(const MapProblem& solved, double squared_cutoff, MapState* map) {
+  const std::vector<Standing> before = standing_of(*map);
   write_poses(solved, map);
   for (size_t i = 0; i < solved.cameras.size(); ++i)
     map->update_camera(solved.cameras[i], solved.bundle.free_cameras[i]);
   drop_outliers(solved, squared_cutoff, map);
-  hold_scale(solved, anchor, map);
+  hold_frame(solved, before, map);
   for (size_t i = 0; i < map->keyframes().size(); ++i) map->update_depths(KeyframeId{i + 1});
 }
 
@@ -250,7 +286,7 @@ BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adju
 }
 
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
-                            const ScaleAnchor& anchor, const std::function<bool()>& should_stop) {
+                            const std::function<bool()>& should_stop) {
   MapProblem problem = local_problem(*map, newest, options.local_keyframes);
   BundleOptions bundle;
   bundle.max_iterations = 10;
@@ -258,19 +294,21 @@ BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOpti
   bundle.should_stop = should_stop;
   const BundleReport report = minimise(&problem.bundle, bundle, options.adjuster);
   if (!report.usable) return report;
+  const std::vector<Standing> before = standing_of(*map);
   write_local(problem, map);
   drop_outliers(problem, report.squared_cutoff, map);
-  hold_scale(problem, anchor, map);
+  const bool is_whole = problem.keyframes.size() == map->live_keyframes();
+  if (is_whole) hold_frame(problem, before, map);  // else the others do
   for (const KeyframeId id : problem.keyframes) map->update_depths(id);
   return report;
 }
 
-BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor, Adjuster adjuster) {
+BundleReport adjust_whole(MapState* map, Adjuster adjuster) {
   MapProblem problem = global_problem(*map);
   BundleOptions options = global_options({});
   options.rounds = 3;
   const BundleReport report = minimise(&problem.bundle, options, adjuster);
-  if (report.usable) write_back(problem, report.squared_cutoff, anchor, map);
+  if (report.usable) write_back(problem, report.squared_cutoff, map);
   return report;
 }
 

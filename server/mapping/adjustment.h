@@ -20,26 +20,6 @@ struct MapProblem {
   std::vector<CutCamera> cameras;     ///< of bundle.free_cameras
 };
 
-/// What fixes the unit of length. The baseline of the first two keyframes is known no better than their
-/// parallax allows, so holding it would have the whole map breathe with one keyframe; held is the median
-/// distance of the seed's points from the first keyframe, relative to what it was at the first revision.
-/// Cheap to copy.
-class ScaleAnchor {
- public:
-  ScaleAnchor() = default;
-  explicit ScaleAnchor(const MapState& map);
-  /// Points and what their distance from the first keyframe was [map unit].
-  explicit ScaleAnchor(std::vector<std::pair<PointId, double>> distances)
-      : distances_(std::move(distances)) {}
-  [[nodiscard]] const std::vector<std::pair<PointId, double>>& distances() const { return distances_; }
-  /// The similarity about the first camera that puts the unit right; identity when too few of the points are
-  /// left.
-  [[nodiscard]] Similarity3 correction(const MapState& map) const;
-
- private:
-  std::vector<std::pair<PointId, double>> distances_;
-};
-
 /// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
 /// their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
@@ -49,17 +29,19 @@ class ScaleAnchor {
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay
 /// removed, keyframes not in the problem keep their pose relative to their reference keyframe, points not in
-/// it theirs relative to their source. Drops measurements that the robust cost calls outliers, holds the
-/// scale unless two fixed keyframes did, refreshes depths.
-void write_back(const MapProblem& solved, double squared_cutoff, const ScaleAnchor& anchor, MapState* map);
+/// it theirs relative to their source. Drops measurements that the robust cost calls outliers, refreshes
+/// depths. Unless two fixed keyframes hold the map's frame and unit, the map as a whole stays where it was:
+/// the similarity that brings the keyframes, and what they look at, back nearest to before.
+void write_back(const MapProblem& solved, double squared_cutoff, MapState* map);
 
 /// solve_bundle(), or the same by Ceres.
 BundleReport minimise(BundleProblem* problem, const BundleOptions& options, Adjuster adjuster);
-/// minimise() and write_back() of a local problem; the map is untouched unless the report says usable.
+/// minimise() a local problem and write it back, with the map as a whole where it was as by write_back(); the
+/// map is untouched unless the report says usable.
 BundleReport adjust_locally(MapState* map, KeyframeId newest, const MapMakerOptions& options,
-                            const ScaleAnchor& anchor, const std::function<bool()>& should_stop);
+                            const std::function<bool()>& should_stop);
 /// The same for the whole map, to convergence: for the start, when the map is small.
-BundleReport adjust_whole(MapState* map, const ScaleAnchor& anchor, Adjuster adjuster);
+BundleReport adjust_whole(MapState* map, Adjuster adjuster);
 
 /// How a global adjustment is solved, wherever it runs.
 [[nodiscard]] BundleOptions global_options(const std::function<bool()>& should_stop);

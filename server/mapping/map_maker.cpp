@@ -33,7 +33,6 @@ struct MapMaker::State {
   MapMakerOptions options;
   KeyframeSpacing spacing;
   MapState map;
-  ScaleAnchor anchor;
   bool plane_aligned = false;
   SnapshotBuilder builder;
   MapRecorder recorder = {};
@@ -110,7 +109,7 @@ StepReport MapMaker::State::adjust(const std::function<bool()>& should_yield) {
     stopped = stopped || should_yield();
     return stopped;
   };
-  const BundleReport bundle = adjust_locally(&map, newest, options, anchor, stop);
+  const BundleReport bundle = adjust_locally(&map, newest, options, stop);
   report.finished = !stopped;
   report.changed = bundle.usable;
   report.observations = bundle.observations;
@@ -164,7 +163,6 @@ Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> MapMaker::start(const S
       std::make_unique<State>(State{.options = options,
                                     .spacing = spacing,
                                     .map = std::move(seeded->map),
-                                    .anchor = std::move(seeded->anchor),
                                     .plane_aligned = seeded->result.plane_aligned,
                                     .builder = SnapshotBuilder(input.map, input.map_name, input.epoch),
                                     .newest = seeded->result.second_keyframe});
@@ -181,7 +179,6 @@ Result<MapMaker::Restored> MapMaker::restore(const MapRecord& record, const MapI
       std::make_unique<State>(State{.options = options,
                                     .spacing = {foundation.min_distance_over_depth},
                                     .map = std::move(map),
-                                    .anchor = ScaleAnchor(foundation.anchors),
                                     .plane_aligned = foundation.plane_aligned,
                                     .builder = SnapshotBuilder(identity.map, identity.name, identity.epoch),
                                     .newest = KeyframeId{1}});
@@ -272,7 +269,7 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   report.iterations = solved.report.iterations;
   report.changed = solved.report.usable;
   report.finished = solved.report.usable && solved.report.converged;
-  if (solved.report.usable) write_back(solved.problem, solved.report.squared_cutoff, s.anchor, &s.map);
+  if (solved.report.usable) write_back(solved.problem, solved.report.squared_cutoff, &s.map);
   // An unusable result would come out the same again: wait for the map to grow.
   const bool settled = report.finished || !solved.report.usable;
   if (settled && solved.keyframes_at_cut == s.map.keyframes().size()) s.global_adjustment_due = false;
@@ -305,7 +302,7 @@ void MapMaker::rename(const std::string& name) {
 
 MapRecord MapMaker::take_changes() {
   State& s = *state_;
-  const FoundationRecord foundation{s.spacing.min_distance_over_depth, s.anchor.distances(), s.plane_aligned};
+  const FoundationRecord foundation{s.spacing.min_distance_over_depth, s.plane_aligned};
   return s.recorder.take(s.map, foundation, s.work());
 }
 

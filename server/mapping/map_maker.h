@@ -139,8 +139,8 @@ enum class RestoredImages : uint8_t { kStay, kLetGo };
 class MapMaker {
  public:
   /// Makes a map of two keyframes or says why not (message for a person: "no parallax: ..."). The dominant
-  /// plane, where there is one, becomes Z = 0, the baseline `options.baseline`. The map's frame and scale are
-  /// fixed from here on.
+  /// plane, where there is one, becomes Z = 0, the baseline `options.baseline`. From here on
+  /// adjustments leave the map as a whole where it was (write_back).
   [[nodiscard]] static Result<std::pair<std::unique_ptr<MapMaker>, SeedResult>> start(
       const SeedInput& input, const MapMakerOptions& options);
   /// A map as it was when its record was taken: it goes on as the original would have, in a new epoch.

@@ -68,10 +68,9 @@ struct PositionsRecord {
   std::vector<Point> points;
 };
 
-/// What the two-view start has fixed for good.
+/// What the two-view start has fixed.
 struct FoundationRecord {
-  double min_distance_over_depth = 0;               ///< KeyframeSpacing
-  std::vector<std::pair<PointId, double>> anchors;  ///< ScaleAnchor: points and their distance [map unit]
+  double min_distance_over_depth = 0;  ///< KeyframeSpacing
   bool plane_aligned = false;
 };
 

@@ -176,14 +176,14 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   add_trail_points(trails, *geometry, options.baseline, first, second, &seeded);
   if (seeded.result.points.size() < kMinSeedPoints) return too_few(seeded.result.points.size());
   update_all_depths(&map);
-  if (!adjust_whole(&map, {}, options.adjuster).usable)
+  if (!adjust_whole(&map, options.adjuster).usable)
     return fail(ErrorCode::kDegenerate, "the two views do not adjust");
   NewPointsOptions new_points;
   for (const int level : kSeedLevelOrder) {
     new_points.max_points = options.max_points_per_keyframe / 2;
     (void)make_new_points(&map, second, level, new_points, [] { return false; });
   }
-  if (!adjust_whole(&map, {}, options.adjuster).usable)
+  if (!adjust_whole(&map, options.adjuster).usable)
     return fail(ErrorCode::kDegenerate, "the two views do not adjust");
   if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
   if (const double rms = whitened_rms(map); rms > kMaxRms) {
@@ -194,7 +194,6 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   scale_baseline(&map, first, second, options.baseline);
   seeded.result.plane_aligned = align_plane(&map, first, options.seed);
   update_all_depths(&map);
-  seeded.anchor = ScaleAnchor(map);
   std::erase_if(seeded.result.points, [&map](const auto& p) { return !map.is_live(p.second); });
   seeded.result.first_keyframe = first;
   seeded.result.second_keyframe = second;

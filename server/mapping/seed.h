@@ -11,7 +11,6 @@ namespace cairn {
 struct SeededMap {
   MapState map;
   SeedResult result;
-  ScaleAnchor anchor;
 };
 
 /// Two keyframes and their points, adjusted, scaled to the baseline and turned to the dominant plane; or, for

@@ -288,15 +288,15 @@ std::optional<PositionsRecord> decode_positions(uint32_t block, std::span<const 
 
 // ---- foundation and work
 
+/// Files written before have points here and their distances, by which the unit of length was held; programs
+/// of before read none as that they hold nothing.
+constexpr size_t kAnchorBytes = sizeof(uint64_t) + sizeof(double);
+
 Blob encode_foundation(const FoundationRecord& foundation) {
   ByteWriter out;
   out.put(foundation.min_distance_over_depth);
   out.put(static_cast<uint8_t>(foundation.plane_aligned));
-  out.put(static_cast<uint32_t>(foundation.anchors.size()));
-  for (const auto& [id, distance] : foundation.anchors) {
-    out.put(id.value);
-    out.put(distance);
-  }
+  out.put(uint32_t{0});
   return out.take();
 }
 
@@ -305,13 +305,12 @@ std::optional<FoundationRecord> decode_foundation(std::span<const uint8_t> row) 
   FoundationRecord foundation;
   foundation.min_distance_over_depth = in.get<double>();
   foundation.plane_aligned = in.get<uint8_t>() != 0;
-  foundation.anchors.resize(in.get_count(kIdBytes + sizeof(double)));
-  bool sound = foundation.min_distance_over_depth > 0 && is_length(foundation.min_distance_over_depth);
-  for (auto& [id, distance] : foundation.anchors) {
-    id.value = in.get<uint64_t>();
-    distance = in.get<double>();
-    sound = sound && distance > 0 && is_length(distance);
+  const size_t anchors = in.get_count(kAnchorBytes);
+  for (size_t i = 0; i < anchors; ++i) {
+    (void)in.get<uint64_t>();
+    (void)in.get<double>();
   }
+  const bool sound = foundation.min_distance_over_depth > 0 && is_length(foundation.min_distance_over_depth);
   if (!in.finished() || !sound) return std::nullopt;
   return foundation;
 }

@@ -87,7 +87,7 @@ class RowCodecTest : public ::testing::Test {
     const auto again = [](const auto& decoded, auto encode) {
       return decoded ? std::optional(encode(*decoded)) : std::nullopt;
     };
-    const FoundationRecord foundation{0.07, {{PointId{1}, 0.5}, {PointId{9}, 1.25}}, true};
+    const FoundationRecord foundation{0.07, true};
     return {
         {"camera", encode_camera(camera_),
          [again](const Blob& row) { return again(decode_camera(row), encode_camera); }},
@@ -121,6 +121,23 @@ class RowCodecTest : public ::testing::Test {
   CameraParameters camera_{CameraModel::kPinholeRadtan, 640, 480, {525, 526, 319, 239, -0.1, 0.01, 0, 0, 0}};
   CameraRows cameras_;
 };
+
+/// As they were written while points of the start held the unit of length.
+TEST_F(RowCodecTest, AFoundationWithAnchorsIsReadWithoutThem) {
+  const Blob now = encode_foundation({0.07, true});
+  Blob before(now.begin(), now.end() - sizeof(uint32_t));
+  ByteWriter anchors;
+  anchors.put(uint32_t{2});
+  for (const auto& [point, distance] : {std::pair(uint64_t{1}, 0.5), std::pair(uint64_t{9}, 1.25)}) {
+    anchors.put(point);
+    anchors.put(distance);
+  }
+  const Blob list = anchors.take();
+  before.insert(before.end(), list.begin(), list.end());
+  const auto read = decode_foundation(before);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(encode_foundation(*read), now);
+}
 
 TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
   for (const Kind& kind : kinds()) {

@@ -161,9 +161,6 @@ MapRecord FirstPoints::record(const std::vector<PosedStill>& posed) const {
   record.point_count = sources_.size();
   FoundationRecord& foundation = record.foundation.emplace();
   foundation.min_distance_over_depth = kSpacing;
-  const Eigen::Vector3d first = stills_.front().keyframe.camera_from_map.center();
-  for (const auto& [id, _] : measured_.front())
-    foundation.anchors.emplace_back(id, (position(id) - first).norm());
   WorkRecord& work = record.work.emplace();
   for (size_t i = 0; i < stills_.size(); ++i) {
     const MapKeyframe& k = stills_[i].keyframe;
