@@ -15,6 +15,10 @@ struct Appearance {
   /// Spearman's correlation of the grey levels: which things are brighter than which others, across the
   /// picture. Any curve of grey levels keeps that order.
   double order = -1;
+  /// Of kParts parts of the picture, those in which `local` is low, more than chance explains: what is there
+  /// is not what the keyframes show. A place like this one is like it in part: the same things stand there,
+  /// and others. Parts with fewer than four points say nothing.
+  int strange_parts = 0;
 };
 
 /// At the points where a pose puts them, at pyramid level 3 (8 px of the picture): a witness that is

@@ -3,17 +3,15 @@
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <array>
 #include <iterator>
 #include <utility>
 
 #include "server/relocalization/appearance.h"
+#include "server/relocalization/picture_parts.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kCellsAcross = 4;
-constexpr int kCellsDown = 3;
 constexpr int kAgreeingInCell = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
 constexpr size_t kNeighbours = 4;         ///< keyframes whose points are looked for around a pose
@@ -49,16 +47,10 @@ std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span
   return found;
 }
 
-/// Cells of the image in which at least so many of the corners lie.
+/// Parts of the picture in which at least so many of the corners lie.
 int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
-  std::array<int, size_t{kCellsAcross} * kCellsDown> inside{};
-  for (const size_t corner : corners) {
-    const Eigen::Vector2f& p = view.corners[corner].pixel;
-    const int column =
-        std::clamp(static_cast<int>(p.x()) * kCellsAcross / camera.width(), 0, kCellsAcross - 1);
-    const int row = std::clamp(static_cast<int>(p.y()) * kCellsDown / camera.height(), 0, kCellsDown - 1);
-    ++inside[static_cast<size_t>(row * kCellsAcross + column)];
-  }
+  PerPart<int> inside{};
+  for (const size_t corner : corners) ++inside[part_of(view.corners[corner].pixel, camera)];
   return static_cast<int>(std::ranges::count_if(inside, [&](int count) { return count >= fewest; }));
 }
 
@@ -71,7 +63,7 @@ std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b)
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
   return said.alikeness >= needed.alikeness && evidence(said) >= needed.evidence &&
          said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected &&
-         said.agreeing_cells >= needed.agreeing_cells;
+         said.agreeing_cells >= needed.agreeing_cells && said.strange_parts <= needed.strange_parts;
 }
 
 bool do_enough_agree(const ConfirmOptions& options, const Confirmation& said) {
@@ -92,9 +84,9 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
   } else if (!looks_right && !speak(options.by_extent, *result)) {
     result->reason = fmt::format(
         "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
-        "together agrees: {:.2f} in all; corners agree in {} of 12 parts",
+        "together agrees: {:.2f} in all; corners agree in {} of 12 parts, {} parts show something else",
         result->inliers, result->met, result->alikeness, unity(*result), evidence(*result),
-        result->agreeing_cells);
+        result->agreeing_cells, result->strange_parts);
   } else {
     result->confirmed = true;
     result->changed = !looks_right;
@@ -175,6 +167,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   const Appearance appearance = compare_appearance(view, camera, points);
   result.alikeness = appearance.local;
   result.order = appearance.order;
+  result.strange_parts = appearance.strange_parts;
   judge(options, &result);
   if (result.confirmed || do_enough_agree(options, result))
     result.explained = united(result.explained, result.found);

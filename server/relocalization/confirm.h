@@ -7,6 +7,7 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "server/relocalization/match.h"
+#include "server/relocalization/picture_parts.h"
 
 namespace cairn {
 
@@ -20,20 +21,22 @@ struct ConfirmOptions {
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
   /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
   /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
-  /// that agree lie in. Any of these ways.
+  /// that agree lie in; and in how many parts of it what is there speaks against the place. Any of these
+  /// ways.
   struct Witnesses {
     double alikeness = 0;
     double evidence = 0;
     double of_met = 0;
     double of_expected = 0;
     int agreeing_cells = 0;
+    int strange_parts = kParts;  ///< at most
   };
-  Witnesses by_picture = {0.53, 0.66, 0.35, 0, 0};    ///< looks the same
-  Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};  ///< partly hidden: most of its points are seen
+  Witnesses by_picture = {0.53, 0.66, 0.35, 0, 0, 1};  ///< looks the same, all over but for one part
+  Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};   ///< partly hidden: most of its points are seen
   Witnesses by_extent = {0.42, 0, 0.53, 0,
                          8};  ///< a part has moved: the rest, in most of the picture, agrees
   /// Few corners agree, as where much of the picture is white: all else must speak clearly.
-  Witnesses by_few = {0.53, 0.75, 0.45, 0, 0};
+  Witnesses by_few = {0.53, 0.75, 0.45, 0, 0, 1};
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;
@@ -44,7 +47,7 @@ struct ConfirmOptions {
 /// What geometry says of a keyframe as the place of a query.
 struct Confirmation {
   bool confirmed = false;
-  bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone
+  bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
   SE3 camera_from_map;
   int matches = 0;                ///< by descriptors alone
   int supported = 0;              ///< of these, by their neighbours
@@ -56,6 +59,7 @@ struct Confirmation {
   int agreeing_cells = 0;         ///< of 12, with two in them at least of those that are `agreeing`
   double alikeness = -1;          ///< Appearance::local
   double order = -1;              ///< Appearance::order
+  int strange_parts = 0;          ///< Appearance::strange_parts
   std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`
   std::vector<size_t> explained;  ///< `supported`, and `found` unless few agree and it is refused; ascending
   std::string reason;             ///< why it is not confirmed

@@ -224,6 +224,65 @@ RelocOptions few_agree() {
   return options;
 }
 
+/// Parts of a picture show what those on the other side of it show.
+GrayImage with_strange_parts(const GrayView& image, std::initializer_list<size_t> parts) {
+  const auto width = static_cast<size_t>(image.width) / kPartsAcross;
+  const auto height = static_cast<size_t>(image.height) / kPartsDown;
+  GrayImage changed(image);
+  for (const size_t part : parts) {
+    const size_t other = (part + kParts / 2) % kParts;
+    for (size_t y = 0; y < height; ++y)
+      std::copy_n(
+          image.row(static_cast<int>(other / kPartsAcross * height + y)) + other % kPartsAcross * width,
+          width,
+          changed.row(static_cast<int>(part / kPartsAcross * height + y)) + part % kPartsAcross * width);
+  }
+  return changed;
+}
+
+/// A place like this one is like it in part: the same things stand there, and others. The corners here agree,
+/// and the picture is alike in the mean.
+TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheMeanIsNotEnough) {
+  ConfirmOptions by_picture;
+  by_picture.by_points.evidence = 1.01;
+  by_picture.by_extent.agreeing_cells = 13;  // of 12
+  ConfirmOptions in_the_mean = by_picture;
+  in_the_mean.by_picture.strange_parts = kParts;
+  ConfirmOptions few = few_agree().confirm;
+  few.by_few.evidence = by_picture.by_picture.evidence;
+  ConfirmOptions few_in_the_mean = few;
+  few_in_the_mean.by_few.strange_parts = kParts;
+  const IndexedMapPtr indexed = map().index();
+  int one = 0;
+  int more = 0;
+  for (const int step : {3, 4, 5}) {
+    SCOPED_TRACE(step);
+    const auto image = scene().render(Scene::pose(step), 600 + static_cast<uint64_t>(step));
+    PlaceView view = describe_image(image->view());
+    const GrayImage small(view.small.view());
+    const auto cells = probed_cells(view);
+    const CornerGrid grid(view, *scene().camera());
+    const auto ask = [&](const ConfirmOptions& options) {
+      return confirm(view, cells, grid, *scene().camera(), *indexed, 1, options);
+    };
+    EXPECT_EQ(ask(by_picture).strange_parts, 0);
+    for (size_t part = 0; part < kParts; ++part) {
+      view.small = with_strange_parts(small.view(), {part});
+      EXPECT_LE(ask(by_picture).strange_parts, 1) << "part " << part;
+      EXPECT_TRUE(ask(by_picture).confirmed) << "one thing may have moved: part " << part;
+      one += ask(by_picture).strange_parts;
+      view.small = with_strange_parts(small.view(), {part, (part + 1) % kParts, (part + 2) % kParts});
+      if (!ask(in_the_mean).confirmed || !ask(few_in_the_mean).confirmed) continue;
+      const bool is_like = ask(by_picture).strange_parts <= 1;
+      EXPECT_EQ(ask(by_picture).confirmed, is_like);
+      EXPECT_EQ(ask(few).confirmed, is_like);
+      more += is_like ? 0 : 1;
+    }
+  }
+  EXPECT_GE(one, 12) << "of 36";
+  EXPECT_GE(more, 12) << "of 36";
+}
+
 TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
   constexpr double kMoved = 0.28;
   for (const int step : {5, 6, 7}) {
