@@ -15,7 +15,7 @@ enum class PlaceVerdict : uint8_t {
   kConfirmed = 0,    ///< geometry agrees; the tracker's proof is still to come
   kUnconfirmed = 1,  ///< a guess to be tried (the 2008 way)
   kNotKnown = 2,     ///< no place of any map looks like it
-  kNotThere = 3,     ///< none of the maps that count for now: what others know is left open
+  kNotThere = 3,     ///< none of the maps that count for now, or no answer could be found: it is left open
 };
 /// Whether one of the candidates is worth trying.
 [[nodiscard]] constexpr bool has_place(PlaceVerdict verdict) {

@@ -226,7 +226,7 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
       look_up(name, camera, std::move(message), scope);
     } catch (const std::exception& problem) {  // memory, a library
       post([this, name, command, why = std::string("internal error: ") + problem.what()] {
-        on_query_answered(name, command, {PlaceVerdict::kNotKnown, {}, why});
+        on_query_answered(name, command, {PlaceVerdict::kNotThere, {}, why});
       });
     }
   });
@@ -241,7 +241,7 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
     });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);
-  if (!small) return done({PlaceVerdict::kNotKnown, {}, small.error().message});
+  if (!small) return done({PlaceVerdict::kNotThere, {}, small.error().message});
   PlaceQuery query;
   query.camera = camera;
   query.view.small.assign(**small);

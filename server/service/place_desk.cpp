@@ -106,7 +106,7 @@ std::shared_ptr<const PlaceIndex> PlaceDesk::index() const {
 void PlaceDesk::ask(PlaceQuery query, Done done) {
   auto shared = std::make_shared<const PlaceQuery>(std::move(query));
   lanes_.answerers.submit([self = shared_from_this(), query = std::move(shared), done = std::move(done)] {
-    PlaceAnswer answer{PlaceVerdict::kNotKnown, {}, "internal error; the server's log says more"};
+    PlaceAnswer answer{PlaceVerdict::kNotThere, {}, "internal error; the server's log says more"};
     try {
       RelocOptions options = self->options_;
       if (query->lockstep) {
