@@ -16,6 +16,10 @@ class MotionModel {
  public:
   /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
+  /// Whether the camera is farther from where it was predicted to be at `time` than a hand can have moved it
+  /// since the last pose. `mean_depth` [map unit] of what it looks at.
+  [[nodiscard]] bool is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
+                             double mean_depth) const;
   /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
   void measured(const SE3& camera_from_map, Timestamp time);
   /// A frame without a measurement: the velocity decays, the pose stays.

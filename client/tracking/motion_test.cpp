@@ -42,6 +42,25 @@ TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
   EXPECT_GT(before, 0);
 }
 
+TEST(MotionModel, ALeapIsWhatNoHandCanDo) {
+  constexpr double kDepth = 0.5;
+  MotionModel model;
+  model.reset(SE3(), {0});
+  const auto leaps = [&](double metres, int frames) {
+    const SE3 pose(Eigen::Quaterniond::Identity(), {0, metres, 0});
+    return model.is_leap(pose, SE3(), Timestamp{frames * kFrame}, kDepth);
+  };
+  constexpr double k2g = 2 * 9.81 / (30 * 30);
+  constexpr double k5g = 5 * 9.81 / (30 * 30);
+  EXPECT_FALSE(leaps(k2g, 1));
+  EXPECT_TRUE(leaps(k5g, 1));
+  EXPECT_FALSE(leaps(k5g, 2)) << "a frame was dropped";
+  EXPECT_TRUE(leaps(4 * k5g, 2));
+  EXPECT_FALSE(leaps(k2g, 0)) << "the noise of poses";
+  EXPECT_FALSE(model.is_leap(SE3(Eigen::Quaterniond::Identity(), {0, k5g, 0}), SE3(), {kFrame}, 4 * kDepth))
+      << "what is far away moves little";
+}
+
 TEST(MotionModel, LongGapsAreNotExtrapolated) {
   MotionModel model;
   model.reset(SE3(), {0});

@@ -18,10 +18,9 @@
 namespace cairn {
 namespace {
 
-constexpr int kEnoughForKeyframe =
-    80;                          // points found: the pose is sound although most of the map is out of sight
-constexpr int kProofFrames = 3;  // in a row, for a pose that was found by looking for it
-constexpr int kFewestRecovered = 25;       // points found in each of them,
+constexpr int kEnoughPoints = 80;     // found: the pose is sound although most of the map is out of sight
+constexpr int kProofFrames = 3;       // in a row, for a pose that was found by looking for it
+constexpr int kFewestRecovered = 25;  // points found in each of them,
 constexpr float kRecoveredQuality = 0.4F;  // and their share;
 constexpr float kSuggestedQuality =
     0.25F;                            // less for a place that geometry speaks for: it may be poorly mapped
@@ -248,7 +247,7 @@ void Tracker::State::publish(Timestamp time, PoseVerdict verdict) {
 /// looks like this one some are found, too.
 bool Tracker::State::is_sound(PoseVerdict verdict) const {
   return verdict == PoseVerdict::kGood ||
-         (finder.found() >= kEnoughForKeyframe && finder.quality() > options.lost_quality);
+         (finder.found() >= kEnoughPoints && finder.quality() > options.lost_quality);
 }
 
 bool Tracker::State::may_be_elsewhere(Timestamp time) const {
@@ -278,6 +277,11 @@ void Tracker::State::track_map(Timestamp time) {
     pose = finder.locate(now(), turn * model.last(), wide_effort(options), probe);
     verdict = pose ? finder.judge() : PoseVerdict::kBad;
   }
+  // What leaves the picture is tracked on its last points, all of them to one side, and with these the pose
+  // runs away before it is lost.
+  if (verdict == PoseVerdict::kPoor && finder.found() < kEnoughPoints &&
+      model.is_leap(*pose, step * model.last(), time, mean_depth))
+    verdict = PoseVerdict::kBad;
   // After a frame that failed or that showed something else the start is a guess: what is found from there
   // must look right to be believed.
   if (verdict == PoseVerdict::kPoor && (bad_frames > 0 || is_cut)) verdict = PoseVerdict::kBad;

@@ -294,6 +294,25 @@ GrayImagePtr blurred(const GrayImage& image) {
   return out;
 }
 
+/// On the last points of what leaves the picture the pose may run away.
+TEST_F(OnMap, APoorPoseFarFromThePredictedOneIsNotBelieved) {
+  constexpr int kSharp = 80;  // [px] on the left
+  TrackerOptions few = options();
+  few.max_points = 200;
+  for (const double leap : {0.0, 0.1}) {
+    Tracker follower(camera, few);
+    follower.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, SE3()});
+    for (int i = 0; i < 6; ++i) follower.track(scene.render(looking_down(0, 0)), {i * kFrame}, map);
+    const GrayImagePtr sharp = scene.render(looking_down(0.005, leap));
+    auto image = std::make_shared<GrayImage>(blurred(*sharp)->view());
+    for (int y = 0; y < image->height(); ++y) std::copy_n(sharp->row(y), kSharp, image->row(y));
+    const FrameResult& result = follower.track(image, {6 * kFrame}, map);
+    EXPECT_EQ(result.state, leap == 0 ? TrackingState::kPoor : TrackingState::kLost) << result.note;
+    EXPECT_EQ(result.pose_measured, leap == 0) << result.found << " of " << result.attempted;
+    EXPECT_GT(result.quality, few.lost_quality) << "which is enough to be found";
+  }
+}
+
 TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   const SE3 truth = looking_down(0.03, 0);
