@@ -8,7 +8,7 @@ constexpr int kMinAttempts = 6;  ///< before a point is judged
 constexpr double kMinFoundFraction = 0.2;
 constexpr int kRedundantObservers = 3;
 constexpr double kRedundantFraction = 0.9;
-constexpr size_t kFirstKept = 2;   ///< the start: map and record begin with them
+constexpr size_t kFirstKept = 2;   ///< problems hold the first, its tracker begins at the second
 constexpr size_t kNewestKept = 5;  ///< still being integrated, or the reference of offers in flight
 
 /// Whether a map without this keyframe still holds the measured point as well as with it.

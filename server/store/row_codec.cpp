@@ -288,15 +288,15 @@ std::optional<PositionsRecord> decode_positions(uint32_t block, std::span<const 
 
 // ---- foundation and work
 
-/// Files written before have points here and their distances, by which the unit of length was held; programs
-/// of before read none as that they hold nothing.
-constexpr size_t kAnchorBytes = sizeof(uint64_t) + sizeof(double);
+/// A point of the start and its distance, by which the unit of length was held until files had none of them;
+/// to programs of that time none says that nothing is held.
+constexpr size_t kAnchorBytes = kIdBytes + sizeof(double);
 
 Blob encode_foundation(const FoundationRecord& foundation) {
   ByteWriter out;
   out.put(foundation.min_distance_over_depth);
   out.put(static_cast<uint8_t>(foundation.plane_aligned));
-  out.put(uint32_t{0});
+  out.put(uint32_t{0});  // anchors
   return out.take();
 }
 
