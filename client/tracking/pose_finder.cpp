@@ -40,8 +40,15 @@ void find_corners(const FrameImages& frame, int from_level, StageProbe* probe) {
 }  // namespace
 
 SearchEffort normal_effort(const TrackerOptions& options) {
-  return {options.coarse_points, options.coarse_radius, options.fine_radius, options.fine_radius_after_coarse,
-          kMaxSquaredCutoff,     kEnoughAligned};
+  SearchEffort effort;
+  effort.coarse_points = options.coarse_points;
+  effort.coarse_radius = options.coarse_radius;
+  effort.fine_radius = options.fine_radius;
+  effort.fine_radius_after_coarse = options.fine_radius_after_coarse;
+  effort.max_squared_cutoff = kMaxSquaredCutoff;
+  effort.enough_aligned = kEnoughAligned;
+  effort.doubts_coarse = true;
+  return effort;
 }
 
 SearchEffort wide_effort(const TrackerOptions& options) {
@@ -62,22 +69,21 @@ PoseFinder::PoseFinder(CameraPtr camera, const TrackerOptions& options)
       order_(camera_->width(), camera_->height()) {}
 
 void PoseFinder::clear() {
-  visible_.clear();
-  attempted_ = 0;
-  hidden_ = 0;
-  found_ = 0;
-  rms_ = 0;
+  std::vector<VisiblePoint> points = std::move(seen_.points);
+  points.clear();
+  seen_ = Seen{};
+  seen_.points = std::move(points);
 }
 
 float PoseFinder::quality() const {
-  const int in_sight = attempted_ - hidden_;
-  return in_sight == 0 ? 0 : static_cast<float>(found_) / static_cast<float>(in_sight);
+  const int in_sight = seen_.attempted - seen_.hidden;
+  return in_sight == 0 ? 0 : static_cast<float>(seen_.found) / static_cast<float>(in_sight);
 }
 
 std::optional<double> PoseFinder::mean_depth() const {
   double sum = 0;
   int count = 0;
-  for (const VisiblePoint& p : visible_) {
+  for (const VisiblePoint& p : seen_.points) {
     if (!p.found) continue;
     sum += p.depth;
     ++count;
@@ -90,8 +96,8 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
   const ScopedStage stage(probe, Stage::kPose);
   observations_.clear();
   observed_.clear();
-  for (size_t i = 0; i < visible_.size(); ++i) {
-    const VisiblePoint& p = visible_[i];
+  for (size_t i = 0; i < seen_.points.size(); ++i) {
+    const VisiblePoint& p = seen_.points[i];
     if (!p.found) continue;
     observations_.push_back({p.position, p.pixel.cast<double>(), static_cast<double>(1 << p.level)});
     observed_.push_back(i);
@@ -101,37 +107,37 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
   pose_options.max_squared_cutoff = max_squared_cutoff;
   const auto estimate = optimize_pose(*camera_, start, observations_, pose_options);
   if (!estimate) return std::nullopt;
-  found_ = estimate->inliers;
-  rms_ = estimate->rms;
+  seen_.found = estimate->inliers;
+  seen_.rms = estimate->rms;
   // Only what agrees with the pose counts as found.
-  for (size_t i = 0; i < observed_.size(); ++i) visible_[observed_[i]].found = estimate->weights[i] > 0;
+  for (size_t i = 0; i < observed_.size(); ++i) seen_.points[observed_[i]].found = estimate->weights[i] > 0;
   return estimate->camera_from_map;
 }
 
 std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3& start,
                                             const SearchEffort& effort, StageProbe* probe) {
-  const auto coarse_end = std::find_if(visible_.begin(), visible_.end(),
+  const auto coarse_end = std::find_if(seen_.points.begin(), seen_.points.end(),
                                        [](const VisiblePoint& p) { return p.level < kCoarseLevel; });
-  if (coarse_end - visible_.begin() < kCoarseAvailable) return std::nullopt;
+  if (coarse_end - seen_.points.begin() < kCoarseAvailable) return std::nullopt;
   find_corners(frame, kCoarseLevel, probe);
   int found = 0;
   {
     const ScopedStage stage(probe, Stage::kCoarse);
-    const auto count = std::min<ptrdiff_t>(coarse_end - visible_.begin(), effort.coarse_points);
-    for (auto p = visible_.begin(); p != visible_.begin() + count; ++p) {
+    const auto count = std::min<ptrdiff_t>(coarse_end - seen_.points.begin(), effort.coarse_points);
+    for (auto p = seen_.points.begin(); p != seen_.points.begin() + count; ++p) {
       search_.search(frame, {effort.coarse_radius, kRefineIterations, SearchBy::kBoth}, &*p);
       found += p->found ? 1 : 0;
     }
   }
   if (found < kCoarseFound) return std::nullopt;
   auto pose = solve(start, effort.max_squared_cutoff, probe);
-  if (!pose || found_ < kCoarseFound) return std::nullopt;
+  if (!pose || seen_.found < kCoarseFound) return std::nullopt;
   return pose;
 }
 
 void PoseFinder::search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe) {
   const ScopedStage stage(probe, Stage::kFine);
-  for (VisiblePoint& p : visible_) {
+  for (VisiblePoint& p : seen_.points) {
     if (!p.found) search_.search(frame, reach, &p);
   }
 }
@@ -140,13 +146,13 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
                                           const SearchEffort& effort, float radius, StageProbe* probe) {
   {
     const ScopedStage stage(probe, Stage::kFine);
-    std::erase_if(visible_, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
+    std::erase_if(seen_.points, [&](VisiblePoint& p) { return !p.found && !search_.reproject(start, &p); });
   }
   // A coarse point that was not found is looked for again where the coarse pose puts it.
   search_missing(frame, {radius, kRefineIterations, SearchBy::kAlignment}, probe);
   const auto is_found = [](const VisiblePoint& p) { return p.found; };
-  const auto found = std::count_if(visible_.begin(), visible_.end(), is_found);
-  if (static_cast<float>(found) < effort.enough_aligned * static_cast<float>(visible_.size())) {
+  const auto found = std::count_if(seen_.points.begin(), seen_.points.end(), is_found);
+  if (static_cast<float>(found) < effort.enough_aligned * static_cast<float>(seen_.points.size())) {
     find_corners(frame, 0, probe);
     search_missing(frame, {radius, kRefineIterations, SearchBy::kCorners}, probe);
   }
@@ -155,47 +161,59 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
 
 std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
                                       StageProbe* probe) {
+  look(frame, start, effort, probe);
+  if (effort.doubts_coarse && seen_.used_coarse &&
+      !(seen_.camera_from_map && judge() == PoseVerdict::kGood)) {
+    SearchEffort without = effort;
+    without.coarse_points = 0;
+    std::swap(seen_, other_);
+    look(frame, start, without, probe);
+    if (seen_.found < other_.found) std::swap(seen_, other_);
+  }
+  return seen_.camera_from_map;
+}
+
+void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
+                      StageProbe* probe) {
+  clear();
   {
     const ScopedStage stage(probe, Stage::kProject);
-    search_.find_visible(start, max_points_, &visible_);
+    search_.find_visible(start, max_points_, &seen_.points);
   }
-  found_ = 0;
   const auto coarse = coarse_stage(frame, start, effort, probe);
+  seen_.used_coarse = coarse.has_value();
   if (!coarse) {
-    for (VisiblePoint& p : visible_) p.found = false;
-    if (effort.needs_coarse) {
-      found_ = 0;
-      return std::nullopt;
-    }
+    for (VisiblePoint& p : seen_.points) p.found = false;
+    seen_.found = 0;
+    if (effort.needs_coarse) return;
   }
-  auto pose = fine_stage(frame, coarse.value_or(start), effort,
-                         coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
-  attempted_ = static_cast<int>(visible_.size());
-  if (!pose) found_ = 0;
+  seen_.camera_from_map = fine_stage(frame, coarse.value_or(start), effort,
+                                     coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
+  seen_.attempted = static_cast<int>(seen_.points.size());
+  if (!seen_.camera_from_map) seen_.found = 0;
   mark_hidden();
-  return pose;
 }
 
 /// What PTAM lacks, and what makes its quality collapse in maps of more than one side of things.
 void PoseFinder::mark_hidden() {
   order_.clear();
-  for (const VisiblePoint& p : visible_) {
+  for (const VisiblePoint& p : seen_.points) {
     if (p.found) order_.add(p.expected, p.depth);
   }
-  hidden_ = 0;
-  for (VisiblePoint& p : visible_) {
+  seen_.hidden = 0;
+  for (VisiblePoint& p : seen_.points) {
     p.hidden = !p.found && order_.is_hidden(p.expected, p.depth, kBehind);
-    hidden_ += p.hidden ? 1 : 0;
+    seen_.hidden += p.hidden ? 1 : 0;
   }
 }
 
 PoseVerdict PoseFinder::judge() const {
-  if (found_ < kFewestFound) return PoseVerdict::kBad;
+  if (seen_.found < kFewestFound) return PoseVerdict::kBad;
   if (quality() > good_quality_) return PoseVerdict::kGood;
   if (quality() < kLeastQuality) return PoseVerdict::kBad;
   int large = 0;
   int large_found = 0;
-  for (const VisiblePoint& p : visible_) {
+  for (const VisiblePoint& p : seen_.points) {
     if (p.level < kCoarseLevel || p.hidden) continue;
     ++large;
     large_found += p.found ? 1 : 0;

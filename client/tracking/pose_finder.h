@@ -29,6 +29,8 @@ struct SearchEffort {
   /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
   float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
+  /// Where its coarse stage does not lead to a good pose, looks again without one and takes the better.
+  bool doubts_coarse = false;
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
 /// Twice the points and radius (PTAM 2007, section 5.4): the second attempt, and whoever is lost.
@@ -58,17 +60,31 @@ class PoseFinder {
   /// those on the two top levels, which stand blur.
   [[nodiscard]] PoseVerdict judge() const;
 
-  [[nodiscard]] int attempted() const { return attempted_; }
-  [[nodiscard]] int found() const { return found_; }  ///< inliers of the pose
+  [[nodiscard]] int attempted() const { return seen_.attempted; }
+  [[nodiscard]] int found() const { return seen_.found; }  ///< inliers of the pose
   /// The share found of those attempted, without those that others hide.
   [[nodiscard]] float quality() const;
-  [[nodiscard]] double rms() const { return rms_; }  ///< [px of level 0, scaled by 2^-level] of the inliers
+  [[nodiscard]] double rms() const {
+    return seen_.rms;
+  }  ///< [px of level 0, scaled by 2^-level] of the inliers
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth() const;
   /// The points searched; found are those that agree with the pose.
-  [[nodiscard]] const std::vector<VisiblePoint>& points() const { return visible_; }
+  [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }
 
  private:
+  /// What one look at a frame found.
+  struct Seen {
+    std::vector<VisiblePoint> points;
+    int attempted = 0;
+    int hidden = 0;
+    int found = 0;
+    double rms = 0;
+    std::optional<SE3> camera_from_map;
+    bool used_coarse = false;
+  };
+
+  void look(const FrameImages& frame, const SE3& start, const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> coarse_stage(const FrameImages& frame, const SE3& start,
                                                 const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
@@ -82,14 +98,11 @@ class PoseFinder {
   float good_quality_;
   float lost_quality_;
   PointSearch search_;
-  int attempted_ = 0;
-  int hidden_ = 0;
-  int found_ = 0;
-  double rms_ = 0;
-  std::vector<VisiblePoint> visible_;
+  Seen seen_;   ///< at the latest locate()
+  Seen other_;  ///< its other look, or an older one
   DepthOrder order_;
   std::vector<PointObservation> observations_;
-  std::vector<size_t> observed_;  ///< index into visible_ of each observation
+  std::vector<size_t> observed_;  ///< index into seen_.points of each observation
 };
 
 }  // namespace cairn

@@ -510,43 +510,6 @@ TEST_F(OnMap, AMapThatComesLateIsFoundFromItsKeyframes) {
   EXPECT_TRUE(found);
 }
 
-class CornerProbe : public StageProbe {
- public:
-  void begin(Stage stage) override { asked += stage == Stage::kCorners ? 1 : 0; }
-  void end(Stage /*stage*/) override {}
-  int asked = 0;
-};
-
-/// The corners of the two large levels cost a quarter of a frame's time.
-TEST(PoseFinder, AsksForAllCornersOnlyWhereAlignmentFindsTooFew) {
-  const CameraPtr camera = test_camera();
-  const test::PlaneScene scene(3, camera);
-  const TrackerOptions options;
-  const SE3 truth = looking_down(0.05, 0.01);
-  const SE3 start = SE3(so3_exp({0.001, -0.001, 0.002}), {0.001, 0, -0.001}) * truth;
-  const auto ask = [&](const GrayImage& image, const SearchEffort& effort) {
-    PoseFinder finder(camera, options);
-    finder.use_map(scene.make_map(looking_down(0, 0)));
-    FrameImages frame;
-    frame.build_pyramid(image.view());
-    CornerProbe probe;
-    const auto pose = finder.locate(frame, start, effort, &probe);
-    EXPECT_TRUE(pose);
-    EXPECT_LT(center_distance(pose.value_or(start), truth), 1e-3);
-    return probe.asked;
-  };
-  const GrayImagePtr image = scene.render(truth);
-  GrayImage covered(image->view());  // three quarters of it
-  for (int y = 0; y < covered.height(); ++y)
-    std::fill_n(covered.row(y) + covered.width() / 4, covered.width() - covered.width() / 4, uint8_t{0});
-  constexpr int kCoarseOnly = 1;
-  EXPECT_EQ(ask(*image, normal_effort(options)), kCoarseOnly);
-  EXPECT_EQ(ask(covered, normal_effort(options)), kCoarseOnly + 1);
-  SearchEffort on_trial = normal_effort(options);
-  on_trial.enough_aligned = 1;
-  EXPECT_EQ(ask(*image, on_trial), kCoarseOnly + 1);
-}
-
 TEST(PointSearch, PointsSeenFromElsewhereAreNotExpected) {
   const auto camera = test_camera();
   const test::PlaneScene scene(5, camera);

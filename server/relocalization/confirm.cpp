@@ -12,7 +12,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kAgreeingInCell = 2;        ///< one may agree by chance
+constexpr int kAgreeingInPart = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
 constexpr size_t kNeighbours = 4;         ///< keyframes whose points are looked for around a pose
 constexpr double kAngleWeight = 1;        ///< a radian between optical axes counts as one mean depth apart
@@ -48,7 +48,7 @@ std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span
 }
 
 /// Parts of the picture in which at least so many of the corners lie.
-int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
+int count_parts(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
   PerPart<int> inside{};
   for (const size_t corner : corners) ++inside[part_of(view.corners[corner].pixel, camera)];
   return static_cast<int>(std::ranges::count_if(inside, [&](int count) { return count >= fewest; }));
@@ -63,11 +63,16 @@ std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b)
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
   return said.alikeness >= needed.alikeness && evidence(said) >= needed.evidence &&
          said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected &&
-         said.agreeing_cells >= needed.agreeing_cells && said.strange_parts <= needed.strange_parts;
+         said.agreeing_parts >= needed.agreeing_parts && said.strange_parts <= needed.strange_parts;
 }
 
 bool do_enough_agree(const ConfirmOptions& options, const Confirmation& said) {
   return said.agreeing >= options.enough_agreeing;
+}
+
+/// A part of the place has moved.
+bool does_the_rest_stand(const ConfirmOptions& options, const Confirmation& said) {
+  return do_enough_agree(options, said) && speak(options.by_extent, said);
 }
 
 bool does_look_right(const ConfirmOptions& options, const Confirmation& said) {
@@ -79,14 +84,14 @@ void judge(const ConfirmOptions& options, Confirmation* result) {
   const bool looks_right = does_look_right(options, *result);
   if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
-  } else if (result->cells < options.min_cells) {
-    result->reason = fmt::format("points in one part of the picture only ({} of 12)", result->cells);
-  } else if (!looks_right && !speak(options.by_extent, *result)) {
+  } else if (result->parts < options.min_parts) {
+    result->reason = fmt::format("points in few parts of the picture only ({} of {})", result->parts, kParts);
+  } else if (!looks_right && !does_the_rest_stand(options, *result)) {
     result->reason = fmt::format(
         "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
-        "together agrees: {:.2f} in all; corners agree in {} of 12 parts, {} parts show something else",
+        "together agrees: {:.2f} in all; corners agree in {} of {} parts, {} parts show something else",
         result->inliers, result->met, result->alikeness, unity(*result), evidence(*result),
-        result->agreeing_cells, result->strange_parts);
+        result->agreeing_parts, kParts, result->strange_parts);
   } else {
     result->confirmed = true;
     result->changed = !looks_right;
@@ -143,7 +148,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     return result;
   }
   result.agreeing = pose->inliers;
-  result.agreeing_cells = count_cells(view, corners_found(matches, pose->weights), camera, kAgreeingInCell);
+  result.agreeing_parts = count_parts(view, corners_found(matches, pose->weights), camera, kAgreeingInPart);
   ProjectedPoints points;
   for (const double radius : kRadii) {
     project_points(camera, pose->camera_from_map, map, keyframes_around(map, pose->camera_from_map), &points);
@@ -163,7 +168,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     result.met = static_cast<int>(guided.met);
     result.found = corners_found(guided.matches, pose->weights);
   }
-  result.cells = count_cells(view, result.found, camera, 1);
+  result.parts = count_parts(view, result.found, camera, 1);
   const Appearance appearance = compare_appearance(view, camera, points);
   result.alikeness = appearance.local;
   result.order = appearance.order;

@@ -17,7 +17,7 @@ struct ConfirmOptions {
   int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
   int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
   int min_inliers = 30;      ///< of the refined pose
-  int min_cells = 5;         ///< of the 4x3 cells of the image, in which inliers lie
+  int min_parts = 5;         ///< of kParts of the picture, in which inliers lie
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
   /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
   /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
@@ -28,15 +28,17 @@ struct ConfirmOptions {
     double evidence = 0;
     double of_met = 0;
     double of_expected = 0;
-    int agreeing_cells = 0;
+    int agreeing_parts = 0;
     int strange_parts = kParts;  ///< at most
   };
-  Witnesses by_picture = {0.53, 0.66, 0.35, 0, 0, 1};  ///< looks the same, all over but for one part
-  Witnesses by_points = {0.50, 0.60, 0.45, 0.36, 0};   ///< partly hidden: most of its points are seen
-  Witnesses by_extent = {0.42, 0, 0.53, 0,
-                         8};  ///< a part has moved: the rest, in most of the picture, agrees
+  /// Looks the same, all over but for one part.
+  Witnesses by_picture = {.alikeness = 0.53, .evidence = 0.66, .of_met = 0.35, .strange_parts = 1};
+  /// Partly hidden: most of its points are seen.
+  Witnesses by_points = {.alikeness = 0.50, .evidence = 0.60, .of_met = 0.45, .of_expected = 0.36};
+  /// A part has moved: the rest, in most of the picture, agrees.
+  Witnesses by_extent = {.alikeness = 0.42, .of_met = 0.53, .agreeing_parts = 8};
   /// Few corners agree, as where much of the picture is white: all else must speak clearly.
-  Witnesses by_few = {0.53, 0.75, 0.45, 0, 0, 1};
+  Witnesses by_few = {.alikeness = 0.53, .evidence = 0.75, .of_met = 0.45, .strange_parts = 1};
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;
@@ -55,8 +57,8 @@ struct Confirmation {
   int inliers = 0;                ///< of the refined pose
   int expected = 0;               ///< points of the neighbourhood that project into the image
   int met = 0;                    ///< matches of these that there could be (GuidedMatches)
-  int cells = 0;                  ///< of 12, with an inlier in them
-  int agreeing_cells = 0;         ///< of 12, with two in them at least of those that are `agreeing`
+  int parts = 0;                  ///< of kParts, with an inlier in them
+  int agreeing_parts = 0;         ///< of kParts, with two in them at least of those that are `agreeing`
   double alikeness = -1;          ///< Appearance::local
   double order = -1;              ///< Appearance::order
   int strange_parts = 0;          ///< Appearance::strange_parts

@@ -164,14 +164,14 @@ bool contradict(const Tried& a, const Tried& b) {
 /// with which corners in more parts of the picture agree, or else more corners, stands, if nothing else
 /// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
 std::optional<std::string> find_why_contradicted(const Tried& judged, std::span<const Tried> tried) {
-  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_cells, t.said.agreeing); };
+  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_parts, t.said.agreeing); };
   const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
     return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
   });
   if (wider == tried.end()) return std::nullopt;
-  return fmt::format("{} corners in {} of 12 parts agree with another pose in this map, {} in {} with this",
-                     wider->said.agreeing, wider->said.agreeing_cells, judged.said.agreeing,
-                     judged.said.agreeing_cells);
+  return fmt::format("{} corners in {} of {} parts agree with another pose in this map, {} in {} with this",
+                     wider->said.agreeing, wider->said.agreeing_parts, kParts, judged.said.agreeing,
+                     judged.said.agreeing_parts);
 }
 
 /// Why what looks right by itself is not believed, given all else that has been tried; nothing: it is.

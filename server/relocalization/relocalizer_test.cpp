@@ -18,6 +18,7 @@ using testing::Scene;
 
 constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
 constexpr size_t kPointsPerLevel = 200;
+constexpr double kNever = 1.01;  ///< more than anything can be alike
 
 std::array<CornerList, kPyramidLevels> find_corners(const Pyramid& pyramid) {
   std::array<CornerList, kPyramidLevels> corners;
@@ -201,7 +202,7 @@ GrayImage rearranged(const GrayView& image, double share) {
 
 TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt) {
   RelocOptions without;
-  without.confirm.by_extent.agreeing_cells = 13;  // of 12
+  without.confirm.by_extent.alikeness = kNever;
   for (const int step : {5, 6, 7}) {
     SCOPED_TRACE(step);
     const auto image = scene().render(Scene::pose(step), 400 + static_cast<uint64_t>(step));
@@ -220,7 +221,6 @@ TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt)
 RelocOptions few_agree() {
   RelocOptions options;
   options.confirm.enough_agreeing = 1000;
-  options.confirm.by_extent.agreeing_cells = 13;  // of 12: of few corners there are not two in each of eight
   return options;
 }
 
@@ -244,8 +244,8 @@ GrayImage with_strange_parts(const GrayView& image, std::initializer_list<size_t
 /// and the picture is alike in the mean.
 TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheMeanIsNotEnough) {
   ConfirmOptions by_picture;
-  by_picture.by_points.evidence = 1.01;
-  by_picture.by_extent.agreeing_cells = 13;  // of 12
+  by_picture.by_points.evidence = kNever;
+  by_picture.by_extent.alikeness = kNever;
   ConfirmOptions in_the_mean = by_picture;
   in_the_mean.by_picture.strange_parts = kParts;
   ConfirmOptions few = few_agree().confirm;
@@ -316,14 +316,14 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   const Confirmation clear = ask(options);
   ASSERT_TRUE(clear.confirmed) << clear.reason;
   EXPECT_TRUE(explains(clear));
-  options.by_few.evidence = 1.01;
+  options.by_few.evidence = kNever;
   const Confirmation refused = ask(options);
   ASSERT_FALSE(refused.confirmed);
   ASSERT_EQ(refused.found, clear.found);
   EXPECT_EQ(refused.explained.size(), static_cast<size_t>(refused.supported));
-  options.by_picture.evidence = 1.01;
-  options.by_points.evidence = 1.01;
-  options.by_extent.agreeing_cells = 13;  // of 12
+  options.by_picture.evidence = kNever;
+  options.by_points.evidence = kNever;
+  options.by_extent.alikeness = kNever;
   options.enough_agreeing = options.min_agreeing;
   const Confirmation rival = ask(options);
   ASSERT_FALSE(rival.confirmed);

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/pose_finder.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "client/tracking/plane_scene.h"
+#include "client/tracking/tracker.h"
+
+namespace cairn {
+namespace {
+
+CameraPtr test_camera() {
+  return *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
+}
+
+/// A camera one metre above the plane, looking down at (x, y).
+SE3 looking_down(double x, double y) {
+  const Eigen::Quaterniond down(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()));
+  return {down, -(down * Eigen::Vector3d(x, y, 1))};
+}
+
+double center_distance(const SE3& a, const SE3& b) {
+  return (a.center() - b.center()).norm();
+}
+
+class CornerProbe : public StageProbe {
+ public:
+  void begin(Stage stage) override { asked += stage == Stage::kCorners ? 1 : 0; }
+  void end(Stage /*stage*/) override {}
+  int asked = 0;
+};
+
+/// The corners of the two large levels cost a quarter of a frame's time.
+TEST(PoseFinder, AsksForAllCornersOnlyWhereAlignmentFindsTooFew) {
+  const CameraPtr camera = test_camera();
+  const test::PlaneScene scene(3, camera);
+  const TrackerOptions options;
+  const SE3 truth = looking_down(0.05, 0.01);
+  const SE3 start = SE3(so3_exp({0.001, -0.001, 0.002}), {0.001, 0, -0.001}) * truth;
+  const auto ask = [&](const GrayImage& image, const SearchEffort& effort) {
+    PoseFinder finder(camera, options);
+    finder.use_map(scene.make_map(looking_down(0, 0)));
+    FrameImages frame;
+    frame.build_pyramid(image.view());
+    CornerProbe probe;
+    const auto pose = finder.locate(frame, start, effort, &probe);
+    EXPECT_TRUE(pose);
+    EXPECT_LT(center_distance(pose.value_or(start), truth), 1e-3);
+    return probe.asked;
+  };
+  const GrayImagePtr image = scene.render(truth);
+  GrayImage covered(image->view());  // three quarters of it
+  for (int y = 0; y < covered.height(); ++y)
+    std::fill_n(covered.row(y) + covered.width() / 4, covered.width() - covered.width() / 4, uint8_t{0});
+  constexpr int kCoarseOnly = 1;
+  EXPECT_EQ(ask(*image, normal_effort(options)), kCoarseOnly);
+  EXPECT_EQ(ask(covered, normal_effort(options)), kCoarseOnly + 1);
+  SearchEffort on_trial = normal_effort(options);
+  on_trial.enough_aligned = 1;
+  EXPECT_EQ(ask(*image, on_trial), kCoarseOnly + 1);
+}
+
+/// Mean of the square around each pixel: what the two top levels of a pyramid show.
+std::vector<float> large_things(const GrayImage& image) {
+  constexpr int kReach = 4;  // [px]
+  std::vector<float> mean;
+  for (int y = 0; y < image.height(); ++y) {
+    for (int x = 0; x < image.width(); ++x) {
+      float sum = 0;
+      int count = 0;
+      for (int v = std::max(0, y - kReach); v < std::min(image.height(), y + kReach); ++v) {
+        for (int u = std::max(0, x - kReach); u < std::min(image.width(), x + kReach); ++u) {
+          sum += image.row(v)[u];
+          ++count;
+        }
+      }
+      mean.push_back(sum / static_cast<float>(count));
+    }
+  }
+  return mean;
+}
+
+/// The small things of one picture among the large ones of another.
+GrayImage small_among_large(const GrayImage& small, const GrayImage& large) {
+  GrayImage mixed(small.view());
+  const auto own = large_things(small);
+  const auto other = large_things(large);
+  size_t i = 0;
+  for (int y = 0; y < mixed.height(); ++y) {
+    for (int x = 0; x < mixed.width(); ++x, ++i) {
+      const float value = static_cast<float>(small.row(y)[x]) - own[i] + other[i];
+      mixed.row(y)[x] = static_cast<uint8_t>(std::clamp(value, 0.0F, 255.0F));
+    }
+  }
+  return mixed;
+}
+
+/// Between keys that look alike a dozen large points agree on one that is the wrong one. Then the many small
+/// ones, where they were expected, know better.
+TEST(PoseFinder, TheCoarseStageIsNotBelievedAgainstThePointsThatItLeadsAstray) {
+  const CameraPtr camera = test_camera();
+  const test::PlaneScene scene(3, camera);
+  const TrackerOptions options;
+  const SE3 truth = looking_down(0.05, 0.01);
+  const SE3 astray = looking_down(0.09, 0.01);  // 10 px
+  const GrayImage mixed = small_among_large(*scene.render(truth), *scene.render(astray));
+  FrameImages frame;
+  frame.build_pyramid(mixed.view());
+  const auto error = [&](const SearchEffort& effort) {
+    PoseFinder finder(camera, options);
+    finder.use_map(scene.make_map(looking_down(0, 0)));
+    return center_distance(finder.locate(frame, truth, effort, nullptr).value_or(SE3()), truth);
+  };
+  SearchEffort believing = normal_effort(options);
+  believing.doubts_coarse = false;
+  EXPECT_GT(error(believing), 0.02) << "else this tests nothing";
+  EXPECT_LT(error(normal_effort(options)), 2e-3);
+}
+
+/// What it finds by the coarse stage, poor as it is, stays when nothing better is found without.
+TEST(PoseFinder, TheBetterOfTwoLooksStays) {
+  const CameraPtr camera = test_camera();
+  const test::PlaneScene scene(3, camera);
+  TrackerOptions options;
+  options.good_quality = 1.01F;  // nothing is good
+  const SE3 truth = looking_down(0.05, 0.01);
+  const SE3 start = looking_down(0.11, 0.01);  // 16 px
+  FrameImages frame;
+  frame.build_pyramid(scene.render(truth)->view());
+  PoseFinder finder(camera, options);
+  finder.use_map(scene.make_map(looking_down(0, 0)));
+  const auto pose = finder.locate(frame, start, normal_effort(options), nullptr);
+  ASSERT_TRUE(pose);
+  EXPECT_LT(center_distance(*pose, truth), 1e-3);
+  EXPECT_EQ(finder.found(), std::ranges::count_if(finder.points(), &VisiblePoint::found));
+  EXPECT_GT(finder.quality(), 0.5F);
+}
+
+}  // namespace
+}  // namespace cairn
