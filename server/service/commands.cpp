@@ -296,7 +296,8 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
   entry->used_at = steady_clock::now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
   if (entry->runner != nullptr)
-    places_->report(snapshot, std::move(revision.views), std::move(revision.indexed));
+    places_->report(snapshot, std::move(revision.views), std::move(revision.indexed),
+                    std::move(revision.offered));
   move_labels(map, *entry);
   info_due_[map] = true;
   {

@@ -217,7 +217,10 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   if (decision.verdict == KeyframeVerdict::kAccepted) ++changes_;
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);
-    if (decision.verdict == KeyframeVerdict::kAccepted) arrivals_.emplace(decision.keyframe, arrival);
+    if (decision.verdict == KeyframeVerdict::kAccepted) {
+      arrivals_.emplace(decision.keyframe, arrival);
+      offered_.push_back(arrival);
+    }
   }
   return {to_decision(decision.verdict), std::move(decision.reason), decision.keyframe, {}};
 }
@@ -315,7 +318,8 @@ void MapRunner::adjust_in_lockstep(int adjustments, std::function<void()> then) 
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
   if (published_ != nullptr && snapshot->revision == published_->revision) return;
-  listener_.changed({snapshot, maker_->statistics(), maker_->keyframe_views()});
+  listener_.changed(
+      {snapshot, maker_->statistics(), maker_->keyframe_views(), {}, std::exchange(offered_, {})});
   published_ = std::move(snapshot);
   for (const MonotonicTime arrival : std::exchange(pointed_, {}))
     times_->points_published(std::chrono::steady_clock::now() - arrival);

@@ -49,7 +49,8 @@ struct MapRevision {
   MapSnapshotPtr snapshot;
   MapStatistics statistics;
   std::vector<KeyframeView> views;
-  IndexedMapPtr indexed = {};  ///< its part of the place index, where that is made already
+  IndexedMapPtr indexed = {};               ///< its part of the place index, where that is made already
+  std::vector<MonotonicTime> offered = {};  ///< when the keyframes came that are in no revision before
 };
 
 /// The server's word on an offer, without its place in the client's stream.
@@ -186,6 +187,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   MapSnapshotPtr published_;
   std::map<MapWork, std::chrono::nanoseconds> spent_;  ///< processor time of work that was interrupted
   std::map<KeyframeId, MonotonicTime> arrivals_;       ///< of offers whose points are not made yet
+  std::vector<MonotonicTime> offered_;  ///< arrivals of those whose keyframes the next revision has
   std::vector<MonotonicTime> pointed_;  ///< arrivals of those whose points the next revision has
   bool upkeep_scheduled_ = false;
   bool adjusting_globally_ = false;

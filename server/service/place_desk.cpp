@@ -6,9 +6,10 @@
 
 namespace cairn {
 
-void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed) {
+void PlaceDesk::report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed,
+                       std::vector<MonotonicTime> offered) {
   const MapId map = snapshot->map;
-  note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed)});
+  note(map, Reported{std::move(snapshot), std::move(views), std::move(indexed), std::move(offered)});
 }
 
 void PlaceDesk::remove(const MapId& map) {
@@ -20,6 +21,7 @@ void PlaceDesk::note(const MapId& map, Reported reported) {
   Reported& newest = reported_[map];
   if (reported.snapshot != nullptr && reported.indexed == nullptr)
     reported.indexed = std::move(newest.indexed);
+  reported.offered.insert(reported.offered.begin(), newest.offered.begin(), newest.offered.end());
   newest = std::move(reported);
   if (std::exchange(scheduled_, true)) return;
   lanes_.indexers.submit([self = shared_from_this()] {
@@ -63,6 +65,9 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
     next.put(index_map(known, reported.snapshot, reported.views));
   }
   publish(std::move(next));
+  if (times_ == nullptr) return;
+  for (const MonotonicTime arrival : reported.offered)
+    times_->searchable(std::chrono::steady_clock::now() - arrival);
 }
 
 void PlaceDesk::plant_if_needed() {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "server/relocalization/relocalizer.h"
+#include "server/service/work_times.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -35,13 +36,16 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     WorkerPool& answerers;
     WorkerPool& planters;  ///< of forests: a second of work that nobody waits for
   };
-  PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log)
-      : lanes_(lanes), options_(options), log_(std::move(log)) {}
+  /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the desk.
+  PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log, WorkTimes* times = nullptr)
+      : lanes_(lanes), options_(options), log_(std::move(log)), times_(times) {}
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
   /// without a picture are of keyframes that are indexed, in `indexed` (what was indexed of the map
-  /// elsewhere) or here, and stay as they are there; others are left out.
-  void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {});
+  /// elsewhere) or here, and stay as they are there; others are left out. `offered`: when the keyframes came
+  /// that are new in it.
+  void report(MapSnapshotPtr snapshot, std::vector<KeyframeView> views, IndexedMapPtr indexed = {},
+              std::vector<MonotonicTime> offered = {});
   /// The map is gone: soon no question is answered with it. Does not wait.
   void remove(const MapId& map);
   /// `done` is called on an answerer, whatever happens.
@@ -54,6 +58,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     MapSnapshotPtr snapshot;  ///< null: the map is gone
     std::vector<KeyframeView> views;
     IndexedMapPtr indexed;
+    std::vector<MonotonicTime> offered;  ///< also of states that were passed over
   };
   void note(const MapId& map, Reported reported);
   /// Indexes what has been reported. One thread at a time; others wait.
@@ -70,6 +75,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   const Lanes lanes_;
   const RelocOptions options_;
   Logger log_;
+  WorkTimes* const times_;
 
   std::mutex changing_;    ///< held while a new index is made of the one there is; before mutex_
   bool planting_ = false;  ///< under changing_

@@ -5,6 +5,7 @@
 
 #include <chrono>
 #include <future>
+#include <nlohmann/json.hpp>
 
 namespace cairn {
 namespace {
@@ -48,7 +49,10 @@ class PlaceDeskTest : public ::testing::Test {
   }
   void open_desk() {
     desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Lanes{indexers_, answerers_, planters_}, options_,
-                                        null_logger());
+                                        null_logger(), &times_);
+  }
+  [[nodiscard]] int searchable() const {
+    return nlohmann::json::parse(times_.to_json()).at("offer_to_searchable_ms").at("count").get<int>();
   }
   PlaceAnswer ask(const KeyframeView& keyframe, bool lockstep = true) {
     std::promise<PlaceAnswer> answer;
@@ -72,6 +76,7 @@ class PlaceDeskTest : public ::testing::Test {
   WorkerPool answerers_{1, 0, make_logger("test")};
   WorkerPool planters_{1, 0, make_logger("test")};
   RelocOptions options_;
+  WorkTimes times_;
   std::shared_ptr<PlaceDesk> desk_;
 };
 
@@ -109,6 +114,21 @@ TEST_F(PlaceDeskTest, APictureThatWasLetGoIsFoundAsItWasIndexed) {
   desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)}, indexed);
   desk_->report(indexed->snapshot, {without_picture(first), without_picture(second)});
   EXPECT_EQ(ask(second).candidates.front().keyframe, KeyframeId{2});
+}
+
+TEST_F(PlaceDeskTest, AKeyframeIsCountedOnceItIsSearchableAlsoOfAStateThatWasPassedOver) {
+  const MonotonicTime now = std::chrono::steady_clock::now();
+  std::promise<void> indexing_may_begin;
+  indexers_.submit([may_begin = indexing_may_begin.get_future().share()] { may_begin.wait(); });
+  desk_->report(snapshot_with(1, 1), {flat_keyframe(1, 3)}, {}, {now});
+  desk_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)}, {}, {now});
+  EXPECT_EQ(searchable(), 0);
+  indexing_may_begin.set_value();
+  EXPECT_EQ(ask(flat_keyframe(2, 5)).candidates.front().keyframe, KeyframeId{2});
+  EXPECT_EQ(searchable(), 2);
+  desk_->report(snapshot_with(1, 2), {flat_keyframe(1, 3), flat_keyframe(2, 5)});
+  EXPECT_EQ(ask(flat_keyframe(1, 3)).candidates.front().keyframe, KeyframeId{1});
+  EXPECT_EQ(searchable(), 2);
 }
 
 TEST_F(PlaceDeskTest, ARemovedMapIsNotAnswered) {

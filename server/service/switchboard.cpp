@@ -82,7 +82,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       log_(std::move(log)),
       maps_(options.seed),
       places_(std::make_shared<PlaceDesk>(PlaceDesk::Lanes{lanes.urgent, lanes.questions, lanes.background},
-                                          options.relocalization, log_)),
+                                          options.relocalization, log_, options.work_times)),
       wearers_(options.wearers),
       next_tick_(steady_clock::now()) {
   if (store_ == nullptr) return;

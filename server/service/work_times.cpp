@@ -60,11 +60,17 @@ void WorkTimes::points_published(std::chrono::nanoseconds wall) {
   published_ms_.add(to_ms(wall));
 }
 
+void WorkTimes::searchable(std::chrono::nanoseconds wall) {
+  const std::scoped_lock lock(mutex_);
+  searchable_ms_.add(to_ms(wall));
+}
+
 std::string WorkTimes::to_json() const {
   const std::scoped_lock lock(mutex_);
   Json json{{"offer_waited_ms", summary(waited_ms_)},
             {"offer_judged_cpu_ms", summary(judged_ms_)},
-            {"offer_to_points_ms", summary(published_ms_)}};
+            {"offer_to_points_ms", summary(published_ms_)},
+            {"offer_to_searchable_ms", summary(searchable_ms_)}};
   for (size_t work = static_cast<size_t>(MapWork::kNewPoints); work < kWorks; ++work) {
     const std::string name = to_string(static_cast<MapWork>(work));
     json[name + "_cpu_ms"] = summary(work_ms_[work]);

@@ -25,6 +25,9 @@ class WorkTimes {
   /// From when an offer came to the revision with the points made of it.
   void points_published(std::chrono::nanoseconds wall);
 
+  /// From when an offer came to when questions are answered with its keyframe.
+  void searchable(std::chrono::nanoseconds wall);
+
   /// `{"offer_waited_ms": {"count", "p50", "p95", "p99"}, "local_adjustment_cpu_ms": ...,
   /// "local_adjustment_observations": ..., ...}`.
   [[nodiscard]] std::string to_json() const;
@@ -36,6 +39,7 @@ class WorkTimes {
   Histogram waited_ms_;
   Histogram judged_ms_;
   Histogram published_ms_;
+  Histogram searchable_ms_;
   std::array<Histogram, kWorks> work_ms_;       ///< by MapWork
   std::array<Histogram, kWorks> observations_;  ///< of adjustments, by MapWork
 };
