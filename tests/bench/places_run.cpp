@@ -18,6 +18,7 @@
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/votes.h"
+#include "tests/bench/answer_times.h"
 #include "tests/bench/kept_map.h"
 #include "tests/bench/light.h"
 #include "tests/bench/posed_map.h"
@@ -37,11 +38,13 @@ struct Arguments {
   std::string keep;  ///< folder of maps made before; empty: none are kept
   uint64_t seed = 1;
   bool ours_alone = false;
+  bool check = false;
   bool verbose = false;
 };
 constexpr size_t kVideoFields = 6;
 constexpr size_t kStillsFields = 4;
 constexpr size_t kUnmappedFields = 3;
+constexpr const char* kElsewhere = "elsewhere";
 const std::string kNone = "-";
 
 struct Query {
@@ -61,6 +64,7 @@ struct Place {
   double reach = std::numeric_limits<double>::infinity();  ///< of a mapped view [of the truth]
   std::vector<SE3> mapped = {};                            ///< views, truth_from_camera
   std::vector<Query> queries = {};
+  bool asks_elsewhere = false;  ///< without truth: the questions do not show what is mapped
 };
 
 MapId map_id(size_t number) {
@@ -155,7 +159,8 @@ Result<KeptMap> read_or_make(const Arguments& a, const std::string& name, MapId 
 
 /// NAME SOURCE CALIBRATION TRUTH UNIT FRAMES
 Result<Place> make_video(std::span<const std::string> fields, MapId id, const Arguments& a) {
-  auto recording = open_recording(fields[1], fields[2], fields[3]);
+  const bool asks_elsewhere = fields[3] == kElsewhere;
+  auto recording = open_recording(fields[1], fields[2], asks_elsewhere ? kNone : fields[3]);
   if (!recording) return tl::unexpected(recording.error());
   FrameSource* source = recording->source.get();
   const size_t frames = std::stoul(fields[5]);
@@ -169,6 +174,7 @@ Result<Place> make_video(std::span<const std::string> fields, MapId id, const Ar
   if (const Status done = measure_map(mapped->poses, recording->truth, fields[4] == "m", &place); !done)
     return tl::unexpected(done.error());
   place.queries = choose_queries(read_all(source), recording->truth);
+  place.asks_elsewhere = asks_elsewhere;
   return place;
 }
 
@@ -206,25 +212,30 @@ Result<Place> make_unmapped(std::span<const std::string> fields) {
   return place;
 }
 
+struct Places {
+  std::vector<Place> made;
+  std::vector<std::string> left_out;  ///< names of those that could not be mapped or measured
+};
+
 template <typename Make>
-Status make_each(const std::vector<std::string>& arguments, size_t fields, const Make& make,
-                 std::vector<Place>* places) {
+Status make_each(const std::vector<std::string>& arguments, size_t fields, const Make& make, Places* places) {
   if (arguments.size() % fields != 0) return fail(ErrorCode::kUsage, "fields are missing; see --help");
   for (size_t i = 0; i < arguments.size(); i += fields) {
-    auto place = make(std::span(arguments).subspan(i, fields), map_id(places->size()));
+    auto place = make(std::span(arguments).subspan(i, fields), map_id(places->made.size()));
     if (!place) {
       std::fprintf(stderr, "%s is left out: %s\n", arguments[i].c_str(), place.error().message.c_str());
+      places->left_out.push_back(arguments[i]);
       continue;
     }
     std::fprintf(stderr, "%s: %zu keyframes, %zu questions\n", place->name.c_str(),
                  place->map ? place->map->keyframes.size() : 0, place->queries.size());
-    places->push_back(std::move(*place));
+    places->made.push_back(std::move(*place));
   }
   return {};
 }
 
-Result<std::vector<Place>> make_places(const Arguments& a) {
-  std::vector<Place> places;
+Result<Places> make_places(const Arguments& a) {
+  Places places;
   const auto video = [&](auto fields, MapId id) { return make_video(fields, id, a); };
   const auto stills = [&](auto fields, MapId id) { return make_stills(fields, id, a); };
   const auto unmapped = [](auto fields, MapId /*id*/) { return make_unmapped(fields); };
@@ -245,15 +256,19 @@ struct Said {
   KeyframeId keyframe;
   SE3 camera_from_keyframe;
 };
+struct Answered {
+  std::optional<Said> said;  ///< nothing: not known
+  size_t tried = 0;          ///< keyframes
+};
 
-std::optional<Said> ask_relocalizer(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
-                                    RelocMethod method) {
+Answered ask_relocalizer(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
+                         RelocMethod method) {
   RelocOptions options;
   options.method = method;
   const PlaceAnswer answer = relocalize(index, camera, view, options);
-  if (answer.verdict == PlaceVerdict::kNotKnown) return std::nullopt;
+  if (answer.verdict == PlaceVerdict::kNotKnown) return {std::nullopt, answer.candidates.size()};
   const PlaceCandidate& best = answer.candidates.front();
-  return Said{best.map, best.keyframe, best.camera_from_keyframe};
+  return {Said{best.map, best.keyframe, best.camera_from_keyframe}, answer.candidates.size()};
 }
 
 /// Voted for by the words alone: every map may be it.
@@ -288,22 +303,23 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
   return std::nullopt;
 }
 
-std::optional<Said> ask(Method method, const PlaceIndex& index, const Camera& camera, const PlaceView& view) {
+Answered ask(Method method, const PlaceIndex& index, const Camera& camera, const PlaceView& view) {
   switch (method) {
     case Method::kOurs:
       return ask_relocalizer(index, camera, view, RelocMethod::kImproved);
     case Method::kPaper:
       return ask_relocalizer(index, camera, view, RelocMethod::kPaper);
     case Method::kWords:
-      return ask_words(index, view);
+      return {ask_words(index, view)};
     default:
-      return ask_words_confirmed(index, camera, view);
+      return {ask_words_confirmed(index, camera, view)};
   }
 }
 
 Judged judge(const Place& place, const Query& query, const std::optional<Said>& said) {
   Judged judged;
-  judged.in_view = place.map && (!query.exact || overlaps_a_view(*query.exact, place.mapped, place.reach));
+  judged.in_view = place.map && !place.asks_elsewhere &&
+                   (!query.exact || overlaps_a_view(*query.exact, place.mapped, place.reach));
   judged.answered = said.has_value();
   judged.right_map = said && place.map && said->map == place.map->snapshot->map;
   judged.depth = place.depth;
@@ -319,13 +335,13 @@ struct Score {
   Recall recall;       ///< with all maps
   size_t foreign = 0;  ///< questions to an index without the place's own map
   size_t claimed = 0;  ///< of these, answered
-  std::vector<double> ms;
+  AnswerTimes times;   ///< with all maps
 
   void add(const Score& other) {
     recall.add(other.recall);
     foreign += other.foreign;
     claimed += other.claimed;
-    ms.insert(ms.end(), other.ms.begin(), other.ms.end());
+    times.add(other.times);
   }
 };
 using Scores = std::array<Score, kMethods>;
@@ -350,11 +366,11 @@ class Examination {
       for (size_t m = 0; m < (ours_alone_ ? 1 : kMethods); ++m) {
         const auto method = static_cast<Method>(m);
         const double before = thread_cpu_ms();
-        const auto said = ask(method, all_, *place.camera, view);
-        scores[m].ms.push_back(thread_cpu_ms() - before);
-        const Judged judged = judge(place, query, said);
+        const Answered answer = ask(method, all_, *place.camera, view);
+        scores[m].times.add(answer.tried, thread_cpu_ms() - before);
+        const Judged judged = judge(place, query, answer.said);
         scores[m].recall.add(judged);
-        const auto claim = place.map ? ask(method, others, *place.camera, view) : said;
+        const auto claim = place.map ? ask(method, others, *place.camera, view).said : answer.said;
         ++scores[m].foreign;
         scores[m].claimed += claim ? 1 : 0;
         if (method == Method::kOurs && verbose_) tell(place, light, query, judged, claim, view);
@@ -439,8 +455,8 @@ void print_place(const Place& place, const Score& s) {
       "%5.1f\n",
       place.name.c_str(), place.how.c_str(), place.map ? place.map->keyframes.size() : 0, r.in_view, r.right,
       100 * r.share(), r.elsewhere, r.answered_else, r.wrong_map, r.wrong_pose, s.foreign, s.claimed,
-      100 * percentile(r.off, 0.5), 100 * percentile(r.off, 0.95), percentile(s.ms, 0.5),
-      percentile(s.ms, 0.95));
+      100 * percentile(r.off, 0.5), 100 * percentile(r.off, 0.95), percentile(s.times.all(), 0.5),
+      percentile(s.times.all(), 0.95));
 }
 
 void print_total(const char* method, const std::string& light, const Score& s) {
@@ -448,13 +464,36 @@ void print_total(const char* method, const std::string& light, const Score& s) {
   std::printf("%-15s %-12s | %4zu %4zu %5.1f%% | %4zu %4zu | %4zu %5.1f%% | %4zu | %4zu %4zu | %5.1f %5.1f\n",
               method, light.c_str(), r.in_view, r.right, 100 * r.share(), r.elsewhere, r.answered_else,
               r.wrong_map, percent(r.wrong_map, r.in_view + r.elsewhere), r.wrong_pose, s.foreign, s.claimed,
-              percentile(s.ms, 0.5), percentile(s.ms, 0.95));
+              percentile(s.times.all(), 0.5), percentile(s.times.all(), 0.95));
+}
+
+/// Of ours: what must hold and does not, a line each.
+std::vector<std::string> complaints(const std::vector<Scores>& totals) {
+  constexpr double kLeastRecall = 0.95;
+  constexpr double kMostByPicture = 5;  // [ms]
+  constexpr double kMostWithWords = 15;
+  std::vector<std::string> found;
+  AnswerTimes times;
+  for (size_t l = 0; l < totals.size(); ++l) {
+    const Score& ours = totals[l][0];
+    const std::string light = to_string(lights_to_stand()[l]);
+    if (ours.recall.wrong_map + ours.recall.wrong_pose + ours.claimed > 0)
+      found.push_back(fmt::format("{}: {} in a wrong map, {} wrong poses, {} claimed without the own map",
+                                  light, ours.recall.wrong_map, ours.recall.wrong_pose, ours.claimed));
+    if (ours.recall.share() < kLeastRecall)
+      found.push_back(fmt::format("{}: {:.1f} % right", light, 100 * ours.recall.share()));
+    times.add(ours.times);
+  }
+  if (percentile(times.by_picture(), 0.95) > kMostByPicture ||
+      percentile(times.by_words(), 0.95) > kMostWithWords)
+    found.push_back(times.text());
+  return found;
 }
 
 Status run(const Arguments& arguments) {
   const auto places = make_places(arguments);
   if (!places) return tl::unexpected(places.error());
-  const Examination examination(*places, arguments);
+  const Examination examination(places->made, arguments);
   std::printf("maps %zu keyframes %zu\n", examination.index().maps().size(),
               examination.index().keyframe_count());
   std::printf(
@@ -465,7 +504,7 @@ Status run(const Arguments& arguments) {
   for (const Light& light : lights_to_stand()) {
     Scores& total = totals.emplace_back();
     std::fprintf(stderr, "asking, %s\n", to_string(light).c_str());
-    for (const Place& place : *places) {
+    for (const Place& place : places->made) {
       const Scores scores = examination.examine(place, light);
       if (totals.size() == 1 || arguments.verbose) print_place(place, scores[0]);
       std::fflush(stdout);
@@ -480,7 +519,16 @@ Status run(const Arguments& arguments) {
     for (size_t l = 0; l < totals.size(); ++l)
       print_total(kMethodNames[m], to_string(lights_to_stand()[l]), totals[l][m]);
   }
-  return {};
+  AnswerTimes times;
+  for (const Scores& total : totals) times.add(total[0].times);
+  std::printf("ours, as recorded: %s\nours, all lights: %s\n", totals[0][0].times.text().c_str(),
+              times.text().c_str());
+  if (!places->left_out.empty())
+    return fail(ErrorCode::kDegenerate, fmt::format("left out: {}", fmt::join(places->left_out, ", ")));
+  if (!arguments.check) return {};
+  const auto wrong = complaints(totals);
+  if (wrong.empty()) return {};
+  return fail(ErrorCode::kInternal, fmt::format("does not hold: {}", fmt::join(wrong, "; ")));
 }
 
 }  // namespace
@@ -490,9 +538,11 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Which of many maps shows a picture, and from where: ours, the paper's, words; in other light");
   cairn::Arguments arguments;
-  app.add_option("--video", arguments.videos,
-                 "NAME SOURCE CALIBRATION TRUTH UNIT FRAMES: mapped from its first FRAMES by tracker and map "
-                 "maker; `-` for what is not known; UNIT `m` or `-`");
+  app.add_option(
+      "--video", arguments.videos,
+      "NAME SOURCE CALIBRATION TRUTH UNIT FRAMES: mapped from its first FRAMES by tracker and map "
+      "maker; `-` for what is not known; TRUTH may be `elsewhere`: none, and the other frames do not "
+      "show what is mapped; UNIT `m` or `-`");
   app.add_option("--stills", arguments.stills,
                  "NAME SOURCE TRUTH UNIT: every other one is mapped, from its given pose");
   app.add_option("--unmapped", arguments.unmapped, "NAME SOURCE CALIBRATION: asked about only");
@@ -502,6 +552,10 @@ int main(int argc, char** argv) {
       "what is made is kept there");
   app.add_flag("--ours", arguments.ours_alone, "no baselines");
   app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_flag(
+      "--check", arguments.check,
+      "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, 95 % "
+      "right in every light, and answers within 5 ms by pictures and 15 with words (p95)");
   app.add_flag("-v,--verbose", arguments.verbose, "a line for each of our mistakes");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {

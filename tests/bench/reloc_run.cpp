@@ -13,6 +13,7 @@
 
 #include "client/tracking/frame_images.h"
 #include "server/relocalization/relocalizer.h"
+#include "tests/bench/answer_times.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
 #include "tests/bench/truth.h"
@@ -126,32 +127,6 @@ class Judge {
   Tally in_view_, elsewhere_;
 };
 
-/// How long answers take, by what they needed.
-class AnswerTimes {
- public:
-  explicit AnswerTimes(const RelocOptions& options) : by_picture_alone_(options.by_picture_alone) {}
-
-  void add(const PlaceAnswer& answer, double ms) {
-    const bool is_early = answer.candidates.size() <= static_cast<size_t>(by_picture_alone_);
-    (is_early ? by_picture_ : by_words_).push_back(ms);
-  }
-  [[nodiscard]] std::string text() const {
-    std::vector<double> all = by_picture_;
-    all.insert(all.end(), by_words_.begin(), by_words_.end());
-    const auto row = [](const char* what, const std::vector<double>& ms) {
-      return fmt::format("{} {} p50 {:.2f} p95 {:.2f} ms", what, ms.size(), percentile(ms, 0.5),
-                         percentile(ms, 0.95));
-    };
-    return fmt::format("{}; {}; {}", row("answers", all), row("by pictures", by_picture_),
-                       row("with words", by_words_));
-  }
-
- private:
-  int by_picture_alone_;
-  std::vector<double> by_picture_;
-  std::vector<double> by_words_;
-};
-
 /// Asks for every few frames of a recording of somewhere else: whatever is answered is wrong.
 Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
                    bool verbose) {
@@ -162,7 +137,7 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
   if (!camera) return tl::unexpected(camera.error());
   int asked = 0;
   int answered = 0;
-  AnswerTimes times(options);
+  AnswerTimes times;
   for (;;) {
     const auto next = (*source)->next();
     if (!next) continue;
@@ -174,7 +149,7 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
     const PlaceView view = describe_place(images.pyramid, images.all_corners());
     const double begin = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, **camera, view, options);
-    times.add(result, thread_cpu_ms() - begin);
+    times.add(result.candidates.size(), thread_cpu_ms() - begin);
     ++asked;
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     ++answered;
@@ -197,7 +172,7 @@ constexpr uint64_t kProofFrames = 3;  // as the peers were judged
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
          const MapSnapshotPtr& map, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
   std::vector<double> describe_ms;
-  AnswerTimes times(options);
+  AnswerTimes times;
   Proof proof;
   TrackerOptions told;
   told.make_maps = false;
@@ -223,7 +198,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     const double described = thread_cpu_ms();
     const PlaceAnswer result = relocalize(index, *camera, view, options);
     describe_ms.push_back(described - begin);
-    times.add(result, thread_cpu_ms() - described);
+    times.add(result.candidates.size(), thread_cpu_ms() - described);
     judge->judge(frame, query->second, *map, result);
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
