@@ -29,6 +29,7 @@ struct Arguments {
   size_t map_frames = 0;
   double tolerance = 0.05;
   uint64_t seed = 1;
+  std::optional<int> most_missed;
   bool verbose = false;
 };
 
@@ -99,7 +100,8 @@ class Judge {
     return true;
   }
 
-  void report() const {
+  /// What must hold: no answer wrong, nor a pose that the tracker believes, and few in view not answered.
+  [[nodiscard]] Status report() const {
     const auto row = [&](const char* what, const Tally& t) {
       std::printf("%s %-10s asked %d answered %d right %d wrong %d; tracker right %d wrong %d\n",
                   arguments_.sequence.c_str(), what, t.asked, t.answered, t.right, t.wrong, t.proven_right,
@@ -107,6 +109,13 @@ class Judge {
     };
     row("in view", in_view_);
     row("elsewhere", elsewhere_);
+    const auto wrong = [](const Tally& t) { return t.wrong + t.proven_wrong; };
+    const int missed = in_view_.asked - in_view_.right;
+    if (arguments_.most_missed &&
+        (missed > *arguments_.most_missed || wrong(in_view_) + wrong(elsewhere_) > 0))
+      return fail(ErrorCode::kInternal, fmt::format("{}: {} missed, {} wrong", arguments_.sequence, missed,
+                                                    wrong(in_view_) + wrong(elsewhere_)));
+    return {};
   }
 
  private:
@@ -235,11 +244,10 @@ Status run(const Arguments& arguments) {
   options.method = arguments.method == "paper" ? RelocMethod::kPaper : RelocMethod::kImproved;
   Judge judge(arguments, truth, *truth_from_map);
   ask(source->get(), *queries, *camera, mapped->map->snapshot, index, options, &judge);
-  judge.report();
   for (const std::string& foreign : arguments.foreign) {
     if (const Status done = ask_foreign(foreign, index, options, arguments.verbose); !done) return done;
   }
-  return {};
+  return judge.report();
 }
 
 }  // namespace
@@ -260,6 +268,8 @@ int main(int argc, char** argv) {
   app.add_option("--method", arguments.method, "improved or paper")
       ->check(CLI::IsMember({"improved", "paper"}));
   app.add_option("--seed", arguments.seed, "of every random choice");
+  app.add_option("--most-missed", arguments.most_missed,
+                 "ends with 1 if more of those in view are not answered rightly, or any answer is wrong");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per query");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
