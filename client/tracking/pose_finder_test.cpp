@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 
 #include "client/tracking/plane_scene.h"
 #include "client/tracking/tracker.h"
@@ -137,6 +138,33 @@ TEST(PoseFinder, TheBetterOfTwoLooksStays) {
   EXPECT_LT(center_distance(*pose, truth), 1e-3);
   EXPECT_EQ(finder.found(), std::ranges::count_if(finder.points(), &VisiblePoint::found));
   EXPECT_GT(finder.quality(), 0.5F);
+}
+
+/// The points of a map, each off its place by some pixels in another direction: all are found, and no pose
+/// puts them where they are.
+TEST(PoseFinder, WhatDoesNotFitIsNoPoseHoweverMuchOfItIsFound) {
+  const CameraPtr camera = test_camera();
+  const test::PlaneScene scene(3, camera);
+  const TrackerOptions options;
+  const SE3 truth = looking_down(0.05, 0.01);
+  FrameImages frame;
+  frame.build_pyramid(scene.render(truth)->view());
+  const auto located = [&](float off) {
+    auto map = std::make_shared<MapSnapshot>(*scene.make_map(looking_down(0, 0)));
+    std::mt19937 random(5);
+    std::uniform_real_distribution<float> offset(-off, off);
+    for (auto& block : map->point_blocks) {
+      auto positions = std::make_shared<PositionBlock>(*block->positions);
+      for (Eigen::Vector3f& p : positions->positions) p += Eigen::Vector3f(offset(random), offset(random), 0);
+      block = make_point_block(block->patches, positions, map->keyframe_blocks);
+    }
+    PoseFinder finder(camera, options);
+    finder.use_map(map);
+    const bool is_found = finder.locate(frame, truth, wide_effort(options), nullptr).has_value();
+    return is_found && finder.judge() != PoseVerdict::kBad;
+  };
+  EXPECT_TRUE(located(0.002F));  // 0.5 px
+  EXPECT_FALSE(located(0.03F));  // 8 px
 }
 
 }  // namespace
