@@ -3,6 +3,7 @@
 
 #include <malloc.h>
 
+#include <algorithm>
 #include <chrono>
 #include <random>
 #include <utility>
@@ -32,7 +33,9 @@ void name_this_start(ServiceOptions* options) {
 /// go.
 struct Service::State {
   State(int workers, const Logger& log)
-      : urgent(workers, 0, log), background(1, kBackgroundNice, log), questions(1, 0, log) {}
+      : urgent(workers, 0, log),
+        background(1, kBackgroundNice, log),
+        questions(std::max(1, workers / 2), 0, log) {}
   ~State() {
     if (switchboard) switchboard->stop();
     urgent.stop();
