@@ -99,6 +99,19 @@ TEST(Adjustment, AMapThatWasOnlyCarriedOffIsWrittenBackWhereItWas) {
   }
 }
 
+TEST(Adjustment, WhatCameSinceTheProblemWasCutIsCarriedBackWithTheRest) {
+  Walls walls(7);
+  walls.add_wall(walls.ids(0, 6));
+  MapState earlier = walls.map;
+  earlier.remove_keyframe(KeyframeId{7});
+  walls.add_wall(walls.ids(5, 2));
+  walls.map.keyframe(KeyframeId{7}).reference = KeyframeId{6};
+  const MapState before = walls.map;
+  write_back(carried_off(earlier, 1, SE3(so3_exp({0.2, -0.4, 0.1}), Eigen::Vector3d(0.5, 2, -1))),
+             kNoOutliers, &walls.map);
+  expect_same_place(walls.map, before);
+}
+
 TEST(Adjustment, WhatOneKeyframeLearnsOfItselfMovesItAndHardlyTheOthers) {
   constexpr double kMoved = 0.01;
   Walls walls(8);
