@@ -300,14 +300,14 @@ TEST(JudgeLabels, OneAtItsThingAppearsThereWhateverTheMapsFrame) {
 
 TEST(JudgeLabels, OneBesideItsThingIsOffByTheAngleBetween) {
   WalkRecord record = labelled_walk();
-  const Eigen::Vector3d beside = thing_of("a").point + Eigen::Vector3d(0, 0, 0.05);
+  const Eigen::Vector3d beside = thing_of("a").point + Eigen::Vector3d(0.05, 0, 0);
   const Verdict verdict =
       judge({record}, MapExtent::kOnePlace, std::vector{label_of(kFirst, "map-a", "a", beside)});
   const std::vector<double>& degrees = verdict.labels[0].degrees;
   ASSERT_FALSE(degrees.empty());
   EXPECT_TRUE(std::ranges::is_sorted(degrees));
   // 5 cm at about a metre, seen from all sides.
-  EXPECT_GT(degrees.back(), 1.5);
+  EXPECT_GT(degrees.front(), 1.5);
   EXPECT_LT(degrees.back(), 5);
 }
 
