@@ -76,10 +76,10 @@ std::vector<LabelTarget> choose_label_targets(Simulator* simulator) {
   std::set<int> labelled;
   for (const Phase& phase : simulator->phases()) {
     if (phase.kind != PhaseKind::kMap || !labelled.insert(phase.place).second) continue;
-    const double begin = phase.begin + kPartOfPhase * (phase.end - phase.begin);
+    const int begin = static_cast<int>(phase.begin * kSimulatorFrameRate);
     const int end = std::min(static_cast<int>(phase.end * kSimulatorFrameRate), simulator->frame_count());
     std::optional<LabelTarget> target;
-    for (int i = static_cast<int>(begin * kSimulatorFrameRate); i < end && !target; ++i)
+    for (int i = begin + static_cast<int>(kPartOfPhase * (end - begin)); i < end && !target; ++i)
       target = choose_in_frame(simulator, i, phase.place);
     if (target) targets.push_back(std::move(*target));
   }
