@@ -20,6 +20,7 @@
 #include "client/app/trajectory_recorder.h"
 #include "client/app/video_writer.h"
 #include "client/app/viewer/display.h"
+#include "client/app/viewer/timed_labels.h"
 #include "client/app/viewer/viewer.h"
 #include "client/capture/decode_ahead.h"
 #include "client/capture/frame_source.h"
@@ -266,6 +267,12 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
+ViewerLink viewer_link(Session& session) {
+  return {[&session](MapId map) { return session.labels(map); },
+          [&session](wire::ClientRequest request) { session.send_request(std::move(request)); },
+          [&session] { return session.take_request_replies(); }};
+}
+
 /// A window where there is a display and one is wanted; else null, and said why.
 std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr& camera, Session& session,
                                     const Logger& log) {
@@ -274,11 +281,9 @@ std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr
     log->info("no window: {}; running headless (--video shows the same)", why);
     return nullptr;
   }
-  ViewerLink link{[&session](MapId map) { return session.labels(map); },
-                  [&session](wire::ClientRequest request) { session.send_request(std::move(request)); },
-                  [&session] { return session.take_request_replies(); }};
   return std::make_unique<Viewer>(camera, "cairn-track " + options.name,
-                                  ViewerOptions{!options.reader, options.makes_maps()}, std::move(link), log);
+                                  ViewerOptions{!options.reader, options.makes_maps()}, viewer_link(session),
+                                  log);
 }
 
 /// All that is open while frames are tracked.
@@ -292,6 +297,7 @@ struct Run {
   std::unique_ptr<Session> session;
   Outputs outputs;
   std::unique_ptr<Viewer> viewer;  ///< may be null
+  std::vector<TimedLabel> labels;  ///< to be placed on the way
 
   [[nodiscard]] bool stop_requested() const {
     return signals.stop_requested() || (viewer && viewer->quit_requested());
@@ -311,6 +317,9 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   if (auto status = prepare_to_find_camera(options, *chosen, log); !status)
     return tl::unexpected(status.error());
   if (auto status = check_picture_size(**source, *camera); !status) return tl::unexpected(status.error());
+  Result<std::vector<TimedLabel>> labels;
+  if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
+  if (!labels) return tl::unexpected(labels.error());
   auto outputs = open_outputs(options, camera, log);
   if (!outputs) return tl::unexpected(outputs.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
@@ -326,7 +335,8 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              std::move(ahead),
              std::move(*session),
              std::move(*outputs),
-             std::move(viewer)};
+             std::move(viewer),
+             std::move(*labels)};
 }
 
 int track(Run& run) {
@@ -339,6 +349,9 @@ int track(Run& run) {
   if (run.outputs.trajectory) observers.push_back(run.outputs.trajectory.get());
   if (run.outputs.video) observers.push_back(run.outputs.video.get());
   if (run.viewer) observers.push_back(run.viewer.get());
+  std::optional<LabelPlacer> placer;
+  if (run.options.labels)
+    observers.push_back(&placer.emplace(run.labels, run.camera, viewer_link(*run.session), run.log));
   observers.push_back(&narrator);
   std::optional<CameraKeeper> keeper;
   if (run.keeps_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
@@ -365,6 +378,7 @@ int track(Run& run) {
     loop.take_camera(link.snapshot());
   }
   narrator.finish();
+  if (placer) placer->finish();
   const Status kept = keeper ? keeper->finish() : Status();
 
   const auto session = link.status();

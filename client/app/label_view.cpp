@@ -35,15 +35,29 @@ std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vec
   return near;
 }
 
+bool may_be_of_one_surface(const SeenPoint& a, const SeenPoint& b) {
+  const double distances[] = {a.position.norm(), b.position.norm()};
+  return distances[0] < kOneSurface * distances[1] && distances[1] < kOneSurface * distances[0];
+}
+
+/// Without those that no two others are at about the distance of: a map has some wrong points, which would
+/// draw a label far behind what is pointed at. Few points are left as they are.
+std::vector<SeenPoint> without_strays(std::vector<SeenPoint> near) {
+  if (near.size() < kLeastNeighbours) return near;
+  const std::vector<SeenPoint> all = near;
+  std::erase_if(near, [&](const SeenPoint& p) {
+    const auto like = [&p](const SeenPoint& other) { return may_be_of_one_surface(p, other); };
+    return std::count_if(all.begin(), all.end(), like) < static_cast<ptrdiff_t>(kLeastNeighbours);
+  });
+  return near;
+}
+
 /// Those at about the distance of the one pointed closest to: what lies behind it or before it is of another
 /// surface.
 std::vector<Eigen::Vector3d> on_one_surface(const std::vector<SeenPoint>& near) {
-  const double reference = near.front().position.norm();
   std::vector<Eigen::Vector3d> surface;
   for (const SeenPoint& p : near) {
-    const double distance = p.position.norm();
-    if (distance < kOneSurface * reference && reference < kOneSurface * distance)
-      surface.push_back(p.position);
+    if (may_be_of_one_surface(near.front(), p)) surface.push_back(p.position);
   }
   return surface;
 }
@@ -113,7 +127,7 @@ std::vector<LabelInView> labels_in_view(const OverlayFrame& frame, const Camera&
 std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Camera& camera,
                                           std::span<const SeenPoint> seen) {
   const double width = camera.width();
-  const auto near = nearest(seen, pixel, kNeighbourhood * width, kMostNeighbours);
+  const auto near = without_strays(nearest(seen, pixel, kNeighbourhood * width, kMostNeighbours));
   if (near.empty()) return std::nullopt;
   if ((near.front().pixel - pixel).norm() <= kPointed * width) return near.front().position;
   const auto surface = on_one_surface(near);

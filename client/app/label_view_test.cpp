@@ -178,6 +178,19 @@ TEST_F(LabelViewTest, ASurfaceFarBehindTheOneThatIsMeantDoesNotCount) {
   EXPECT_NEAR(place->z(), 1, 1e-6);
 }
 
+TEST_F(LabelViewTest, AStrayPointIsNotMeant) {
+  const Plane desk{-Eigen::Vector3d::UnitZ(), -2};
+  for (const double away : {4.0, 18.0}) {  // pointed at, and the nearest around
+    auto seen = points_on(desk, *camera_, everywhere_, 300, &random_);
+    std::erase_if(seen, [](const SeenPoint& p) { return (p.pixel - Eigen::Vector2d(320, 240)).norm() < 25; });
+    const Eigen::Vector2d stray(320 + away, 240);
+    seen.push_back({stray, 5 * camera_->unproject(stray)});
+    const auto place = pick_place({320, 240}, *camera_, seen);
+    ASSERT_TRUE(place.has_value());
+    EXPECT_NEAR(place->z(), 2, 1e-6);
+  }
+}
+
 TEST_F(LabelViewTest, WhereNoPointIsNearThereIsNoPlace) {
   EXPECT_FALSE(pick_place({320, 240}, *camera_, {}));
   const std::vector<SeenPoint> far{{{10, 10}, {-1, -1, 1}}, {{14, 10}, {-1, -1, 1}}, {{10, 14}, {-1, -1, 1}}};

@@ -59,6 +59,7 @@ struct Words {
   std::string trajectory;
   std::string stats;
   std::string video;
+  std::string labels;
   bool verbose = false;
   bool quiet = false;
 };
@@ -128,6 +129,10 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
   app.add_option("--video", words.video, "writes the picture with the tracker's view (.mp4, .mkv, .avi)")
       ->type_name("FILE");
+  app.add_option("--labels", words.labels,
+                 "with --headless: labels to be placed on the way, rows `timestamp x y text`: as if somebody "
+                 "pointed at that pixel of the frame of that time and typed the text")
+      ->type_name("FILE");
   app.add_flag("-v,--verbose", words.verbose, "more words");
   app.add_flag("-q,--quiet", words.quiet, "warnings only");
   app.set_version_flag("--version", "cairn-track " + std::string(version()));
@@ -163,6 +168,10 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (options.saved_calibration && options.exact_camera)
     return usage(
         "--save-calibration: the camera of --calibration exact:FILE is taken as it is; pass auto:FILE");
+  options.labels = path_or_nothing(words.labels);
+  if (options.labels && options.reader) return usage("--labels: a reader places no labels");
+  if (options.labels && !options.headless)
+    return usage("--labels: only with --headless; in the window, point and type");
   options.pace = kPaces.at(words.pace);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);

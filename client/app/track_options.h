@@ -37,7 +37,8 @@ struct TrackOptions {
   std::optional<std::filesystem::path> trajectory;
   std::optional<std::filesystem::path> stats;
   std::optional<std::filesystem::path> video;
-  int verbosity = 0;  ///< as make_logger()
+  std::optional<std::filesystem::path> labels;  ///< to be placed at given times, without a window
+  int verbosity = 0;                            ///< as make_logger()
 
   [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
 };

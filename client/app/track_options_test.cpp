@@ -48,6 +48,13 @@ TEST(TrackOptions, DefaultsAreThoseOfTheContract) {
   EXPECT_FALSE(options.trajectory || options.stats || options.video);
 }
 
+TEST(TrackOptions, LabelsArePlacedByABuilderWithoutAWindow) {
+  EXPECT_EQ(good({"--headless", "--labels", "l.txt"}).labels, "l.txt");
+  EXPECT_FALSE(good({"--headless"}).labels);
+  EXPECT_THAT(wrong({"--labels", "l.txt"}), HasSubstr("--headless"));
+  EXPECT_THAT(wrong({"--headless", "--role", "reader", "--labels", "l.txt"}), HasSubstr("reader"));
+}
+
 TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
   const auto options =
       good({"--calibration", "c.txt",   "--server", "desk.local", "--domain", "7",          "--profile",

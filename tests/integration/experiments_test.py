@@ -16,10 +16,15 @@ RUN_EXPERIMENT = pathlib.Path(__file__).resolve().parents[1] / "bench" / "run-ex
 PASSED, NOT_PASSED = 0, 1
 
 
+# Where a label appears may be off by what somebody means who points there: the found point within 2 % of the picture's width, 1.5
+# degrees of these cameras.
+MOST_DEGREES_P95, MOST_DEGREES = 1.5, 2.5
+
+
 class Experiments(unittest.TestCase):
-    def play(self, name, domain):
-        """Its verdict. No camera was told to be at another place than it is; a place that is held for some frames after the camera
-        has left it is no such lock, and a figure (tests/bench/README.md)."""
+    def play(self, name, places, domain):
+        """All places are mapped, labelled and found, and no camera was told to be at another place than it is. A place that is held for
+        some frames after the camera has left it is no complaint, and a figure (tests/bench/README.md)."""
         with tempfile.TemporaryDirectory() as folder:
             told = pathlib.Path(folder) / "verdict.json"
             done = subprocess.run([RUN_EXPERIMENT, name, "--build", BINARIES.parent, "--domain", str(domain), "--json", told],
@@ -27,20 +32,30 @@ class Experiments(unittest.TestCase):
             self.assertIn(done.returncode, (PASSED, NOT_PASSED), done.stdout)
             print(done.stdout)
             verdict, = json.loads(told.read_text())
-        self.assertEqual([lock for lock in verdict["wrong_locks"] if not lock["held"]], [])
-        self.assertEqual(verdict["mapped"], verdict["to_map"])
+        self.assertEqual(verdict["complaints"], [])
+        self.assertEqual((verdict["to_map"], verdict["mapped"]), (places, places))
+        self.check_labels(verdict, places)
         return verdict
 
+    def check_labels(self, verdict, places):
+        self.assertEqual([label["placed"] for label in verdict["labels"]], [True] * places)
+        for label in verdict["labels"]:
+            self.assertGreater(label["degrees"]["frames"], 0, f"{label['place']} was never looked at")
+        off = verdict["labels_degrees"]
+        self.assertLessEqual(off["p95"], MOST_DEGREES_P95, verdict["labels"])
+        self.assertLessEqual(off["max"], MOST_DEGREES, verdict["labels"])
+
     def test_desk(self):
-        self.assertEqual(self.play("desk", 225)["found"], 12)
+        self.assertEqual(self.play("desk", 12, 225)["found"], 12)
 
     def test_building(self):
-        self.assertEqual(self.play("building", 227)["found"], 5)
+        self.assertEqual(self.play("building", 5, 227)["found"], 5)
 
     def test_laboratory(self):
-        for place in self.play("laboratory", 228)["places"]:
-            # At every visit would be too much: whichever map is held stays until lost, as in the paper.
-            self.assertTrue(any(visit["right"] for visit in place["visits"]), place)
+        robot, = (place for place in self.play("laboratory", 2, 228)["places"] if place["name"] == "robot")
+        # One visit may be tracked in the room's map, rightly: whichever is held stays until lost, as in the paper.
+        found = [visit["frames_to_lock"] is not None for visit in robot["visits"]]
+        self.assertGreaterEqual(found.count(True), len(found) - 1, robot)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ SLOWNESS = int(os.environ.get("CAIRN_TEST_SLOWNESS", "1"))  # of the build: reco
 LIMIT = 300 * SLOWNESS  # seconds, which only a broken program takes
 FIRST_DOMAIN = 215
 DOMAINS = 10  # ports above those that the kernel gives out
+DAMAGED = 6
 
 
 def command(program, *arguments):
@@ -80,7 +81,7 @@ class ServerProcess:
 
 def slow_down(recording):
     """The stamps of a rendered sequence, for programs that were built to be checked and not to be fast."""
-    for name in ("rgb.txt", "groundtruth.txt"):
+    for name in ("rgb.txt", "groundtruth.txt", "labels.txt"):
         rows = [row.split(maxsplit=1) for row in (recording / name).read_text().splitlines()]
         (recording / name).write_text("".join(
             f"{stamp} {rest}\n" if stamp.startswith("#") else f"{float(stamp) * SLOWNESS:.6f} {rest}\n"
@@ -134,6 +135,46 @@ class Lockstep(OnTheDesk):
             self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
             self.assertLessEqual(self.ate_mm(name), 5)
         self.assertEqual((self.folder / "first.txt").read_bytes(), (self.folder / "second.txt").read_bytes())
+
+
+class Labels(OnTheDesk):
+    def labels(self, server):
+        done = subprocess.run(command("cairnctl", "--domain", server.domain, "--json", "labels"), capture_output=True, text=True,
+                              timeout=LIMIT, check=True)
+        return json.loads(done.stdout)
+
+    def test_labels_are_placed_where_the_recording_says_and_kept_and_change_no_pose(self):
+        with ServerProcess() as server:
+            self.track(server, "builder", "--pace", "lockstep")
+        plain = (self.folder / "builder.txt").read_bytes()
+        store = self.folder / "labels"
+        with ServerProcess("--store", store) as server:
+            _, said = self.track(server, "builder", "--pace", "lockstep", "--labels", self.folder / "desk/labels.txt")
+            placed = self.labels(server)
+        self.assertIn("label 'desk' placed", said)
+        self.assertIn("labels placed: 1 of 1", said)
+        self.assertEqual([(label["text"], label["author"]) for label in placed], [("desk", "builder")])
+        self.assertEqual((self.folder / "builder.txt").read_bytes(), plain)
+        with ServerProcess("--store", store) as server:
+            self.assertEqual([(label["text"], label["map"]) for label in self.labels(server)], [("desk", placed[0]["map"])])
+
+    def test_what_could_not_be_placed_is_said(self):
+        late = self.folder / "late.txt"
+        late.write_text("0 320 240 too early\n1000 320 240 too late\n")
+        with ServerProcess() as server:
+            _, said = self.track(server, "hasty", "--pace", "lockstep", "--labels", late)
+            self.assertEqual(self.labels(server), [])
+        self.assertIn("frame 0: label 'too early' not placed: no map here", said)
+        self.assertIn("label 'too late' not placed: its time did not come", said)
+        self.assertIn("labels placed: 0 of 2", said)
+
+    def test_a_file_that_makes_no_sense_ends_the_program_before_a_server_is_asked(self):
+        wrong = self.folder / "wrong.txt"
+        wrong.write_text("1 700 240 outside\n")
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--headless", "--labels", wrong),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, DAMAGED, done.stderr)
+        self.assertIn(f"{wrong}:1: the pixel lies outside the picture, which is 640x480", done.stderr)
 
 
 class Cameras(OnTheDesk):

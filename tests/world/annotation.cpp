@@ -48,9 +48,8 @@ Status write_places(const std::filesystem::path& path, const Annotation& annotat
 Status write_phases(const std::filesystem::path& path, const Annotation& annotation) {
   auto file = open_file(path);
   if (!file) return tl::unexpected(file.error());
-  *file
-      << "# begin end kind place: times of the first frame and of the one after the last; kind is\n"
-         "# map (begin a map here and give it the place's name as its label), walk (to the place) or visit\n";
+  *file << "# begin end kind place: times of the first frame and of the one after the last; kind is\n"
+           "# map (make a map of the place), walk (to the place) or visit\n";
   for (const auto& [kind, place, begin, end] : annotation.phases) {
     *file << format_timestamp(begin) << ' ' << format_timestamp(end) << ' ' << to_string(kind) << ' '
           << annotation.places[static_cast<size_t>(place)] << '\n';

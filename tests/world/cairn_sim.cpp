@@ -17,6 +17,7 @@
 #include "common/base/version.h"
 #include "tests/world/annotation.h"
 #include "tests/world/judge.h"
+#include "tests/world/labels.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -91,6 +92,8 @@ Status render(const RenderRequest& request) {
   if (!truth) return tl::unexpected(truth.error());
   if (auto status = write_camera(request.directory, simulator->camera().parameters()); !status) return status;
   if (auto status = write_annotation(request.directory, annotate(*simulator)); !status) return status;
+  if (auto status = write_label_targets(request.directory, choose_label_targets(&*simulator)); !status)
+    return status;
 
   *list << "# timestamp filename\n" << std::setprecision(6);
   *truth << "# timestamp tx ty tz qx qy qz qw  camera to world, exact\n";
@@ -128,6 +131,7 @@ struct JudgeRequest {
   bool json = false;
   bool check = false;
   MapExtent extent = MapExtent::kOnePlace;
+  std::filesystem::path labels;  ///< empty: they are not judged
 };
 
 CLI::App* declare_judge(CLI::App* app, JudgeRequest* request) {
@@ -142,13 +146,20 @@ CLI::App* declare_judge(CLI::App* app, JudgeRequest* request) {
   command->add_flag_callback(
       "--many-places", [request] { request->extent = MapExtent::kManyPlaces; },
       "a map is the map of every place that was mapped in it, not only of the first; tells its drift");
+  command
+      ->add_option(
+          "--labels", request->labels,
+          "what `cairnctl --json labels` says after the walks: whether each place that is mapped has "
+          "the label that labels.txt asks for, and where it appears at the visits")
+      ->type_name("FILE");
   command->add_flag(
       "--check", request->check,
       "exit code 1 unless every place is mapped and found at every visit, without a wrong lock");
   return command;
 }
 
-Result<Verdict> judge_files(const std::vector<std::string>& pairs, MapExtent extent) {
+Result<Verdict> judge_files(const JudgeRequest& request) {
+  const std::vector<std::string>& pairs = request.pairs;
   if (pairs.size() % 2 != 0)
     return fail(ErrorCode::kUsage, "judge: pairs of recording and trajectory, please");
   std::vector<WalkRecord> walks;
@@ -157,7 +168,10 @@ Result<Verdict> judge_files(const std::vector<std::string>& pairs, MapExtent ext
     if (!walk) return tl::unexpected(walk.error());
     walks.push_back(std::move(*walk));
   }
-  return judge(walks, extent);
+  if (request.labels.empty()) return judge(walks, request.extent);
+  const auto labels = read_placed_labels(request.labels);
+  if (!labels) return tl::unexpected(labels.error());
+  return judge(walks, request.extent, *labels);
 }
 
 int report(const Error& error) {
@@ -187,7 +201,8 @@ int run(int argc, char** argv) {
   CLI::App* render_command =
       app.add_subcommand("render",
                          "writes rgb.txt, rgb/*.png, groundtruth.txt and camera.txt (TUM layout), "
-                         "places.txt (what each frame shows) and phases.txt (what the wearer does)");
+                         "places.txt (what each frame shows), phases.txt (what the wearer does), labels.txt "
+                         "(what is labelled on the way, for `cairn-track --labels`) and label_truth.txt");
   RenderRequest request;
   std::map<std::string, std::string> values;
   render_command->add_option("scenario", request.scenario, "a name from `cairn-sim list`")->required();
@@ -210,7 +225,7 @@ int run(int argc, char** argv) {
     return finish_output();
   }
   if (judge_command->parsed()) {
-    const auto verdict = judge_files(judge_request.pairs, judge_request.extent);
+    const auto verdict = judge_files(judge_request);
     if (!verdict) return report(verdict.error());
     std::cout << (judge_request.json ? verdict_json(*verdict) : verdict_text(*verdict));
     if (const int code = finish_output(); code != 0) return code;

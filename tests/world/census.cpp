@@ -29,29 +29,40 @@ Census::Census(const Scenario& scenario) : scenario_(scenario), clusters_(cluste
   }
 }
 
-std::vector<double> Census::shares(std::span<const ViewMatrix> camera_from_body) const {
-  std::vector<float> nearest(rays_.size(), 0);
-  std::vector<int> place(rays_.size(), -1);
+std::vector<Census::Hit> Census::cast(std::span<const ViewMatrix> camera_from_body,
+                                      std::span<const Eigen::Vector2f> rays, const IdealBox& view) const {
+  std::vector<Hit> hits(rays.size());
   for (const FaceCluster& cluster : clusters_) {
     const ViewMatrix& pose = camera_from_body[static_cast<size_t>(cluster.body)];
-    if (!cluster.may_show(pose, view_)) continue;
+    if (!cluster.may_show(pose, view)) continue;
     for (const Face& face : std::span(scenario_.faces).subspan(cluster.first, cluster.count)) {
       const auto projected =
-          project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], pose, view_);
+          project_face(face, scenario_.textures[static_cast<size_t>(face.texture)], pose, view);
       if (!projected) continue;
-      for (size_t i = 0; i < rays_.size(); ++i) {
-        const float inverse_depth = projected->inverse_depth(rays_[i].x(), rays_[i].y());
-        if (inverse_depth <= nearest[i] || !covers(*projected, rays_[i])) continue;
-        nearest[i] = inverse_depth;
-        place[i] = face.place;
+      for (size_t i = 0; i < rays.size(); ++i) {
+        const float inverse_depth = projected->inverse_depth(rays[i].x(), rays[i].y());
+        if (inverse_depth <= hits[i].inverse_depth || !covers(*projected, rays[i])) continue;
+        hits[i] = {inverse_depth, face.place};
       }
     }
   }
+  return hits;
+}
+
+std::vector<double> Census::shares(std::span<const ViewMatrix> camera_from_body) const {
   std::vector<double> shares(scenario_.places.size(), 0.0);
-  for (const int seen : place) {
-    if (seen >= 0) shares[static_cast<size_t>(seen)] += 1.0 / static_cast<double>(rays_.size());
+  for (const Hit& hit : cast(camera_from_body, rays_, view_)) {
+    if (hit.place >= 0) shares[static_cast<size_t>(hit.place)] += 1.0 / static_cast<double>(rays_.size());
   }
   return shares;
+}
+
+std::optional<Sight> Census::look(std::span<const ViewMatrix> camera_from_body,
+                                  const Eigen::Vector2d& ray) const {
+  const Eigen::Vector2f point = ray.cast<float>();
+  const Hit hit = cast(camera_from_body, {&point, 1}, {point.x(), point.y(), point.x(), point.y()}).front();
+  if (hit.inverse_depth <= 0) return std::nullopt;
+  return Sight{hit.place, 1.0 / static_cast<double>(hit.inverse_depth)};
 }
 
 }  // namespace cairn

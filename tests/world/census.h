@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -10,16 +11,33 @@
 
 namespace cairn {
 
-/// Counts what a scenario's camera sees of each place, on a grid of rays through evenly spread pixels. The
-/// scenario must outlive it. Const calls are thread-safe.
+/// The nearest face along a ray.
+struct Sight {
+  int place = -1;    ///< index into Scenario::places, -1 none
+  double depth = 0;  ///< [m] along the camera's axis
+};
+
+/// Finds what a scenario's camera sees: along one ray, or of each place, on a grid of rays through evenly
+/// spread pixels. The scenario must outlive it. Const calls are thread-safe.
 class Census {
  public:
   explicit Census(const Scenario& scenario);
 
   /// Share of the picture (0 to 1) that each place fills, seen with the poses of all bodies.
   [[nodiscard]] std::vector<double> shares(std::span<const ViewMatrix> camera_from_body) const;
+  /// What there is to see along a ray, given by its point in the plane z = 1; nothing where no face is.
+  [[nodiscard]] std::optional<Sight> look(std::span<const ViewMatrix> camera_from_body,
+                                          const Eigen::Vector2d& ray) const;
 
  private:
+  struct Hit {
+    float inverse_depth = 0;  ///< [1/m], 0: no face
+    int place = -1;
+  };
+  /// Of each ray; `view` is a box about them.
+  [[nodiscard]] std::vector<Hit> cast(std::span<const ViewMatrix> camera_from_body,
+                                      std::span<const Eigen::Vector2f> rays, const IdealBox& view) const;
+
   const Scenario& scenario_;
   std::vector<FaceCluster> clusters_;
   std::vector<Eigen::Vector2f> rays_;  ///< in the plane z = 1

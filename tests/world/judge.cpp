@@ -2,11 +2,13 @@
 #include "tests/world/judge.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <numbers>
 #include <ranges>
 
 #include "common/geometry/alignment.h"
+#include "common/io/calibration.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -40,6 +42,7 @@ struct PoseError {
 struct JudgedWalk {
   std::vector<JudgedFrame> frames;
   std::vector<Annotation::TimedPhase> phases;  ///< places by index of the verdict
+  CameraPtr camera;
 };
 
 template <typename Items, typename TimeOf>
@@ -82,7 +85,7 @@ class Judge {
  public:
   explicit Judge(MapExtent extent) : extent_(extent) {}
 
-  Verdict run(const std::vector<WalkRecord>& walks) {
+  Verdict run(const std::vector<WalkRecord>& walks, const std::optional<std::vector<PlacedLabel>>& labels) {
     for (const WalkRecord& walk : walks) list_places(walk.annotation);
     for (const WalkRecord& walk : walks) {
       lay_out(walk);
@@ -92,6 +95,11 @@ class Judge {
     for (const JudgedWalk& walk : walks_) {
       judge_visits(walk);
       list_wrong_locks(walk);
+    }
+    for (const WalkRecord& walk : walks) {
+      for (const LabelTruth& thing : walk.things) {
+        if (labels) judge_label(thing, *labels);
+      }
     }
     return std::move(verdict_);
   }
@@ -118,6 +126,7 @@ class Judge {
     for (const std::string& name : annotation.places) known.push_back(place_named(name));
     JudgedWalk walk;
     walk.phases = annotation.phases;
+    walk.camera = record.camera;
     for (Annotation::TimedPhase& phase : walk.phases) phase.place = known[static_cast<size_t>(phase.place)];
     map_from_.resize(verdict_.places.size());
     // Before it is seen, a place is where it is seen first.
@@ -285,6 +294,34 @@ class Judge {
     }
   }
 
+  void judge_label(const LabelTruth& thing, const std::vector<PlacedLabel>& labels) {
+    LabelVerdict verdict{place_named(thing.place), false, {}};
+    for (const PlacedLabel& label : labels) {
+      const auto map = std::ranges::find(verdict_.maps, label.map, &MapVerdict::name);
+      if (label.text != thing.place || map == verdict_.maps.end()) continue;
+      if (map->home != verdict.place && !is_home(*map, verdict.place)) continue;
+      verdict.placed = true;
+      const auto index = static_cast<size_t>(map - verdict_.maps.begin());
+      for (const JudgedWalk& walk : walks_) look_for(label, index, thing, walk, &verdict);
+    }
+    std::ranges::sort(verdict.degrees);
+    verdict_.labels.push_back(std::move(verdict));
+  }
+
+  static void look_for(const PlacedLabel& label, size_t map, const LabelTruth& thing, const JudgedWalk& walk,
+                       LabelVerdict* verdict) {
+    for (const JudgedFrame& frame : walk.frames) {
+      if (walk.phases[frame.phase].kind != PhaseKind::kVisit || frame.map != map || !frame.right) continue;
+      const SE3& map_from_place = frame.map_from[static_cast<size_t>(verdict->place)];
+      const Eigen::Vector3d truth = frame.map_from_camera.inverse() * (map_from_place * thing.point);
+      const auto pixel = walk.camera->project(truth);
+      if (!pixel || !walk.camera->in_image(*pixel)) continue;
+      const Eigen::Vector3d shown = frame.estimate.inverse() * label.position;
+      verdict->degrees.push_back(std::atan2(truth.cross(shown).norm(), truth.dot(shown)) * 180 /
+                                 std::numbers::pi);
+    }
+  }
+
   const MapExtent extent_;
   Verdict verdict_;
   std::vector<SE3> map_from_;  ///< of every place, as last seen, also in an earlier walk
@@ -304,7 +341,12 @@ Result<WalkRecord> read_walk(const std::filesystem::path& recording,
   Result<Trajectory> estimate;
   if (!data_lines(*content).empty()) estimate = read_trajectory(trajectory);
   if (!estimate) return tl::unexpected(estimate.error());
-  return WalkRecord{std::move(*annotation), std::move(truth->segments.front().poses), std::move(*estimate)};
+  const auto camera = read_calibration(recording / "camera.txt").and_then(make_camera);
+  if (!camera) return tl::unexpected(camera.error());
+  auto things = read_label_truth(recording);
+  if (!things) return tl::unexpected(things.error());
+  return WalkRecord{std::move(*annotation), std::move(truth->segments.front().poses), std::move(*estimate),
+                    *camera, std::move(*things)};
 }
 
 int Verdict::places_to_map() const {
@@ -332,12 +374,17 @@ int Verdict::locks_held() const {
   return static_cast<int>(std::ranges::count(wrong_locks, true, &WrongLock::held));
 }
 
+int Verdict::labels_placed() const {
+  return static_cast<int>(std::ranges::count(labels, true, &LabelVerdict::placed));
+}
+
 bool Verdict::passes() const {
   return places_mapped() == places_to_map() && places_found() == places_to_map() && wrong_locks.empty();
 }
 
-Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent) {
-  return Judge(extent).run(walks);
+Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent,
+              const std::optional<std::vector<PlacedLabel>>& labels) {
+  return Judge(extent).run(walks, labels);
 }
 
 }  // namespace cairn

@@ -8,6 +8,7 @@
 #include "common/base/result.h"
 #include "common/io/trajectory.h"
 #include "tests/world/annotation.h"
+#include "tests/world/labels.h"
 
 namespace cairn {
 
@@ -16,10 +17,12 @@ struct WalkRecord {
   Annotation annotation;
   std::vector<StampedPose> truth;  ///< camera in the simulator's map, in order of time
   Trajectory estimate;             ///< rows `# map ID NAME`
+  CameraPtr camera;
+  std::vector<LabelTruth> things;  ///< that were labelled
 };
 
-/// `places.txt`, `phases.txt` and `groundtruth.txt` of a recording, and a trajectory, which may be
-/// empty. Errors as their readers'.
+/// `places.txt`, `phases.txt`, `groundtruth.txt`, `camera.txt` and `label_truth.txt` of a recording, and a
+/// trajectory, which may be empty. Errors as their readers'.
 [[nodiscard]] Result<WalkRecord> read_walk(const std::filesystem::path& recording,
                                            const std::filesystem::path& trajectory);
 
@@ -72,6 +75,15 @@ struct PlaceVerdict {
   std::vector<VisitVerdict> visits;
 };
 
+/// The label of a thing, in a map of its place.
+struct LabelVerdict {
+  int place = 0;
+  bool placed = false;
+  /// Between where the label appears and where the thing is, from the camera: of each frame of a visit that
+  /// was tracked rightly in that map and has the thing within its picture. Ascending.
+  std::vector<double> degrees;
+};
+
 /// Consecutive frames with a wrong pose in one map.
 struct WrongLock {
   MapId map;
@@ -89,6 +101,7 @@ struct Verdict {
   std::vector<PlaceVerdict> places;
   std::vector<MapVerdict> maps;
   std::vector<WrongLock> wrong_locks;  ///< in order
+  std::vector<LabelVerdict> labels;    ///< one for each thing to be labelled, where labels were asked for
 
   [[nodiscard]] int places_to_map() const;
   [[nodiscard]] int places_mapped() const;
@@ -96,12 +109,15 @@ struct Verdict {
   [[nodiscard]] int places_found() const;
   [[nodiscard]] int locks_at_unmapped() const;
   [[nodiscard]] int locks_held() const;
+  [[nodiscard]] int labels_placed() const;
   /// Every place to map is mapped and found at every visit, and no lock is wrong.
   [[nodiscard]] bool passes() const;
 };
 
 /// Walks in order, all in one world (places are matched by name); maps carry over from one to the next.
-[[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent = MapExtent::kOnePlace);
+/// `labels`: those of all maps in the end, matched by the names of map and place; nothing: not judged.
+[[nodiscard]] Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent = MapExtent::kOnePlace,
+                            const std::optional<std::vector<PlacedLabel>>& labels = {});
 
 /// For people: one row a place, then the sums. And for machines: one JSON document.
 [[nodiscard]] std::string verdict_text(const Verdict& verdict);

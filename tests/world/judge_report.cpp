@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/world/judge.h"
@@ -24,6 +26,30 @@ nlohmann::json visit_json(const VisitVerdict& visit) {
                          {"frames_to_lock", nullptr}};
   if (visit.frames_to_lock) json["frames_to_lock"] = *visit.frames_to_lock;
   return json;
+}
+
+/// "0.2 / 0.5 / 0.9": the nearest ranks of ascending values.
+std::string spread_text(const std::vector<double>& values) {
+  if (values.empty()) return "-";
+  const auto rank = [&](double share) {
+    return values[static_cast<size_t>(std::ceil(share * static_cast<double>(values.size()))) - 1];
+  };
+  return fmt::format("{:.2f} / {:.2f} / {:.2f}", rank(0.5), rank(0.95), rank(1));
+}
+
+std::string labels_text(const Verdict& verdict) {
+  std::string text =
+      "labels: degrees between where they appear and where the thing is, p50 / p95 / max (frames)\n";
+  std::vector<double> all;
+  for (const LabelVerdict& label : verdict.labels) {
+    text += fmt::format("{:<14}{} ({})\n", place_name(verdict, label.place),
+                        label.placed ? spread_text(label.degrees) : "not in a map of its place",
+                        label.degrees.size());
+    all.insert(all.end(), label.degrees.begin(), label.degrees.end());
+  }
+  std::ranges::sort(all);
+  return text + fmt::format("labels placed {} of {}, {} degrees ({})\n", verdict.labels_placed(),
+                            verdict.labels.size(), spread_text(all), all.size());
 }
 
 }  // namespace
@@ -55,6 +81,7 @@ std::string verdict_text(const Verdict& verdict) {
                     lock.metres, place_name(verdict, lock.shown),
                     lock.at_unmapped ? " (unmapped place visited)" : "", lock.held ? " (held too long)" : "");
   }
+  if (!verdict.labels.empty()) text += labels_text(verdict);
   text += fmt::format(
       "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places, {} "
       "held "
@@ -69,7 +96,8 @@ std::string verdict_json(const Verdict& verdict) {
       {"to_map", verdict.places_to_map()},  {"mapped", verdict.places_mapped()},
       {"found", verdict.places_found()},    {"locks_at_unmapped", verdict.locks_at_unmapped()},
       {"locks_held", verdict.locks_held()}, {"places", nlohmann::json::array()},
-      {"maps", nlohmann::json::array()},    {"wrong_locks", nlohmann::json::array()}};
+      {"maps", nlohmann::json::array()},    {"wrong_locks", nlohmann::json::array()},
+      {"labels", nlohmann::json::array()}};
   for (const PlaceVerdict& place : verdict.places) {
     auto visits = nlohmann::json::array();
     for (const VisitVerdict& visit : place.visits) visits.push_back(visit_json(visit));
@@ -97,6 +125,10 @@ std::string verdict_json(const Verdict& verdict) {
                                    {"metres", lock.metres},
                                    {"at_unmapped", lock.at_unmapped},
                                    {"held", lock.held}});
+  }
+  for (const LabelVerdict& label : verdict.labels) {
+    json["labels"].push_back(
+        {{"place", place_name(verdict, label.place)}, {"placed", label.placed}, {"degrees", label.degrees}});
   }
   return json.dump(1) + "\n";
 }

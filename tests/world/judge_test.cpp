@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -252,6 +253,86 @@ TEST(Judge, MapOfAStandingCameraIsNotTakenForRight) {
   ASSERT_EQ(verdict.maps.size(), 1u);
   EXPECT_FALSE(verdict.maps[0].judged);
   EXPECT_EQ(verdict.maps[0].wrong, kPhaseFrames);
+}
+
+CameraPtr test_camera() {
+  return *make_camera({CameraModel::kPinholeRadtan, 640, 480, {500, 500, 319.5, 239.5, 0, 0, 0, 0, 0}});
+}
+
+/// Seen from the side that the cameras of WalkBuilder look at, in the places' frames.
+LabelTruth thing_of(const std::string& place) {
+  return {place, place_from_camera(30) * Eigen::Vector3d(0.05, -0.02, 1)};
+}
+
+/// Places a and b, mapped and visited in maps named as they are, with a thing in each.
+WalkRecord labelled_walk() {
+  WalkBuilder walk({"a", "b"});
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kMap, 1, walk.in(kSecond))
+      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 10))
+      .phase(PhaseKind::kVisit, 1, walk.in(kSecond, 10, shifted(2 * kRightMetres)));
+  WalkRecord record = walk.get();
+  for (TrajectorySegment& segment : record.estimate.segments)
+    segment.map_name = segment.map == kFirst.id ? "map-a" : "map-b";
+  record.camera = test_camera();
+  record.things = {thing_of("a"), thing_of("b")};
+  return record;
+}
+
+PlacedLabel label_of(const MapFrame& map, const std::string& name, const std::string& text,
+                     const Eigen::Vector3d& in_home) {
+  return {name, text, map.map_from_home * in_home};
+}
+
+TEST(JudgeLabels, OneAtItsThingAppearsThereWhateverTheMapsFrame) {
+  const Verdict verdict = judge({labelled_walk()}, MapExtent::kOnePlace,
+                                std::vector{label_of(kFirst, "map-a", "a", thing_of("a").point),
+                                            label_of(kSecond, "map-b", "b", thing_of("b").point)});
+  ASSERT_EQ(verdict.labels.size(), 2U);
+  EXPECT_EQ(verdict.labels_placed(), 2);
+  const std::vector<double>& degrees = verdict.labels[0].degrees;
+  ASSERT_FALSE(degrees.empty());
+  EXPECT_LT(degrees.back(), 1e-5);
+  // In view in some frames only, and only of those that are tracked.
+  EXPECT_LT(degrees.size(), static_cast<size_t>(kPhaseFrames - 10) + 1);
+  EXPECT_TRUE(verdict.labels[1].degrees.empty()) << "frames with wrong poses tell nothing of labels";
+}
+
+TEST(JudgeLabels, OneBesideItsThingIsOffByTheAngleBetween) {
+  WalkRecord record = labelled_walk();
+  const Eigen::Vector3d beside = thing_of("a").point + Eigen::Vector3d(0.05, 0, 0);
+  const Verdict verdict =
+      judge({record}, MapExtent::kOnePlace, std::vector{label_of(kFirst, "map-a", "a", beside)});
+  const std::vector<double>& degrees = verdict.labels[0].degrees;
+  ASSERT_FALSE(degrees.empty());
+  EXPECT_TRUE(std::ranges::is_sorted(degrees));
+  // 5 cm at about a metre, seen from all sides.
+  EXPECT_GT(degrees.front(), 1.5);
+  EXPECT_LT(degrees.back(), 5);
+}
+
+TEST(JudgeLabels, MissingInTheMapOfAnotherPlaceOrOfAnotherTextIsNotPlaced) {
+  const Verdict verdict = judge(
+      {labelled_walk()}, MapExtent::kOnePlace,
+      std::vector{label_of(kFirst, "map-a", "b", {0, 0, 0}), label_of(kFirst, "map-a", "c", {0, 0, 0})});
+  ASSERT_EQ(verdict.labels.size(), 2U);
+  EXPECT_EQ(verdict.labels_placed(), 0);
+  EXPECT_TRUE(verdict.labels[0].degrees.empty());
+}
+
+TEST(JudgeLabels, AreReportedWhereAskedFor) {
+  EXPECT_TRUE(judge({labelled_walk()}).labels.empty());
+  const Verdict verdict = judge({labelled_walk()}, MapExtent::kOnePlace,
+                                std::vector{label_of(kFirst, "map-a", "a", thing_of("a").point)});
+  const auto json = nlohmann::json::parse(verdict_json(verdict));
+  ASSERT_EQ(json["labels"].size(), 2U);
+  EXPECT_EQ(json["labels"][0]["place"], "a");
+  EXPECT_EQ(json["labels"][0]["placed"], true);
+  EXPECT_EQ(json["labels"][0]["degrees"].size(), verdict.labels[0].degrees.size());
+  EXPECT_EQ(json["labels"][1]["placed"], false);
+  const std::string text = verdict_text(verdict);
+  EXPECT_NE(text.find("labels placed 1 of 2, 0.00 / 0.00 / 0.00"), std::string::npos) << text;
+  EXPECT_NE(text.find("not in a map of its place"), std::string::npos) << text;
 }
 
 TEST(Judge, ReportsSayWhatTheVerdictSays) {

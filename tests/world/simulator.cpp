@@ -143,6 +143,20 @@ SE3 Simulator::map_from_body(size_t body, double seconds) const {
   return map_from_camera(seconds) * camera_from_hand(passing ? passing->part : 0);
 }
 
+SE3 Simulator::map_from_place(int place, double seconds) const {
+  const Place& wanted = scenario_->places[static_cast<size_t>(place)];
+  return map_from_body(static_cast<size_t>(wanted.body), seconds) * wanted.body_from_place;
+}
+
+std::vector<ViewMatrix> Simulator::camera_from_bodies(double seconds) const {
+  const SE3 camera_from_map = map_from_camera(seconds).inverse();
+  std::vector<ViewMatrix> camera_from_body;
+  for (size_t body = 0; body < scenario_->bodies.size(); ++body) {
+    camera_from_body.emplace_back(camera_from_map * map_from_body(body, seconds));
+  }
+  return camera_from_body;
+}
+
 std::vector<Phase> Simulator::phases() const {
   std::vector<Phase> phases = scenario_->phases;
   for (Phase& phase : phases) {
@@ -165,20 +179,24 @@ SimView Simulator::view(int index) const {
   SimView view;
   view.dark = is_dark(seconds);
   if (view.dark) return view;
-  const SE3 camera_from_map = map_from_camera(seconds).inverse();
-  std::vector<ViewMatrix> camera_from_body;
-  for (size_t body = 0; body < scenario_->bodies.size(); ++body) {
-    camera_from_body.emplace_back(camera_from_map * map_from_body(body, seconds));
-  }
-  const std::vector<double> shares = census_.shares(camera_from_body);
-  for (size_t i = 0; i < shares.size(); ++i) {
-    if (shares[i] <= 0) continue;
-    const Place& place = scenario_->places[i];
-    view.places.push_back({static_cast<int>(i), shares[i],
-                           map_from_body(static_cast<size_t>(place.body), seconds) * place.body_from_place});
+  const std::vector<double> shares = census_.shares(camera_from_bodies(seconds));
+  for (int i = 0; i < static_cast<int>(shares.size()); ++i) {
+    const double share = shares[static_cast<size_t>(i)];
+    if (share > 0) view.places.push_back({i, share, map_from_place(i, seconds)});
   }
   std::ranges::stable_sort(view.places, std::greater{}, &SimView::PlaceShare::share);
   return view;
+}
+
+std::optional<SimThing> Simulator::thing_at(int index, const Eigen::Vector2d& pixel) const {
+  const double seconds = time(index).seconds();
+  if (is_dark(seconds)) return std::nullopt;
+  const Eigen::Vector3d bearing = camera().unproject(pixel);
+  const Eigen::Vector3d ray = bearing / bearing.z();
+  const auto sight = census_.look(camera_from_bodies(seconds), ray.head<2>());
+  if (!sight || sight->place < 0) return std::nullopt;
+  const Eigen::Vector3d in_map = map_from_camera(seconds) * Eigen::Vector3d(sight->depth * ray);
+  return SimThing{sight->place, sight->depth, map_from_place(sight->place, seconds).inverse() * in_map};
 }
 
 Timestamp Simulator::time(int index) const {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -66,6 +67,13 @@ struct SimView {
   bool dark = false;               ///< blackout, or covered
 };
 
+/// A thing of a place, as a pixel of a frame shows it.
+struct SimThing {
+  int place = 0;             ///< index into the places
+  double depth = 0;          ///< [m] along the camera's axis
+  Eigen::Vector3d in_place;  ///< the point, in the place's frame
+};
+
 /// A camera in a simulated world. Frames may be asked for in any order: frame i is the same whenever it is
 /// rendered. One per thread.
 class Simulator {
@@ -89,11 +97,16 @@ class Simulator {
   [[nodiscard]] std::vector<Phase> phases() const;
   /// What frame `index` shows, without rendering it.
   [[nodiscard]] SimView view(int index) const;
+  /// What is at a pixel of frame `index`, at the frame's time; nothing in the dark and where nothing of a
+  /// place shows.
+  [[nodiscard]] std::optional<SimThing> thing_at(int index, const Eigen::Vector2d& pixel) const;
 
  private:
   [[nodiscard]] bool is_dark(double seconds) const;
   [[nodiscard]] double gain_at(double seconds) const;
   [[nodiscard]] SE3 map_from_body(size_t body, double seconds) const;
+  [[nodiscard]] SE3 map_from_place(int place, double seconds) const;
+  [[nodiscard]] std::vector<ViewMatrix> camera_from_bodies(double seconds) const;
 
   SimulatorOptions options_;
   size_t hand_body_;                          ///< 0 without

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <filesystem>
+#include <opencv2/core/types.hpp>
+#include <string>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/app/viewer/viewer.h"
+#include "common/base/log.h"
+#include "common/base/result.h"
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// A label that somebody would put at a pixel of the frame of that time.
+struct TimedLabel {
+  Timestamp time;
+  cv::Point pixel;
+  std::string text;
+};
+
+/// Rows `timestamp x y text` (the text is the rest of the row), '#' begins a comment; in order of time.
+/// Errors name file and line: kNotFound, kIo, kDamaged (also a pixel outside a picture of this size, and a
+/// text that nobody could type).
+[[nodiscard]] Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path,
+                                                                cv::Size picture);
+
+/// What somebody would ask for who points at a pixel of the frame in the window, types the text and presses
+/// Enter. Error kRefused: why there is no label there, in the window's words. Pure.
+[[nodiscard]] Result<wire::ClientRequest> ask_for_label(const OverlayFrame& frame, const CameraPtr& camera,
+                                                        cv::Point pixel, const std::string& text);
+
+/// Places labels when their time has come, without a window, and says what became of each. Used from the
+/// thread of the frame loop.
+class LabelPlacer final : public FrameObserver {
+ public:
+  /// Labels in order of time.
+  LabelPlacer(const std::vector<TimedLabel>& labels, CameraPtr camera, ViewerLink link, Logger log);
+
+  void on_frame(const FrameReport& report) override;
+  /// After the last frame: what the server has said since, and what could not be placed.
+  void finish();
+
+ private:
+  void place(const FrameReport& report, const TimedLabel& label);
+  void take_replies();
+
+  std::deque<TimedLabel> waiting_;
+  std::deque<std::string> asked_;  ///< texts that the server has not decided on, in the order sent
+  const CameraPtr camera_;         ///< as at the start
+  const ViewerLink link_;
+  Logger log_;
+  const size_t total_;
+  size_t kept_ = 0;
+};
+
+}  // namespace cairn
