@@ -16,7 +16,7 @@
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "server/admin/admin_client.h"
-#include "server/admin/scene_files.h"
+#include "server/admin/export_folder.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -183,35 +183,24 @@ Status change_label(AdminClient* client, const Options& options, json request) {
   return {};
 }
 
-/// The formats of other programs, beside the archive that they are made of.
-Status convert(const std::filesystem::path& archive, const std::string& format,
-               const std::filesystem::path& folder) {
-  const auto map = read_archive(archive);
-  if (!map) return tl::unexpected(map.error());
-  const ExportedScene scene = make_scene(map->record);
-  const bool all = format == "all";
-  Status done;
-  if (all || format == "colmap-text") done = write_colmap_text(scene, folder / "sparse-text");
-  if (done && (all || format == "colmap")) done = write_colmap_binary(scene, folder / "sparse");
-  if (done && (all || format.starts_with("colmap"))) done = write_pictures(scene, folder / "images");
-  if (done && (all || format == "ply")) done = write_ply(scene, folder / "points.ply");
-  return done;
-}
-
-/// One map into the folder: the path that it is left under.
+/// One map into the folder: the path that it is left under. `staging` is within the folder.
 Result<std::filesystem::path> export_map(AdminClient* client, const Options& options,
-                                         const std::string& map) {
+                                         const StagingFolder& staging, const std::string& map) {
   const std::filesystem::path folder = options.folder;
   if (!is_valid_name(map)) return fail(ErrorCode::kUsage, "'" + map + "' is not the name of a map");
-  const std::filesystem::path archive = folder / (map + ".cairnmap");
-  const auto got = client->download(map, archive, progress_of(map));
+  const std::string name = map + ".cairnmap";
+  const auto got = client->download(map, staging.path() / name, progress_of(map));
   if (!got) return tl::unexpected(got.error());
-  if (options.format == "archive") return archive;
-  const Status converted = convert(archive, options.format, folder / map);
-  std::error_code ignored;
-  if (options.format != "all") std::filesystem::remove(archive, ignored);
-  if (!converted) return tl::unexpected(converted.error());
-  return folder / map;
+  if (options.format != "archive") {
+    const auto read = read_archive(staging.path() / name);
+    if (!read) return tl::unexpected(read.error());
+    const Status left = leave_scene(make_scene(read->record), options.format, staging.path(), folder / map);
+    if (!left) return tl::unexpected(left.error());
+    if (options.format != "all") return folder / map;
+  }
+  if (Status left = leave_file(staging.path() / name, folder / name); !left)
+    return tl::unexpected(left.error());
+  return options.format == "archive" ? folder / name : folder / map;
 }
 
 /// All that can be had: of a backup, one map that fails must not cost the others.
@@ -222,13 +211,12 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!all) return tl::unexpected(all.error());
     for (const json& map : (*all)["maps"]) maps.push_back(map.value("name", ""));
   }
-  std::error_code problem;
-  std::filesystem::create_directories(options.folder, problem);
-  if (problem) return fail(ErrorCode::kIo, options.folder + ": cannot be made: " + problem.message());
   json exported = json::array();
   std::optional<Error> first;
   for (const std::string& map : maps) {
-    const auto path = export_map(client, options, map);
+    const auto staging = StagingFolder::make_in(options.folder);
+    if (!staging) return tl::unexpected(staging.error());
+    const auto path = export_map(client, options, *staging, map);
     if (path) {
       exported.push_back(path->string());
       continue;
@@ -298,7 +286,9 @@ void describe(CLI::App* app, Options* options, Action* action) {
   out->add_option("MAP", options->maps, "names or ids [all]");
   out->add_option("--out", options->folder, "folder")->capture_default_str();
   out->add_option("--format", options->format,
-                  "archive can be imported again; the others are for other programs")
+                  "archive can be imported again; the others, for other programs, go into a folder of the "
+                  "map's name. An "
+                  "earlier export there is replaced, other files are not")
       ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
       ->capture_default_str();
   out->callback([action] { *action = export_maps; });

@@ -122,8 +122,24 @@ class Operator(OnTheDesk):
         self.assertEqual(list((self.folder / "store/transfer").iterdir()), [], "nothing is left of an export")
         with ServerProcess("--store", self.folder / "small", "--max-memory", 1) as small:
             self.assertIn("--max-memory", self.ctl("maps", "import", out / "map-1.cairnmap", expect=REFUSED, server=small))
-        (out / "map-1.cairnmap.part").mkdir()  # cannot be written
-        self.assertIn("map-1.cairnmap", self.ctl("maps", "export", "map-1", "--out", out, expect=CONFIGURATION))
+        (out / "map-1.cairnmap").unlink()
+        (out / "map-1.cairnmap").mkdir()  # cannot be written
+        said = self.ctl("maps", "export", "map-1", "--out", out, expect=CONFIGURATION)
+        self.assertIn("map-1.cairnmap: cannot be written: Is a directory", said)
+        self.assertEqual([p.name for p in out.iterdir()], ["map-1.cairnmap"], "nothing is left of what failed")
+
+    def test_an_export_for_other_programs_leaves_the_archive_alone(self):
+        out = self.folder / "kept"
+        self.ctl("maps", "export", "--out", out)
+        archive = (out / "map-1.cairnmap").read_bytes()
+        self.ctl("maps", "export", "map-1", "--format", "ply", "--out", out)
+        self.assertEqual((out / "map-1.cairnmap").read_bytes(), archive)
+        (out / "map-1/sparse").mkdir()
+        (out / "map-1/sparse/project.ini").write_text("the user's")
+        said = self.ctl("maps", "export", "map-1", "--format", "colmap", "--out", out, expect=REFUSED)
+        self.assertIn("project.ini", said)
+        self.assertEqual((out / "map-1.cairnmap").read_bytes(), archive)
+        self.assertEqual(sorted(p.name for p in out.iterdir()), ["map-1", "map-1.cairnmap"], "and nothing hidden")
 
     def test_an_archive_goes_to_another_server_and_grows_there(self):
         out = self.folder / "archives"
