@@ -31,7 +31,7 @@ std::string content_of(const fs::path& file) {
 /// A map of so many pictures, all of one point.
 ExportedScene scene_of(uint32_t pictures) {
   ExportedScene scene;
-  scene.cameras[1] = {CameraModel::kPinholeRadtan, 8, 6, {8, 8, 4, 3, 0, 0, 0, 0, 0, 0, 0, 0}};
+  scene.cameras[1] = {CameraModel::kPinholeRadtan, 8, 6, {8, 8, 4, 3}};
   ExportedPoint point;
   point.id = PointId{1};
   point.position = {0, 0, 2};
