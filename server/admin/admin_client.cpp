@@ -125,13 +125,16 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
 }
 
 Result<json> AdminClient::maps() {
-  json all{{"maps", json::array()}, {"deleted", json::array()}};
+  json all{{"maps", json::array()}, {"deleted", json::array()}, {"damaged", json::array()}};
   while (true) {
     const std::string last = all["maps"].empty() ? "" : all["maps"].back().value("id", "");
-    const auto page = ask({{"verb", "maps"}, {"after", last}, {"deleted_from", all["deleted"].size()}});
+    const auto page = ask({{"verb", "maps"},
+                           {"after", last},
+                           {"deleted_from", all["deleted"].size()},
+                           {"damaged_from", all["damaged"].size()}});
     if (!page) return tl::unexpected(page.error());
-    const size_t more =
-        append(page->content, "maps", &all["maps"]) + append(page->content, "deleted", &all["deleted"]);
+    size_t more = 0;
+    for (const char* list : {"maps", "deleted", "damaged"}) more += append(page->content, list, &all[list]);
     if (more == 0 || !page->content.value("more", false)) return all;
   }
 }

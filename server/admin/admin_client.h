@@ -34,7 +34,7 @@ class AdminClient {
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
   [[nodiscard]] Result<Answer> ask(const nlohmann::json& request, std::vector<uint8_t> data = {});
 
-  /// All maps: `maps` ascending by id, `deleted` the latest first.
+  /// All maps: `maps` ascending by id, `deleted` the latest first; and `damaged` files that were set aside.
   [[nodiscard]] Result<nlohmann::json> maps();
   /// All labels of a map, ascending by id.
   [[nodiscard]] Result<nlohmann::json> labels(const std::string& map);

@@ -81,6 +81,23 @@ void print_deleted(const json& map) {
               text_of(map, "id").c_str(), map.value("bytes", 0.0) * 1e-6);
 }
 
+void print_damaged(const json& file) {
+  const std::string name = text_of(file, "name");
+  const std::string id = text_of(file, "id");
+  std::printf("%-24s %-32s  damaged, set aside, %.1f MB: %s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
+              file.value("bytes", 0.0) * 1e-6, text_of(file, "file").c_str());
+  if (!id.empty())
+    std::printf("%24s %s\n", "",
+                file.value("served", false) ? "what could be saved of it is served" : "not served");
+  for (const json& reason : file.value("reasons", json::array()))
+    std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
+}
+
+/// All of a list, each by `print_one`.
+void print_each(const json& object, const char* list, void (*print_one)(const json&)) {
+  for (const json& item : object.value(list, json::array())) print_one(item);
+}
+
 void print_label(const json& label) {
   const std::time_t seconds = label.value("time", int64_t{0}) / 1'000'000'000;
   std::tm parts{};
@@ -120,6 +137,7 @@ Status show_status(AdminClient* client, const Options& options) {
       if (wearers.contains(name)) std::printf(" (worn by %s)", text_of(wearers, name.c_str()).c_str());
     }
     std::printf("\n");
+    print_each(s, "damaged", print_damaged);
   });
   return {};
 }
@@ -128,8 +146,9 @@ Status list_maps(AdminClient* client, const Options& options) {
   const auto all = client->maps();
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
-    for (const json& map : (*all)["maps"]) print_map(map);
-    for (const json& map : (*all)["deleted"]) print_deleted(map);
+    print_each(*all, "maps", print_map);
+    print_each(*all, "deleted", print_deleted);
+    print_each(*all, "damaged", print_damaged);
   });
   return {};
 }
@@ -281,7 +300,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   maps->callback([action] {
     if (!*action) *action = list_maps;
   });
-  maps->add_subcommand("list", "name, id, size")->callback([action] { *action = list_maps; });
+  maps->add_subcommand("list", "name, id, size; deleted ones; files set aside as damaged, and why")
+      ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
   out->add_option("MAP", options->maps, "names or ids [all]");
   out->add_option("--out", options->folder, "folder")->capture_default_str();

@@ -159,6 +159,7 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
 
 void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
   const auto serve = [this, id, answer](Result<RestoredMap> restored) {
+    look_for_damage();
     if (!restored) {
       return post([answer, error = restored.error()] { answer(refusal(error)); });
     }

@@ -63,6 +63,9 @@ class MapPersistence {
   /// Maps that had been deleted before the start: their ids are not given again.
   [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
+  /// As Store::damaged_files().
+  [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return store_->damaged_files(); }
+
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
   /// To be called once, before anything else.
@@ -126,7 +129,7 @@ class MapPersistence {
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
 
-  const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs
+  const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs, but for folders
   const std::filesystem::path folder_;
   const ServerId server_;
   const uint64_t start_count_;

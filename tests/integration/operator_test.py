@@ -208,6 +208,35 @@ class Operator(OnTheDesk):
             self.track(server, "maker", "--pace", "lockstep", "--no-new-maps")
             self.assertGreater(self.map_1(server)["keyframes"], made["keyframes"])
 
+    def test_what_was_set_aside_as_damaged_is_told_until_it_is_taken_away(self):
+        store = self.folder / "spoilt"
+        shutil.copytree(self.folder / "store/maps", store / "maps")
+        here = self.ctl("map", "map-1", "show")
+        self.spoil(store, here, "UPDATE labels SET checksum = checksum + 1; "
+                                "UPDATE measurements SET checksum = checksum + 1 WHERE id = 4")
+        lost = {"id": "ab" * 16}
+        (store / f"maps/{lost['id']}.cairnmap").write_text("this is no map " * 500)
+        with ServerProcess("--store", store) as server:
+            health = self.ctl("status", server=server)["health"]
+            self.assertIn(f"2 damaged files were set aside in {store}/damaged", health)
+            self.assertIn("backup", health)
+            listed = self.ctl("maps", server=server)
+            self.assertEqual([m["name"] for m in listed["maps"]], ["map-1"])
+            damaged = {file["id"]: file for file in listed["damaged"]}
+            self.assertEqual(self.ctl("status", server=server)["damaged"], listed["damaged"])
+            self.assertEqual(damaged.keys(), {here["id"], lost["id"]})
+            self.assertEqual([damaged[here["id"]][word] for word in ("name", "served")], ["map-1", True])
+            self.assertIn("measurements, row 4", damaged[here["id"]]["reasons"][0])
+            self.assertFalse(damaged[lost["id"]]["served"])
+            self.assertIn("not a database", damaged[lost["id"]]["reasons"][0])
+            said = subprocess.run(command("cairnctl", "--domain", server.domain, "maps"), capture_output=True, text=True).stdout
+            for words in (damaged[lost["id"]]["file"], "not a database", "not served"):
+                self.assertIn(words, said)
+            for file in damaged.values():
+                pathlib.Path(file["file"]).unlink()
+            self.assertEqual(self.ctl("maps", server=server)["damaged"], [])
+            self.assertEqual(self.ctl("status", server=server)["health"], "ok")
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"
@@ -221,7 +250,7 @@ class Operator(OnTheDesk):
 
     def spoil(self, store, a_map, sql):
         with contextlib.closing(sqlite3.connect(store / f"maps/{a_map['id']}.cairnmap")) as file:
-            file.execute(sql)
+            file.executescript(sql)
             file.commit()
 
     def map_1(self, server):
