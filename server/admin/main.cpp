@@ -119,17 +119,27 @@ void print(const Options& options, const json& content, const std::function<void
   }
 }
 
+/// What there is of what there may be at most.
+void print_limits(const json& status) {
+  const json limits = status.value("limits", json::object());
+  const int rest_after = limits.value("rest_after_s", 0);
+  std::printf("maps     %d of %" PRIu64 " (--max-maps), %d of them at rest (--rest-after: %s)\n",
+              status.value("maps", 0), limits.value("maps", uint64_t{0}), status.value("maps_at_rest", 0),
+              rest_after > 0 ? (std::to_string(rest_after) + " s").c_str() : "never");
+  std::printf("memory   %.1f of %.1f MB (--max-memory)\n", status.value("memory_bytes", 0.0) * 1e-6,
+              limits.value("memory_bytes", 0.0) * 1e-6);
+}
+
 Status show_status(AdminClient* client, const Options& options) {
   const auto answer = client->ask({{"verb", "status"}});
   if (!answer) return tl::unexpected(answer.error());
   const json& s = answer->content;
   print(options, s, [&s] {
-    std::printf(
-        "server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %d of them at rest, %.1f "
-        "MB\nclients ",
-        text_of(s, "server").c_str(), text_of(s, "version").c_str(), text_of(s, "health").c_str(),
-        s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str(),
-        s.value("maps", 0), s.value("maps_at_rest", 0), s.value("memory_bytes", 0.0) * 1e-6);
+    std::printf("server   %s, version %s\nhealth   %s\nstore    %s\n", text_of(s, "server").c_str(),
+                text_of(s, "version").c_str(), text_of(s, "health").c_str(),
+                s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str());
+    print_limits(s);
+    std::printf("clients ");
     const json wearers = s.value("wearers", json::object());
     for (const json& client : s.value("clients", json::array())) {
       const auto name = client.get<std::string>();
@@ -295,7 +305,9 @@ void describe(CLI::App* app, Options* options, Action* action) {
   app->add_flag("--json", options->as_json, "for machines");
   app->set_version_flag("--version", "cairnctl " + std::string(version()));
 
-  app->add_subcommand("status", "how the server is")->callback([action] { *action = show_status; });
+  app->add_subcommand("status", "how the server is, and what of its limits is used")->callback([action] {
+    *action = show_status;
+  });
   CLI::App* maps = app->add_subcommand("maps", "all maps; without a word more, lists them");
   maps->callback([action] {
     if (!*action) *action = list_maps;

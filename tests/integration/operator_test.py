@@ -42,6 +42,11 @@ class Operator(OnTheDesk):
         self.assertEqual(done.returncode, expect, done.stderr)
         return json.loads(done.stdout) if expect == OK else done.stderr
 
+    def say(self, *words, server=None):
+        """As a person reads it."""
+        return subprocess.run(command("cairnctl", "--domain", (server or self.server).domain, *words), check=True,
+                              capture_output=True, text=True, timeout=LIMIT).stdout
+
     def names(self, server=None):
         return [m["name"] for m in self.ctl("maps", "list", server=server)["maps"]]
 
@@ -49,6 +54,14 @@ class Operator(OnTheDesk):
         status = self.ctl("status")
         self.assertEqual(status["health"], "ok")
         self.assertEqual(status["store"], str(self.folder / "store"))
+        self.assertEqual((status["limits"]["maps"], status["limits"]["rest_after_s"]), (1000, 60))
+        self.assertGreater(status["limits"]["memory_bytes"], status["memory_bytes"])
+        with ServerProcess("--max-maps", 3, "--max-memory", 20, "--rest-after", 7) as server:
+            self.assertEqual(self.ctl("status", server=server)["limits"], {"maps": 3, "memory_bytes": 20_000_000, "rest_after_s": 0},
+                             "what is kept nowhere else does not rest")
+            said = self.say("status", server=server)
+            self.assertIn("maps     0 of 3 (--max-maps), 0 of them at rest (--rest-after: never)", said)
+            self.assertIn("memory   0.0 of 20.0 MB (--max-memory)", said)
         self.assertIn("usage", subprocess.run(command("cairnctl", "--help"), capture_output=True, text=True).stdout.lower())
 
     def test_exit_codes(self):
@@ -229,7 +242,7 @@ class Operator(OnTheDesk):
             self.assertIn("measurements, row 4", damaged[here["id"]]["reasons"][0])
             self.assertFalse(damaged[lost["id"]]["served"])
             self.assertIn("not a database", damaged[lost["id"]]["reasons"][0])
-            said = subprocess.run(command("cairnctl", "--domain", server.domain, "maps"), capture_output=True, text=True).stdout
+            said = self.say("maps", server=server)
             for words in (damaged[lost["id"]]["file"], "not a database", "not served"):
                 self.assertIn(words, said)
             for file in damaged.values():
