@@ -185,18 +185,22 @@ Status AdminClient::fetch(const std::string& token, uint64_t size, const std::fi
 }
 
 Result<json> AdminClient::upload(const std::filesystem::path& file, const Progress& progress) {
+  const auto unreadable = [] {
+    return fail(ErrorCode::kIo, std::string("cannot be read: ") + std::strerror(errno));
+  };
+  errno = 0;  // a stream keeps it, and says nothing else
   std::ifstream in(file, std::ios::binary);
-  if (!in) return fail(ErrorCode::kNotFound, file.string() + ": cannot be read");
+  if (!in) return unreadable();
   std::error_code problem;
   const uint64_t size = std::filesystem::file_size(file, problem);
-  if (problem) return fail(ErrorCode::kIo, file.string() + ": " + problem.message());
+  if (problem) return fail(ErrorCode::kIo, "cannot be read: " + problem.message());
   const std::string token = "import-" + std::to_string(session_.value % 1'000'000'000'000);
   if (const auto begun = ask({{"verb", "import-begin"}, {"token", token}}); !begun)
     return tl::unexpected(begun.error());
   for (uint64_t offset = 0; offset < size;) {
     std::vector<uint8_t> piece(std::min<uint64_t>(wire::kMaxAdminData, size - offset));
     in.read(reinterpret_cast<char*>(piece.data()), static_cast<std::streamsize>(piece.size()));
-    if (!in) return fail(ErrorCode::kIo, file.string() + ": cannot be read");
+    if (!in) return unreadable();
     const size_t bytes = piece.size();
     const auto written =
         ask({{"verb", "import-write"}, {"token", token}, {"offset", offset}}, std::move(piece));

@@ -43,7 +43,7 @@ class AdminClient {
   /// The archive of a map into `file`, whole or not at all; what the server says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
                                                 const Progress& progress);
-  /// The map that the server has made of an archive.
+  /// The map that the server has made of an archive. Errors do not name the file.
   [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
 
  private:

@@ -48,6 +48,7 @@ struct Options {
   std::string format = "archive";
   std::string folder = ".";
   bool for_good = false;
+  std::string security;
   uint64_t label = 0;
   std::string text;
 };
@@ -74,6 +75,22 @@ void print_map(const json& map) {
               map.value("memory_bytes", 0.0) * 1e-6, map.value("at_rest", false) ? "  at rest" : "",
               map.contains("frozen") ? "  frozen" : "");
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
+}
+
+/// All that `show` has.
+void print_whole_map(const json& map) {
+  print_map(map);
+  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),
+              map.value("revision", uint64_t{0}));
+  std::printf("plane         %s\n",
+              map.value("plane_aligned", false) ? "the dominant one is Z = 0" : "none found");
+  if (map.contains("reprojection_px"))
+    std::printf("reprojection  %.2f px (root mean square)\n", map.value("reprojection_px", 0.0));
+  for (const json& camera : map.value("cameras", json::array()))
+    std::printf("camera        %dx%d %s, focal length %.1f px: %d keyframes\n", camera.value("width", 0),
+                camera.value("height", 0), text_of(camera, "model").c_str(), camera.value("focal_px", 0.0),
+                camera.value("keyframes", 0));
+  std::printf("labels        %d\n", map.value("labels", 0));
 }
 
 void print_deleted(const json& map) {
@@ -168,7 +185,9 @@ Status change_map(AdminClient* client, const Options& options, json request) {
   request["map"] = options.map;
   const auto answer = client->ask(request);
   if (!answer) return tl::unexpected(answer.error());
-  print(options, answer->content, [&answer] { print_map(answer->content); });
+  const bool whole = request["verb"] == "show";
+  print(options, answer->content,
+        [&] { whole ? print_whole_map(answer->content) : print_map(answer->content); });
   return {};
 }
 
@@ -281,7 +300,8 @@ Status purge_maps(AdminClient* client, const Options& options) {
 Status import_maps(AdminClient* client, const Options& options) {
   json imported = json::array();
   for (const std::string& file : options.files) {
-    auto map = client->upload(file, progress_of(file));
+    const Status is_one = check_is_map_file(file);
+    auto map = is_one ? client->upload(file, progress_of(file)) : tl::unexpected(is_one.error());
     if (!map) return fail(map.error().code, file + ": " + map.error().message);
     imported.push_back(std::move(*map));
   }
@@ -302,6 +322,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   app->add_option("--domain", options->connection.domain, "DDS domain")->capture_default_str();
   app->add_option("--profile", options->connection.profile,
                   "network [loopback for localhost, wifi otherwise]");
+  app->add_option("--security", options->security, "DDS Security files (not available yet)")
+      ->type_name("DIR");
   app->add_flag("--json", options->as_json, "for machines");
   app->set_version_flag("--version", "cairnctl " + std::string(version()));
 
@@ -343,7 +365,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
     });
     return sub;
   };
-  add("show", "what it is", "show");
+  add("show", "what it is: size, epoch, plane, reprojection error, cameras, labels", "show");
   add("rename", "calls it otherwise", "rename")
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required();
@@ -389,6 +411,10 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+  }
+  if (!options.security.empty()) {
+    std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
+    return exit_code(ErrorCode::kUsage);
   }
   auto client = AdminClient::connect(options.connection);
   const Status done = client ? action(&*client, options) : tl::unexpected(client.error());

@@ -44,6 +44,18 @@ json describe(const DeletedMap& map) {
           {"bytes", map.bytes}};
 }
 
+json describe(std::span<const std::pair<CameraParameters, size_t>> cameras) {
+  json all = json::array();
+  for (const auto& [camera, keyframes] : cameras) {
+    all.push_back({{"model", std::string(name_of(camera.model))},
+                   {"width", camera.width},
+                   {"height", camera.height},
+                   {"focal_px", camera.values.at(0)},
+                   {"keyframes", keyframes}});
+  }
+  return all;
+}
+
 json describe(const DamagedFile& file, bool served) {
   const size_t told = std::min(file.reasons.size(), kMaxReasons);
   json reasons(

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "common/wire/messages.h"
 #include "server/service/map_array.h"
@@ -17,6 +18,8 @@ namespace cairn {
 /// Of a map that is served, that is, has a snapshot.
 [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry);
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
+/// Cameras, and how many keyframes each took.
+[[nodiscard]] nlohmann::json describe(std::span<const std::pair<CameraParameters, size_t>> cameras);
 /// `served`: what could be saved of it is. With the first few reasons.
 [[nodiscard]] nlohmann::json describe(const DamagedFile& file, bool served);
 /// For the server's health: what lies in a folder of damaged files, and the remedy. Empty when nothing does.

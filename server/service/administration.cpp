@@ -211,10 +211,12 @@ void Switchboard::look_for_damage() {
 
 void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
   json map = describe(id, entry);
+  map["labels"] = entry.labels.all().size();
   if (entry.runner == nullptr) return answer(success(map));
-  entry.runner->measure([this, map = std::move(map), answer](double reprojection_rms) {
-    post([map, answer, reprojection_rms]() mutable {
-      map["reprojection_px"] = reprojection_rms;
+  entry.runner->measure([this, map = std::move(map), answer](const MapMeasures& measures) {
+    post([map, answer, measures]() mutable {
+      map["reprojection_px"] = measures.reprojection_rms;
+      map["cameras"] = describe(measures.cameras);
       answer(success(map));
     });
   });

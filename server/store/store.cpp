@@ -116,6 +116,14 @@ bool is_there(const fs::path& path) {
   return fs::exists(path, ignored);
 }
 
+/// What is said of a file, without its name.
+std::string without_path(std::string message, const fs::path& path) {
+  const std::string name = path.string() + ": ";
+  for (size_t at = message.find(name); at != std::string::npos; at = message.find(name, at))
+    message.erase(at, name.size());
+  return message;
+}
+
 /// A server that ended within Store::replace() or import_map().
 Status finish_replacements(const fs::path& folder) {
   const auto entries = entries_of(folder);
@@ -454,11 +462,11 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   remove_database(copy);
   std::error_code problem;
   fs::copy_file(archive, copy, problem);
-  if (problem) return io_failure(archive, "cannot be copied into the store: " + problem.message());
+  if (problem) return fail(ErrorCode::kIo, "it cannot be copied into the store: " + problem.message());
   auto read = read_archive(copy);
   remove_database(copy);
-  if (!read) return tl::unexpected(read.error());
-  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, archive.string() + ": " + read->damage.front());
+  if (!read) return fail(read.error().code, without_path(read.error().message, copy));
+  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
   const MapId map = read->header.id;
   const fs::path fresh = folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
   remove_database(fresh);

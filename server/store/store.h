@@ -92,7 +92,8 @@ class Store {
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use, kDamaged when anything in it is damaged. Beside the thread that writes maps.
+  /// that is in use, kDamaged when anything in it is damaged; messages are about "the archive" and name no
+  /// path of ours. Beside the thread that writes maps.
   [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.

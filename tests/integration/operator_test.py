@@ -77,8 +77,34 @@ class Operator(OnTheDesk):
         self.ctl("labels", "remove", 7, expect=USAGE)
         unused = type("Nobody", (), {"domain": 229})
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
-        (self.folder / "no.cairnmap").write_text("this is no archive " * 500)
-        self.ctl("maps", "import", self.folder / "no.cairnmap", expect=DAMAGED)
+        self.assertIn("--security: DDS Security is not available", self.ctl("--security", self.folder, "status", expect=USAGE))
+
+    def test_what_cannot_be_imported_is_named_once_and_what_it_is_not(self):
+        junk, missing = self.folder / "no.cairnmap", self.folder / "missing.cairnmap"
+        junk.write_text("this is no archive " * 500)
+        shutil.copytree(self.folder / "store/maps", self.folder / "full/maps")
+        with ServerProcess("--store", self.folder / "full", "--max-maps", 1) as full:
+            self.assertIn(f"cairnctl: {junk}: not an archive of a map",
+                          self.ctl("maps", "import", junk, expect=DAMAGED, server=full))
+        self.assertEqual(self.ctl("maps", "import", missing, expect=CONFIGURATION),
+                         f"cairnctl: {missing}: cannot be read: No such file or directory\n")
+        with contextlib.closing(sqlite3.connect(self.folder / "other.cairnmap")) as other:
+            other.execute("CREATE TABLE map(id INTEGER PRIMARY KEY)")
+            other.commit()
+        self.assertIn("not an archive", self.ctl("maps", "import", self.folder / "other.cairnmap", expect=DAMAGED))
+
+    def test_shows_all_of_a_map(self):
+        shown = self.ctl("map", "map-1", "show")
+        (camera,) = shown["cameras"]
+        self.assertEqual((camera["width"], camera["height"], camera["keyframes"]), (640, 480, shown["keyframes"]))
+        self.assertEqual((camera["focal_px"], shown["labels"]), (502.3, 0))
+        said = self.say("map", "map-1", "show")
+        for words in (f"epoch         {shown['epoch']}, revision", "plane         ",
+                      f"reprojection  {shown['reprojection_px']:.2f} px",
+                      f"camera        640x480 {camera['model']}, focal length 502.3 px: {shown['keyframes']} keyframes",
+                      "labels        0"):
+            self.assertIn(words, said)
+        self.assertNotIn("epoch", self.say("map", "map-1", "rename", "map-1"))
 
     def test_renames_deletes_and_undeletes_as_often_as_it_is_told(self):
         for _ in range(2):
@@ -171,8 +197,10 @@ class Operator(OnTheDesk):
                 damaged[i] ^= 1
             (out / "damaged.cairnmap").write_bytes(damaged)
             self.ctl("map", "map-1", "delete", server=other)
-            self.assertIn("damaged.cairnmap", self.ctl("maps", "import", out / "damaged.cairnmap", expect=DAMAGED,
-                                                       server=other))
+            said = self.ctl("maps", "import", out / "damaged.cairnmap", expect=DAMAGED, server=other)
+            self.assertIn("damaged.cairnmap: ", said)
+            for ours in ("incoming", "transfer"):
+                self.assertNotIn(ours, said)
 
     def test_maps_that_nobody_works_on_rest(self):
         store = self.folder / "resting"
