@@ -44,6 +44,17 @@ json describe(const DeletedMap& map) {
           {"bytes", map.bytes}};
 }
 
+json describe(const std::string& map, const Label& label) {
+  const Eigen::Vector3d& place = label.map_from_label.translation();
+  return {{"map", map},
+          {"id", label.id.value},
+          {"kind", label.kind == LabelKind::kModel ? "model" : "text"},
+          {"text", label.text},
+          {"position", {place.x(), place.y(), place.z()}},
+          {"author", label.author},
+          {"time", label.time.nanoseconds}};
+}
+
 json describe(std::span<const std::pair<CameraParameters, size_t>> cameras) {
   json all = json::array();
   for (const auto& [camera, keyframes] : cameras) {
@@ -77,17 +88,6 @@ std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
          " set aside in " + folder.string() +
          " (`cairnctl maps` says why); import what is missing from a backup, then move " +
          (files == 1 ? "it" : "them") + " out of there";
-}
-
-json describe(const std::string& map, const Label& label) {
-  const Eigen::Vector3d& place = label.map_from_label.translation();
-  return {{"map", map},
-          {"id", label.id.value},
-          {"kind", label.kind == LabelKind::kModel ? "model" : "text"},
-          {"text", label.text},
-          {"position", {place.x(), place.y(), place.z()}},
-          {"author", label.author},
-          {"time", label.time.nanoseconds}};
 }
 
 ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more", false}} {

@@ -19,8 +19,7 @@ using nlohmann::json;
 using std::chrono::steady_clock;
 
 constexpr size_t kMaxOperators = 16;
-constexpr size_t kLoggedBytes = 200;     ///< of a request
-constexpr size_t kMostDamagedTold = 10;  ///< files, beside the health; `maps` has all
+constexpr size_t kLoggedBytes = 200;  ///< of a request
 
 /// A member of a request that must be a text.
 std::string text_of(const json& request, const char* key) {
@@ -157,6 +156,7 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
     clients.push_back(name);
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
+  constexpr size_t kMostDamagedTold = 10;  // files, beside the health; `maps` has all
   json damaged = json::array();
   for (size_t i = 0; i < std::min(damaged_.size(), kMostDamagedTold); ++i)
     damaged.push_back(describe(damaged_[i], maps_.find(damaged_[i].map) != nullptr));

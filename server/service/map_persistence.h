@@ -60,11 +60,10 @@ class MapPersistence {
   [[nodiscard]] ServerId server() const { return server_; }
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
-  /// Maps that had been deleted before the start: their ids are not given again.
-  [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
-
   /// As Store::damaged_files().
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return store_->damaged_files(); }
+  /// Maps that had been deleted before the start: their ids are not given again.
+  [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
