@@ -125,13 +125,16 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
 }
 
 Result<json> AdminClient::maps() {
-  json all{{"maps", json::array()}, {"deleted", json::array()}};
+  json all{{"maps", json::array()}, {"deleted", json::array()}, {"damaged", json::array()}};
   while (true) {
     const std::string last = all["maps"].empty() ? "" : all["maps"].back().value("id", "");
-    const auto page = ask({{"verb", "maps"}, {"after", last}, {"deleted_from", all["deleted"].size()}});
+    const auto page = ask({{"verb", "maps"},
+                           {"after", last},
+                           {"deleted_from", all["deleted"].size()},
+                           {"damaged_from", all["damaged"].size()}});
     if (!page) return tl::unexpected(page.error());
-    const size_t more =
-        append(page->content, "maps", &all["maps"]) + append(page->content, "deleted", &all["deleted"]);
+    size_t more = 0;
+    for (const char* list : {"maps", "deleted", "damaged"}) more += append(page->content, list, &all[list]);
     if (more == 0 || !page->content.value("more", false)) return all;
   }
 }
@@ -182,18 +185,22 @@ Status AdminClient::fetch(const std::string& token, uint64_t size, const std::fi
 }
 
 Result<json> AdminClient::upload(const std::filesystem::path& file, const Progress& progress) {
+  const auto unreadable = [] {
+    return fail(ErrorCode::kIo, std::string("cannot be read: ") + std::strerror(errno));
+  };
+  errno = 0;  // a stream keeps it, and says nothing else
   std::ifstream in(file, std::ios::binary);
-  if (!in) return fail(ErrorCode::kNotFound, file.string() + ": cannot be read");
+  if (!in) return unreadable();
   std::error_code problem;
   const uint64_t size = std::filesystem::file_size(file, problem);
-  if (problem) return fail(ErrorCode::kIo, file.string() + ": " + problem.message());
+  if (problem) return fail(ErrorCode::kIo, "cannot be read: " + problem.message());
   const std::string token = "import-" + std::to_string(session_.value % 1'000'000'000'000);
   if (const auto begun = ask({{"verb", "import-begin"}, {"token", token}}); !begun)
     return tl::unexpected(begun.error());
   for (uint64_t offset = 0; offset < size;) {
     std::vector<uint8_t> piece(std::min<uint64_t>(wire::kMaxAdminData, size - offset));
     in.read(reinterpret_cast<char*>(piece.data()), static_cast<std::streamsize>(piece.size()));
-    if (!in) return fail(ErrorCode::kIo, file.string() + ": cannot be read");
+    if (!in) return unreadable();
     const size_t bytes = piece.size();
     const auto written =
         ask({{"verb", "import-write"}, {"token", token}, {"offset", offset}}, std::move(piece));

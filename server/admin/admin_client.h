@@ -34,7 +34,7 @@ class AdminClient {
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
   [[nodiscard]] Result<Answer> ask(const nlohmann::json& request, std::vector<uint8_t> data = {});
 
-  /// All maps: `maps` ascending by id, `deleted` the latest first.
+  /// All maps: `maps` ascending by id, `deleted` the latest first; and `damaged` files that were set aside.
   [[nodiscard]] Result<nlohmann::json> maps();
   /// All labels of a map, ascending by id.
   [[nodiscard]] Result<nlohmann::json> labels(const std::string& map);
@@ -43,7 +43,7 @@ class AdminClient {
   /// The archive of a map into `file`, whole or not at all; what the server says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
                                                 const Progress& progress);
-  /// The map that the server has made of an archive.
+  /// The map that the server has made of an archive. Errors do not name the file.
   [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
 
  private:

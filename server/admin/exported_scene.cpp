@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <string_view>
 
 namespace cairn {
 namespace {
+
+constexpr std::string_view kPictureStem = "keyframe-";
 
 /// What a scene is made of, by id.
 struct Parts {
@@ -27,7 +30,8 @@ struct Parts {
 
 std::string picture_name(KeyframeId id) {
   char text[40];
-  std::snprintf(text, sizeof(text), "keyframe-%06llu.png", static_cast<unsigned long long>(id.value));
+  std::snprintf(text, sizeof(text), "%s%06llu.png", kPictureStem.data(),
+                static_cast<unsigned long long>(id.value));
   return text;
 }
 
@@ -56,6 +60,13 @@ ExportedPoint make_point(PointId id, const Eigen::Vector3d& position, const Part
 }
 
 }  // namespace
+
+bool is_picture_name(const std::filesystem::path& file) {
+  const std::string stem = file.stem();
+  const std::string_view digits = std::string_view(stem).substr(std::min(kPictureStem.size(), stem.size()));
+  return file.extension() == ".png" && stem.starts_with(kPictureStem) && digits.size() >= 6 &&
+         digits.find_first_not_of("0123456789") == std::string_view::npos;
+}
 
 ExportedScene make_scene(const MapRecord& record) {
   const Parts parts(record);

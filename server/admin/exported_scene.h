@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <string>
 #include <utility>
@@ -37,6 +38,9 @@ struct ExportedScene {
   std::vector<ExportedPicture> pictures;  ///< ascending by id
   std::vector<ExportedPoint> points;      ///< ascending by id; each is seen at least once
 };
+
+/// Whether it is the name of some ExportedPicture's file.
+[[nodiscard]] bool is_picture_name(const std::filesystem::path& file);
 
 /// The live keyframes and points of a whole record.
 [[nodiscard]] ExportedScene make_scene(const MapRecord& record);

@@ -16,7 +16,7 @@
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "server/admin/admin_client.h"
-#include "server/admin/scene_files.h"
+#include "server/admin/export_folder.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -48,6 +48,7 @@ struct Options {
   std::string format = "archive";
   std::string folder = ".";
   bool for_good = false;
+  std::string security;
   uint64_t label = 0;
   std::string text;
 };
@@ -76,9 +77,42 @@ void print_map(const json& map) {
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
 }
 
+/// All that `show` has.
+void print_whole_map(const json& map) {
+  print_map(map);
+  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),
+              map.value("revision", uint64_t{0}));
+  std::printf("plane         %s\n",
+              map.value("plane_aligned", false) ? "the dominant one is Z = 0" : "none found");
+  if (map.contains("reprojection_px"))
+    std::printf("reprojection  %.2f px (root mean square)\n", map.value("reprojection_px", 0.0));
+  for (const json& camera : map.value("cameras", json::array()))
+    std::printf("camera        %dx%d %s, focal length %.1f px: %d keyframes\n", camera.value("width", 0),
+                camera.value("height", 0), text_of(camera, "model").c_str(), camera.value("focal_px", 0.0),
+                camera.value("keyframes", 0));
+  std::printf("labels        %d\n", map.value("labels", 0));
+}
+
 void print_deleted(const json& map) {
   std::printf("%-24s %s  deleted, %.1f MB on disk\n", text_of(map, "name").c_str(),
               text_of(map, "id").c_str(), map.value("bytes", 0.0) * 1e-6);
+}
+
+void print_damaged(const json& file) {
+  const std::string name = text_of(file, "name");
+  const std::string id = text_of(file, "id");
+  std::printf("%-24s %-32s  damaged, set aside, %.1f MB: %s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
+              file.value("bytes", 0.0) * 1e-6, text_of(file, "file").c_str());
+  if (!id.empty())
+    std::printf("%24s %s\n", "",
+                file.value("served", false) ? "what could be saved of it is served" : "not served");
+  for (const json& reason : file.value("reasons", json::array()))
+    std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
+}
+
+/// All of a list, each by `print_one`.
+void print_each(const json& object, const char* list, void (*print_one)(const json&)) {
+  for (const json& item : object.value(list, json::array())) print_one(item);
 }
 
 void print_label(const json& label) {
@@ -102,17 +136,27 @@ void print(const Options& options, const json& content, const std::function<void
   }
 }
 
+/// What there is of what there may be at most.
+void print_limits(const json& status) {
+  const json limits = status.value("limits", json::object());
+  const int rest_after = limits.value("rest_after_s", 0);
+  std::printf("maps     %d of %" PRIu64 " (--max-maps), %d of them at rest (--rest-after: %s)\n",
+              status.value("maps", 0), limits.value("maps", uint64_t{0}), status.value("maps_at_rest", 0),
+              rest_after > 0 ? (std::to_string(rest_after) + " s").c_str() : "never");
+  std::printf("memory   %.1f of %.1f MB (--max-memory)\n", status.value("memory_bytes", 0.0) * 1e-6,
+              limits.value("memory_bytes", 0.0) * 1e-6);
+}
+
 Status show_status(AdminClient* client, const Options& options) {
   const auto answer = client->ask({{"verb", "status"}});
   if (!answer) return tl::unexpected(answer.error());
   const json& s = answer->content;
   print(options, s, [&s] {
-    std::printf(
-        "server   %s, version %s\nhealth   %s\nstore    %s\nmaps     %d, %d of them at rest, %.1f "
-        "MB\nclients ",
-        text_of(s, "server").c_str(), text_of(s, "version").c_str(), text_of(s, "health").c_str(),
-        s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str(),
-        s.value("maps", 0), s.value("maps_at_rest", 0), s.value("memory_bytes", 0.0) * 1e-6);
+    std::printf("server   %s, version %s\nhealth   %s\nstore    %s\n", text_of(s, "server").c_str(),
+                text_of(s, "version").c_str(), text_of(s, "health").c_str(),
+                s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str());
+    print_limits(s);
+    std::printf("clients ");
     const json wearers = s.value("wearers", json::object());
     for (const json& client : s.value("clients", json::array())) {
       const auto name = client.get<std::string>();
@@ -120,6 +164,7 @@ Status show_status(AdminClient* client, const Options& options) {
       if (wearers.contains(name)) std::printf(" (worn by %s)", text_of(wearers, name.c_str()).c_str());
     }
     std::printf("\n");
+    print_each(s, "damaged", print_damaged);
   });
   return {};
 }
@@ -128,8 +173,9 @@ Status list_maps(AdminClient* client, const Options& options) {
   const auto all = client->maps();
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
-    for (const json& map : (*all)["maps"]) print_map(map);
-    for (const json& map : (*all)["deleted"]) print_deleted(map);
+    print_each(*all, "maps", print_map);
+    print_each(*all, "deleted", print_deleted);
+    print_each(*all, "damaged", print_damaged);
   });
   return {};
 }
@@ -139,7 +185,9 @@ Status change_map(AdminClient* client, const Options& options, json request) {
   request["map"] = options.map;
   const auto answer = client->ask(request);
   if (!answer) return tl::unexpected(answer.error());
-  print(options, answer->content, [&answer] { print_map(answer->content); });
+  const bool whole = request["verb"] == "show";
+  print(options, answer->content,
+        [&] { whole ? print_whole_map(answer->content) : print_map(answer->content); });
   return {};
 }
 
@@ -183,35 +231,24 @@ Status change_label(AdminClient* client, const Options& options, json request) {
   return {};
 }
 
-/// The formats of other programs, beside the archive that they are made of.
-Status convert(const std::filesystem::path& archive, const std::string& format,
-               const std::filesystem::path& folder) {
-  const auto map = read_archive(archive);
-  if (!map) return tl::unexpected(map.error());
-  const ExportedScene scene = make_scene(map->record);
-  const bool all = format == "all";
-  Status done;
-  if (all || format == "colmap-text") done = write_colmap_text(scene, folder / "sparse-text");
-  if (done && (all || format == "colmap")) done = write_colmap_binary(scene, folder / "sparse");
-  if (done && (all || format.starts_with("colmap"))) done = write_pictures(scene, folder / "images");
-  if (done && (all || format == "ply")) done = write_ply(scene, folder / "points.ply");
-  return done;
-}
-
-/// One map into the folder: the path that it is left under.
+/// One map into the folder: the path that it is left under. `staging` is within the folder.
 Result<std::filesystem::path> export_map(AdminClient* client, const Options& options,
-                                         const std::string& map) {
+                                         const StagingFolder& staging, const std::string& map) {
   const std::filesystem::path folder = options.folder;
   if (!is_valid_name(map)) return fail(ErrorCode::kUsage, "'" + map + "' is not the name of a map");
-  const std::filesystem::path archive = folder / (map + ".cairnmap");
-  const auto got = client->download(map, archive, progress_of(map));
+  const std::string name = map + ".cairnmap";
+  const auto got = client->download(map, staging.path() / name, progress_of(map));
   if (!got) return tl::unexpected(got.error());
-  if (options.format == "archive") return archive;
-  const Status converted = convert(archive, options.format, folder / map);
-  std::error_code ignored;
-  if (options.format != "all") std::filesystem::remove(archive, ignored);
-  if (!converted) return tl::unexpected(converted.error());
-  return folder / map;
+  if (options.format != "archive") {
+    const auto read = read_archive(staging.path() / name);
+    if (!read) return tl::unexpected(read.error());
+    const Status left = leave_scene(make_scene(read->record), options.format, staging.path(), folder / map);
+    if (!left) return tl::unexpected(left.error());
+    if (options.format != "all") return folder / map;
+  }
+  if (Status left = leave_file(staging.path() / name, folder / name); !left)
+    return tl::unexpected(left.error());
+  return options.format == "archive" ? folder / name : folder / map;
 }
 
 /// All that can be had: of a backup, one map that fails must not cost the others.
@@ -222,13 +259,12 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!all) return tl::unexpected(all.error());
     for (const json& map : (*all)["maps"]) maps.push_back(map.value("name", ""));
   }
-  std::error_code problem;
-  std::filesystem::create_directories(options.folder, problem);
-  if (problem) return fail(ErrorCode::kIo, options.folder + ": cannot be made: " + problem.message());
   json exported = json::array();
   std::optional<Error> first;
   for (const std::string& map : maps) {
-    const auto path = export_map(client, options, map);
+    const auto staging = StagingFolder::make_in(options.folder);
+    if (!staging) return tl::unexpected(staging.error());
+    const auto path = export_map(client, options, *staging, map);
     if (path) {
       exported.push_back(path->string());
       continue;
@@ -264,7 +300,8 @@ Status purge_maps(AdminClient* client, const Options& options) {
 Status import_maps(AdminClient* client, const Options& options) {
   json imported = json::array();
   for (const std::string& file : options.files) {
-    auto map = client->upload(file, progress_of(file));
+    const Status is_one = check_is_map_file(file);
+    auto map = is_one ? client->upload(file, progress_of(file)) : tl::unexpected(is_one.error());
     if (!map) return fail(map.error().code, file + ": " + map.error().message);
     imported.push_back(std::move(*map));
   }
@@ -285,20 +322,27 @@ void describe(CLI::App* app, Options* options, Action* action) {
   app->add_option("--domain", options->connection.domain, "DDS domain")->capture_default_str();
   app->add_option("--profile", options->connection.profile,
                   "network [loopback for localhost, wifi otherwise]");
+  app->add_option("--security", options->security, "DDS Security files (not available yet)")
+      ->type_name("DIR");
   app->add_flag("--json", options->as_json, "for machines");
   app->set_version_flag("--version", "cairnctl " + std::string(version()));
 
-  app->add_subcommand("status", "how the server is")->callback([action] { *action = show_status; });
+  app->add_subcommand("status", "how the server is, and what of its limits is used")->callback([action] {
+    *action = show_status;
+  });
   CLI::App* maps = app->add_subcommand("maps", "all maps; without a word more, lists them");
   maps->callback([action] {
     if (!*action) *action = list_maps;
   });
-  maps->add_subcommand("list", "name, id, size")->callback([action] { *action = list_maps; });
+  maps->add_subcommand("list", "name, id, size; deleted ones; files set aside as damaged, and why")
+      ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
   out->add_option("MAP", options->maps, "names or ids [all]");
   out->add_option("--out", options->folder, "folder")->capture_default_str();
   out->add_option("--format", options->format,
-                  "archive can be imported again; the others are for other programs")
+                  "archive can be imported again; the others, for other programs, go into a folder of the "
+                  "map's name. An "
+                  "earlier export there is replaced, other files are not")
       ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
       ->capture_default_str();
   out->callback([action] { *action = export_maps; });
@@ -321,7 +365,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
     });
     return sub;
   };
-  add("show", "what it is", "show");
+  add("show", "what it is: size, epoch, plane, reprojection error, cameras, labels", "show");
   add("rename", "calls it otherwise", "rename")
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required();
@@ -367,6 +411,10 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+  }
+  if (!options.security.empty()) {
+    std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
+    return exit_code(ErrorCode::kUsage);
   }
   auto client = AdminClient::connect(options.connection);
   const Status done = client ? action(&*client, options) : tl::unexpected(client.error());

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/admin/scene_files.h"
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <iomanip>
 #include <sstream>
@@ -46,14 +48,21 @@ ColmapCamera to_colmap(const CameraParameters& camera) {
   return {6, "FULL_OPENCV", std::move(values)};
 }
 
-Status write_file(const fs::path& path, std::string_view content) {
+Status make_folder(const fs::path& folder) {
   std::error_code problem;
-  fs::create_directories(path.parent_path(), problem);
+  fs::create_directories(folder, problem);
+  if (problem) return fail(ErrorCode::kIo, folder.string() + ": cannot be made: " + problem.message());
+  return {};
+}
+
+Status write_file(const fs::path& path, std::string_view content) {
+  if (Status made = make_folder(path.parent_path()); !made) return made;
+  errno = 0;  // a stream keeps it, and says nothing else
   std::ofstream out(path, std::ios::binary);
   out.write(content.data(), static_cast<std::streamsize>(content.size()));
   out.close();
-  if (!out) return fail(ErrorCode::kIo, path.string() + ": cannot be written");
-  return {};
+  if (out) return {};
+  return fail(ErrorCode::kIo, path.string() + ": cannot be written: " + std::strerror(errno));
 }
 
 Status write_file(const fs::path& path, const Blob& content) {
@@ -178,6 +187,7 @@ Status write_colmap_binary(const ExportedScene& scene, const fs::path& folder) {
 }
 
 Status write_pictures(const ExportedScene& scene, const fs::path& folder) {
+  if (Status made = make_folder(folder); !made) return made;
   for (const ExportedPicture& p : scene.pictures) {
     if (p.image == nullptr) continue;
     if (Status done = write_file(folder / p.file, encode_image_row(*p.image)); !done) return done;
@@ -187,8 +197,8 @@ Status write_pictures(const ExportedScene& scene, const fs::path& folder) {
 
 Status write_ply(const ExportedScene& scene, const fs::path& file) {
   std::ostringstream header;
-  header << "ply\nformat binary_little_endian 1.0\ncomment frame and unit of the map\nelement vertex "
-         << scene.points.size() << '\n';
+  header << "ply\nformat binary_little_endian 1.0\n"
+         << kPlyComment << "\nelement vertex " << scene.points.size() << '\n';
   for (const char* name : {"x", "y", "z", "nx", "ny", "nz"}) header << "property float " << name << '\n';
   for (const char* name : {"red", "green", "blue"}) header << "property uchar " << name << '\n';
   header << "end_header\n";

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "server/admin/exported_scene.h"
 
-/// Maps in the formats of other programs. Each makes the folder it is given; errors are kIo.
+/// Maps in the formats of other programs. Each makes the folder it is given; errors are kIo, and name the
+/// file.
 namespace cairn {
 
 /// COLMAP's sparse model as text (cameras.txt, images.txt, points3D.txt) or binary (.bin), and the pictures
@@ -14,6 +16,8 @@ namespace cairn {
 [[nodiscard]] Status write_colmap_text(const ExportedScene& scene, const std::filesystem::path& folder);
 [[nodiscard]] Status write_colmap_binary(const ExportedScene& scene, const std::filesystem::path& folder);
 [[nodiscard]] Status write_pictures(const ExportedScene& scene, const std::filesystem::path& folder);
+/// A line in the header of each of our PLY files.
+inline constexpr std::string_view kPlyComment = "comment frame and unit of the map";
 /// Points with normals and grey values as binary PLY.
 [[nodiscard]] Status write_ply(const ExportedScene& scene, const std::filesystem::path& file);
 

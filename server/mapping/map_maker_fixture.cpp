@@ -35,15 +35,6 @@ std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const
   return trails;
 }
 
-Similarity3 world_from_map(const MapSnapshot& s) {
-  const SE3& first = s.find(KeyframeId{1})->camera_from_map;
-  const SE3& second = s.find(KeyframeId{2})->camera_from_map;
-  const double scale = (Scene::pose(0).center() - Scene::pose(kSecondStep).center()).norm() /
-                       (first.center() - second.center()).norm();
-  const Eigen::Quaterniond rotation = Scene::pose(0).rotation().conjugate() * first.rotation();
-  return {scale, rotation, Scene::pose(0).center() - scale * (rotation * first.center())};
-}
-
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
   KeyframeInput offer;
   offer.camera = scene.camera();

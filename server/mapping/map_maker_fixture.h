@@ -13,15 +13,12 @@
 /// What a tracker would send of the test scene, and a map that is made of it.
 namespace cairn::testing {
 
-constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
 inline const auto kNeverYield = [] { return false; };
 
 /// Trails as a tracker would have them: corners of the first image, their true places in the second with a
 /// pixel's rounding, one in ten wrong.
 [[nodiscard]] std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first,
                                              const SE3& first_pose, const SE3& second_pose);
-/// Similarity from the map to the world of the scene, by the first two keyframes.
-[[nodiscard]] Similarity3 world_from_map(const MapSnapshot& s);
 /// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
 /// should be.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step);

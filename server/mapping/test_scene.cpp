@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <utility>
 
 namespace cairn::testing {
 namespace {
 
 constexpr int kTexels = 1024;
 constexpr double kTexelsPerMetre = 500;
-constexpr double kBackDepth = 1.2;
-constexpr double kFrontDepth = 0.9;
 constexpr double kBoardLeft = 0.02;
 constexpr double kBoardRight = 0.35;
 
@@ -78,6 +77,10 @@ Scene::Scene(uint64_t seed, uint64_t board_seed, double share) : Scene(seed) {
     std::fill(board.begin() + y * kTexels + first_plain, board.begin() + (y + 1) * kTexels, 128.0F);
 }
 
+Scene::Scene(uint64_t seed, CameraPtr camera) : Scene(seed) {
+  camera_ = std::move(camera);
+}
+
 SE3 Scene::pose(int step) {
   Vector6d xi;
   xi << -0.045 * step, 0.01 * std::sin(1.3 * step), 0.015 * std::sin(0.9 * step), 0.01 * std::sin(2.1 * step),
@@ -125,6 +128,15 @@ Eigen::Vector3d Scene::hit(const SE3& camera_from_world, const Eigen::Vector2d& 
 bool Scene::sees(const SE3& camera_from_world, const Eigen::Vector3d& point) const {
   const auto pixel = camera_->project(camera_from_world * point);
   return pixel && camera_->in_image(*pixel) && (hit(camera_from_world, *pixel) - point).norm() < 1e-3;
+}
+
+Similarity3 world_from_map(const MapSnapshot& s) {
+  const SE3& first = s.find(KeyframeId{1})->camera_from_map;
+  const SE3& second = s.find(KeyframeId{2})->camera_from_map;
+  const double scale = (Scene::pose(0).center() - Scene::pose(kSecondStep).center()).norm() /
+                       (first.center() - second.center()).norm();
+  const Eigen::Quaterniond rotation = Scene::pose(0).rotation().conjugate() * first.rotation();
+  return {scale, rotation, Scene::pose(0).center() - scale * (rotation * first.center())};
 }
 
 }  // namespace cairn::testing

@@ -9,6 +9,7 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/map/snapshot.h"
 
 /// A small world with exact truth for the tests of the map maker: two textured planes, one before part of the
 /// other.
@@ -19,6 +20,12 @@ class Scene {
   explicit Scene(uint64_t seed);
   /// Another board before the same back: one with a picture on the left `share` of it, plain elsewhere.
   Scene(uint64_t seed, uint64_t board_seed, double share);
+
+  /// The same as seen by another camera.
+  Scene(uint64_t seed, CameraPtr camera);
+
+  static constexpr double kBackDepth = 1.2;   ///< [m] of the plane behind, z in the world
+  static constexpr double kFrontDepth = 0.9;  ///< [m] of the board
 
   [[nodiscard]] CameraPtr camera() const { return camera_; }
   /// What a camera sees, 2x2 samples per pixel, with Gaussian-like noise of about 1.5 grey levels that
@@ -42,5 +49,9 @@ class Scene {
   CameraPtr camera_;
   std::array<std::vector<float>, 2> textures_;
 };
+
+constexpr int kSecondStep = 2;  ///< of Scene::pose(): the second view of the start
+/// Similarity from a map to the world of the scene, by its first two keyframes, of steps 0 and kSecondStep.
+[[nodiscard]] Similarity3 world_from_map(const MapSnapshot& s);
 
 }  // namespace cairn::testing

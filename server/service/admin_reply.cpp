@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/admin_reply.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "common/base/one_line.h"
@@ -13,6 +14,7 @@ namespace {
 
 /// Of the items of a page; the rest is for what frames them.
 constexpr size_t kMaxPageBytes = wire::kMaxAdminText - 1000;
+constexpr size_t kMaxReasons = 5;  ///< of a damaged file
 
 std::string to_text(const json& content) {
   // A path or a text in it may be no UTF-8.
@@ -51,6 +53,41 @@ json describe(const std::string& map, const Label& label) {
           {"position", {place.x(), place.y(), place.z()}},
           {"author", label.author},
           {"time", label.time.nanoseconds}};
+}
+
+json describe(std::span<const std::pair<CameraParameters, size_t>> cameras) {
+  json all = json::array();
+  for (const auto& [camera, keyframes] : cameras) {
+    all.push_back({{"model", std::string(name_of(camera.model))},
+                   {"width", camera.width},
+                   {"height", camera.height},
+                   {"focal_px", camera.values.at(0)},
+                   {"keyframes", keyframes}});
+  }
+  return all;
+}
+
+json describe(const DamagedFile& file, bool served) {
+  const size_t told = std::min(file.reasons.size(), kMaxReasons);
+  json reasons(
+      std::vector<std::string>(file.reasons.begin(), file.reasons.begin() + static_cast<ptrdiff_t>(told)));
+  if (told < file.reasons.size())
+    reasons.push_back("and " + std::to_string(file.reasons.size() - told) + " more, in the .txt beside it");
+  return {{"id", file.map ? to_hex(file.map.bytes) : std::string()},
+          {"name", file.name},
+          {"file", file.path.string()},
+          {"bytes", file.bytes},
+          {"set_aside", file.set_aside.nanoseconds},
+          {"served", served},
+          {"reasons", std::move(reasons)}};
+}
+
+std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
+  if (files == 0) return {};
+  return std::to_string(files) + (files == 1 ? " damaged file was" : " damaged files were") +
+         " set aside in " + folder.string() +
+         " (`cairnctl maps` says why); import what is missing from a backup, then move " +
+         (files == 1 ? "it" : "them") + " out of there";
 }
 
 ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more", false}} {

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "common/wire/messages.h"
 #include "server/service/map_array.h"
@@ -18,6 +20,12 @@ namespace cairn {
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
 /// `map`: the name of the label's.
 [[nodiscard]] nlohmann::json describe(const std::string& map, const Label& label);
+/// Cameras, and how many keyframes each took.
+[[nodiscard]] nlohmann::json describe(std::span<const std::pair<CameraParameters, size_t>> cameras);
+/// `served`: what could be saved of it is. With the first few reasons.
+[[nodiscard]] nlohmann::json describe(const DamagedFile& file, bool served);
+/// For the server's health: what lies in a folder of damaged files, and the remedy. Empty when nothing does.
+[[nodiscard]] std::string word_of_damage(size_t files, const std::filesystem::path& folder);
 /// A part of some lists that may be long: as much of them as one reply takes. `more`: there is more.
 class ReplyPage {
  public:

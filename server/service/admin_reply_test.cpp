@@ -44,6 +44,24 @@ TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
   EXPECT_TRUE(rest["labels"].empty() && !rest["more"].get<bool>());
 }
 
+TEST(AdminReply, OfADamagedFileTheFirstReasonsAreToldAndHowManyMoreThereAre) {
+  constexpr size_t kLines = 400;
+  DamagedFile file{.path = "damaged/x.cairnmap", .map = {}, .name = "desk", .set_aside = {}, .reasons = {}};
+  for (size_t i = 0; i < kLines; ++i) file.reasons.push_back("row " + std::to_string(i));
+  const auto told = describe(file, true)["reasons"];
+  ASSERT_GE(told.size(), 2U);
+  ASSERT_LE(told.size(), 10U);
+  EXPECT_EQ(told.front(), "row 0");
+  EXPECT_EQ(told.back(), "and " + std::to_string(kLines - told.size() + 1) + " more, in the .txt beside it");
+  file.reasons.resize(1);
+  EXPECT_EQ(describe(file, true)["reasons"].size(), 1U);
+}
+
+TEST(AdminReply, TheHealthSaysNothingOfDamageWhereThereIsNone) {
+  EXPECT_EQ(word_of_damage(0, "store/damaged"), "");
+  EXPECT_NE(word_of_damage(3, "store/damaged").find("3 damaged files"), std::string::npos);
+}
+
 TEST(AdminReply, AnUnknownMapIsNamedWithTheRemedy) {
   const wire::AdminReply reply = unknown_map("attic");
   EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));

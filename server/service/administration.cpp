@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <exception>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "common/base/one_line.h"
@@ -73,7 +75,11 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             one_line(message.request.substr(0, kLoggedBytes)));
   if (verb == "status") return describe_server(answer);
-  if (verb == "maps") return list_maps(text_of(request, "after"), number_of(request, "deleted_from"), answer);
+  if (verb == "maps") {
+    return list_maps(
+        {text_of(request, "after"), number_of(request, "deleted_from"), number_of(request, "damaged_from")},
+        answer);
+  }
   if (verb == "undelete") return undelete_map(wanted, answer);
   if (verb == "purge") return purge_map(wanted, answer);
   if (verb == "import") return import_map(text_of(request, "token"), answer);
@@ -150,6 +156,10 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
     clients.push_back(name);
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
+  constexpr size_t kMostDamagedTold = 10;  // files, beside the health; `maps` has all
+  json damaged = json::array();
+  for (size_t i = 0; i < std::min(damaged_.size(), kMostDamagedTold); ++i)
+    damaged.push_back(describe(damaged_[i], maps_.find(damaged_[i].map) != nullptr));
   answer(success({{"server", to_hex(options_.server.bytes)},
                   {"version", std::string(version())},
                   {"start_count", options_.start_count},
@@ -158,32 +168,55 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"maps", maps_.live_count()},
                   {"maps_at_rest", maps_.resting_count()},
                   {"memory_bytes", maps_.bytes()},
+                  {"limits",
+                   {{"maps", options_.max_maps},
+                    {"memory_bytes", options_.max_memory_bytes},
+                    {"rest_after_s", store_ ? options_.rest_after.count() : 0}}},
+                  {"damaged", std::move(damaged)},
+                  {"damaged_files", damaged_.size()},
                   {"clients", std::move(clients)},
                   {"wearers", std::move(wearers)}}));
 }
 
-void Switchboard::list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer) {
-  ReplyPage page{"maps", "deleted"};
+void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
+  ReplyPage page{"maps", "deleted", "damaged"};
+  std::set<MapId> served;
   for (const auto& [id, entry] : maps_.all()) {
-    if (entry.snapshot == nullptr || to_hex(id.bytes) <= after) continue;
-    if (!page.add("maps", describe(id, entry))) break;
+    if (entry.snapshot == nullptr) continue;
+    served.insert(id);
+    if (to_hex(id.bytes) > begin.after) page.add("maps", describe(id, entry));
   }
   if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
-  with_store(answer, [answer, deleted_from, page = std::move(page)](const Store& store) mutable -> Task {
-    const std::vector<DeletedMap> deleted = store.deleted_maps();
-    for (size_t i = deleted_from; i < deleted.size(); ++i) {
-      if (!page.add("deleted", describe(deleted[i]))) break;
-    }
-    return [answer, page = std::move(page)] { answer(success(page.content())); };
-  });
+  with_store(answer,
+             [this, answer, begin, served, page = std::move(page)](const Store& store) mutable -> Task {
+               const std::vector<DeletedMap> deleted = store.deleted_maps();
+               for (size_t i = begin.deleted_from; i < deleted.size(); ++i) {
+                 if (!page.add("deleted", describe(deleted[i]))) break;
+               }
+               const std::vector<DamagedFile> damaged = store.damaged_files();
+               for (size_t i = begin.damaged_from; i < damaged.size(); ++i) {
+                 if (!page.add("damaged", describe(damaged[i], served.contains(damaged[i].map)))) break;
+               }
+               return [this, answer, damaged, page = std::move(page)] {
+                 damaged_ = damaged;
+                 answer(success(page.content()));
+               };
+             });
+}
+
+void Switchboard::look_for_damage() {
+  store_->run_beside(
+      [this](const Store& store) { post([this, damaged = store.damaged_files()] { damaged_ = damaged; }); });
 }
 
 void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
   json map = describe(id, entry);
+  map["labels"] = entry.labels.all().size();
   if (entry.runner == nullptr) return answer(success(map));
-  entry.runner->measure([this, map = std::move(map), answer](double reprojection_rms) {
-    post([map, answer, reprojection_rms]() mutable {
-      map["reprojection_px"] = reprojection_rms;
+  entry.runner->measure([this, map = std::move(map), answer](const MapMeasures& measures) {
+    post([map, answer, measures]() mutable {
+      map["reprojection_px"] = measures.reprojection_rms;
+      map["cameras"] = describe(measures.cameras);
       answer(success(map));
     });
   });

@@ -159,6 +159,7 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
 
 void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
   const auto serve = [this, id, answer](Result<RestoredMap> restored) {
+    look_for_damage();
     if (!restored) {
       return post([answer, error = restored.error()] { answer(refusal(error)); });
     }
@@ -217,21 +218,23 @@ void Switchboard::transfer(const std::string& verb, const std::string& token, ui
 }
 
 void Switchboard::import_map(const std::string& token, const AdminAnswer& answer) {
-  if (std::string why = why_full(); !why.empty()) return answer(refusal(ErrorCode::kRefused, std::move(why)));
   const size_t used = maps_.bytes();
   const uint64_t room = options_.max_memory_bytes - std::min(used, options_.max_memory_bytes);
-  with_store(answer, [this, token, room, answer](Store& store) -> Task {
-    const auto say = [answer](const Error& error) -> Task {
+  with_store(answer, [this, token, full = why_full(), room, answer](Store& store) -> Task {
+    const auto refuse = [this, token, answer](const Error& error) -> Task {
+      transfers_->end(token);
       return [answer, error] { answer(refusal(error)); };
     };
     const auto path = transfers_->find(token, steady_clock::now());
-    if (!path) return say(path.error());
+    if (!path) return refuse(path.error());
+    if (!full.empty()) return refuse({ErrorCode::kRefused, full});
     // A map takes more memory than its file: pictures are packed in there.
     if (std::filesystem::file_size(*path) > room)
-      return say({ErrorCode::kRefused, "the archive does not fit into the server's memory (--max-memory)"});
+      return refuse(
+          {ErrorCode::kRefused, "the archive does not fit into the server's memory (--max-memory)"});
     const auto imported = store.import_map(*path);
+    if (!imported) return refuse(imported.error());
     transfers_->end(token);
-    if (!imported) return say(imported.error());
     take_in(*imported, answer);
     return {};
   });

@@ -33,6 +33,7 @@ std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::
 /// A restored map, or one that has to be set aside.
 struct MapPersistence::Loaded {
   MapId map;
+  std::string name;  ///< as far as it is known
   Result<RestoredMap> restored = fail(ErrorCode::kInternal, "not loaded");
   std::vector<std::string> damage;
 };
@@ -66,7 +67,7 @@ MapPersistence::~MapPersistence() {
 
 MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options,
                                             RestoredImages images) const {
-  Loaded loaded{.map = map, .damage = {}};
+  Loaded loaded{.map = map, .name = {}, .damage = {}};
   const auto fail_with = [&loaded](const Error& error) {
     loaded.restored = tl::unexpected(error);
     return std::move(loaded);
@@ -76,6 +77,7 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
     if (!stored) return fail_with(stored.error());
     loaded.damage = std::move(stored->damage);
     const MapHeader& header = stored->header;
+    loaded.name = header.name;
     // Indexed first, and only then, if they are needed, made ready to be worked on: that takes several times
     // as long.
     auto made = MapMaker::restore(stored->record, {header.id, header.name, header.epoch}, options,
@@ -110,7 +112,7 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
     const Error& error = loaded.restored.error();
     if (error.code == ErrorCode::kDamaged) {
       loaded.damage.push_back(error.message);
-      const auto aside = store_->set_aside(loaded.map, loaded.damage);
+      const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
       log_->error("map {} cannot be used: {}; {}", name, error.message,
                   aside ? "kept as " + aside->string() : aside.error().message);
     } else if (error.code != ErrorCode::kNotFound) {  // that one was never made

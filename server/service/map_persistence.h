@@ -60,6 +60,8 @@ class MapPersistence {
   [[nodiscard]] ServerId server() const { return server_; }
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
+  /// As Store::damaged_files().
+  [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return store_->damaged_files(); }
   /// Maps that had been deleted before the start: their ids are not given again.
   [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
@@ -126,7 +128,7 @@ class MapPersistence {
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
 
-  const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs
+  const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs, but for folders
   const std::filesystem::path folder_;
   const ServerId server_;
   const uint64_t start_count_;

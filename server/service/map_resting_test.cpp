@@ -59,7 +59,7 @@ TEST_F(MapRestingTest, WhatNeedsNoImagesDoesNotWakeIt) {
   EXPECT_EQ(map->offer(frame(*map, testing::kSecondStep)).decision, wire::OfferDecision::kTooClose);
   EXPECT_TRUE(answer_to<Status>([&](auto done) { map->runner().rename("bench", done); }));
   EXPECT_EQ(map->newest().snapshot->name, "bench");
-  EXPECT_LT(answer_to<double>([&](auto done) { map->runner().measure(done); }), 0.6);
+  EXPECT_LT(answer_to<MapMeasures>([&](auto done) { map->runner().measure(done); }).reprojection_rms, 0.6);
   map->runner().go_on();
   map->settle();
   EXPECT_EQ(map->without_images(), 2U);

@@ -40,6 +40,21 @@ bool fits(const GrayImage& image, const Camera& camera) {
   return image.width() == camera.width() && image.height() == camera.height();
 }
 
+MapMeasures measures_of(const MapMaker& maker) {
+  MapMeasures measures{maker.reprojection_rms(), {}};
+  for (const KeyframeView& keyframe : maker.keyframe_views()) {
+    const CameraParameters& camera = keyframe.camera->parameters();
+    const auto known = std::find_if(measures.cameras.begin(), measures.cameras.end(),
+                                    [&camera](const auto& c) { return c.first == camera; });
+    if (known == measures.cameras.end()) {
+      measures.cameras.emplace_back(camera, 1);
+    } else {
+      ++known->second;
+    }
+  }
+  return measures;
+}
+
 }  // namespace
 
 Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
@@ -114,11 +129,11 @@ void MapRunner::retire() {
   });
 }
 
-void MapRunner::measure(std::function<void(double)> done) {
+void MapRunner::measure(std::function<void(const MapMeasures&)> done) {
   queue_.post([self = shared_from_this(), done = std::move(done)] {
-    double rms = 0;
-    if (self->maker_ != nullptr) self->guarded([&] { rms = self->maker_->reprojection_rms(); });
-    done(rms);
+    MapMeasures measures;
+    if (self->maker_ != nullptr) self->guarded([&] { measures = measures_of(*self->maker_); });
+    done(measures);
   });
 }
 

@@ -71,6 +71,13 @@ struct OfferJudgement {
 /// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
 /// rest: its images are let go, and read back before the next step of its work. Every job is answered,
 /// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
+/// What takes a look at all of a map.
+struct MapMeasures {
+  double reprojection_rms = 0;  ///< as MapMaker::reprojection_rms()
+  /// Those that took its keyframes, and how many each took.
+  std::vector<std::pair<CameraParameters, size_t>> cameras;
+};
+
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {
@@ -110,8 +117,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// pictures the place index has; else nothing happens. With a store only. Does not wait.
   void rest(Revision indexed);
-  /// `done` gets MapMaker::reprojection_rms() of the map as it is.
-  void measure(std::function<void(double)> done);
+  /// `done` gets them of the map as it is.
+  void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name. `done` is called when the store has it.
   void rename(std::string name, std::function<void(Status kept)> done);
   /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.

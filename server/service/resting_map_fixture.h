@@ -141,7 +141,7 @@ class KeptMap {
 
   /// What was begun on the queue, and what that has posted to it, has come to its end.
   void settle_queue() {
-    for (int i = 0; i < 3; ++i) (void)answer_to<double>([this](auto done) { runner_->measure(done); });
+    for (int i = 0; i < 3; ++i) (void)answer_to<MapMeasures>([this](auto done) { runner_->measure(done); });
   }
   /// So has what was handed to the writer.
   void settle_writer() {

@@ -9,6 +9,7 @@
 #include "common/base/one_line.h"
 #include "common/base/version.h"
 #include "common/wire/partition.h"
+#include "server/service/admin_reply.h"
 
 namespace cairn {
 namespace {
@@ -18,9 +19,10 @@ using std::chrono::steady_clock;
 
 constexpr milliseconds kTick{200};  // ServerStatus at 5 Hz asserts our liveliness (lease 1 s)
 constexpr int kTicksPerMapInfo = 5;
-constexpr int kTicksPerExpiry = 300;  // a minute
-constexpr size_t kMaxClients = 256;   // names remembered; those present are never forgotten
-constexpr size_t kMaxFeeds = 16;      // maps per client
+constexpr int kTicksPerExpiry = 300;      // a minute
+constexpr size_t kMaxHealthBytes = 1000;  // ServerStatus takes a little more
+constexpr size_t kMaxClients = 256;       // names remembered; those present are never forgotten
+constexpr size_t kMaxFeeds = 16;          // maps per client
 constexpr std::chrono::seconds kNoticeInterval{1};
 constexpr std::chrono::seconds kFeedRetry{10};
 
@@ -88,6 +90,7 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
   if (store_ == nullptr) return;
   transfers_ = std::make_shared<Transfers>(store_->folder() / "transfer");
   for (const MapId map : store_->deleted_ids()) maps_.reserve(map);
+  damaged_ = store_->damaged_files();
 }
 
 void Switchboard::stop() {
@@ -226,14 +229,18 @@ void Switchboard::feed_clients() {
 }
 
 std::string Switchboard::health() const {
-  std::string word = store_ ? store_->trouble() : std::string();
+  std::string words = store_ ? store_->trouble() : std::string();
+  const auto add = [&words](const std::string& word) {
+    if (!words.empty() && !word.empty()) words += "; ";
+    words += word;
+  };
+  if (store_) add(word_of_damage(damaged_.size(), store_->folder() / "damaged"));
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.frozen.empty()) continue;
-    if (!word.empty()) word += "; ";
-    word += entry.name + " is frozen until the server starts again: " + entry.frozen;
+    add(entry.name + " is frozen until the server starts again: " + entry.frozen);
     break;  // one is enough to have a look; `cairnctl maps` names all
   }
-  return word.empty() ? "ok" : one_line(word);
+  return words.empty() ? "ok" : one_line(words).substr(0, kMaxHealthBytes);
 }
 
 void Switchboard::tick(MonotonicTime now) {
@@ -250,8 +257,10 @@ void Switchboard::tick(MonotonicTime now) {
     report(client.writers->status.write(status), "ServerStatus");
     if (std::exchange(client.repeat_verdicts, false)) write_verdicts(client);
   }
-  if (++ticks_ % kTicksPerExpiry == 0 && store_ != nullptr)
+  if (++ticks_ % kTicksPerExpiry == 0 && store_ != nullptr) {
     store_->run_beside([transfers = transfers_](Store&) { transfers->expire(steady_clock::now()); });
+    look_for_damage();  // an operator may have taken it away
+  }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   let_maps_rest(now);
   // Revisions that name what could not be written are waited for in vain, and an idle map makes no more.

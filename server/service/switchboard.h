@@ -112,8 +112,15 @@ class Switchboard {
   [[nodiscard]] Operator* operator_of(const std::string& name);
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
-  /// A page: maps beyond the id `after`, then of the deleted ones those from a number on.
-  void list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer);
+  /// Where a page of maps begins: beyond an id, and at numbers of the lists behind them.
+  struct PageBegin {
+    std::string after;
+    size_t deleted_from = 0;
+    size_t damaged_from = 0;
+  };
+  void list_maps(const PageBegin& begin, const AdminAnswer& answer);
+  /// Beside the writer: what has been set aside.
+  void look_for_damage();
   void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
   /// Renames or removes one (`wish`: action, map, label, text).
   void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const std::string& operator_name,
@@ -210,6 +217,7 @@ class Switchboard {
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
+  std::vector<DamagedFile> damaged_;      ///< as they were when last looked for
   bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;

@@ -2,6 +2,10 @@
 #include "server/store/map_file.h"
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
 
 #include "common/map/limits.h"
 #include "server/store/entry_codec.h"
@@ -23,6 +27,28 @@ bool is_item(int64_t id, size_t count) {
 }
 
 }  // namespace
+
+Status check_is_map_file(const std::filesystem::path& path) {
+  // SQLite's documented header: its name at 0, the application's number at 68, the high byte first.
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  constexpr size_t kApplicationAt = 68;
+  constexpr size_t kHeaderBytes = 100;
+  errno = 0;  // a stream keeps it, and says nothing else
+  std::ifstream in(path, std::ios::binary);
+  std::array<char, kHeaderBytes> header{};
+  in.read(header.data(), header.size());
+  if (!in && !in.eof()) {
+    const ErrorCode code = errno == ENOENT ? ErrorCode::kNotFound : ErrorCode::kIo;
+    return fail(code, std::string("cannot be read: ") + std::strerror(errno));
+  }
+  uint32_t application = 0;
+  for (size_t i = 0; i < sizeof(application); ++i)
+    application = application << 8 | static_cast<uint8_t>(header[kApplicationAt + i]);
+  if (std::string_view(header.data(), kMagic.size()) == kMagic &&
+      application == static_cast<uint32_t>(map_schema().application_id))
+    return {};
+  return fail(ErrorCode::kDamaged, "not an archive of a map (`cairnctl maps export` writes them)");
+}
 
 int map_schema_version() {
   return static_cast<int>(map_schema().steps.size());

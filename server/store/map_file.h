@@ -146,6 +146,10 @@ class MapFile {
   std::map<std::string, sqlite::Statement, std::less<>> statements_;  ///< by SQL; go before the database
 };
 
+/// Whether a file begins as a map file does, without opening it as one, which writes. Errors, without its
+/// path: kDamaged, kNotFound, kIo.
+[[nodiscard]] Status check_is_map_file(const std::filesystem::path& path);
+
 /// The version of the schema that this program writes.
 [[nodiscard]] int map_schema_version();
 

@@ -26,6 +26,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kSuffix = ".cairnmap";
 constexpr const char* kFreshSuffix = ".new";
+constexpr const char* kCatalogueSuffix = ".db";
+constexpr size_t kHexDigits = 32;     ///< of an id
 constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
 constexpr int64_t kServerRow = 1;
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
@@ -114,6 +116,14 @@ bool is_there(const fs::path& path) {
   return fs::exists(path, ignored);
 }
 
+/// What is said of a file, without its name.
+std::string without_path(std::string message, const fs::path& path) {
+  const std::string name = path.string() + ": ";
+  for (size_t at = message.find(name); at != std::string::npos; at = message.find(name, at))
+    message.erase(at, name.size());
+  return message;
+}
+
 /// A server that ended within Store::replace() or import_map().
 Status finish_replacements(const fs::path& folder) {
   const auto entries = entries_of(folder);
@@ -135,9 +145,26 @@ uint64_t wall_clock_ms() {
   return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
 }
 
-void write_reasons(const fs::path& beside, const std::vector<std::string>& reasons) {
-  std::ofstream out(beside.string() + ".txt");
+constexpr std::string_view kNameLine = "map ";
+constexpr const char* kReasonsSuffix = ".txt";
+
+/// For operators; read_reasons() reads them.
+void write_reasons(const fs::path& beside, const std::string& name, const std::vector<std::string>& reasons) {
+  std::ofstream out(beside.string() + kReasonsSuffix);
+  if (!name.empty()) out << kNameLine << name << '\n';
   for (const std::string& reason : reasons) out << reason << '\n';
+}
+
+void read_reasons(DamagedFile* file) {
+  std::ifstream in(file->path.string() + kReasonsSuffix);
+  for (std::string line; std::getline(in, line);) file->reasons.push_back(std::move(line));
+  if (file->reasons.empty() || !file->reasons.front().starts_with(kNameLine)) return;
+  file->name = file->reasons.front().substr(kNameLine.size());
+  file->reasons.erase(file->reasons.begin());
+}
+
+Timestamp changed_at(const struct stat& file) {
+  return {file.st_mtim.tv_sec * kNanosecondsPerSecond + file.st_mtim.tv_nsec};
 }
 
 }  // namespace
@@ -186,10 +213,11 @@ Status Store::open_catalogue() {
   const fs::path path = folder_ / "catalogue.db";
   Status read = read_catalogue();
   if (!read && read.error().code == ErrorCode::kDamaged) {
-    const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), ".db");
+    const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), kCatalogueSuffix);
     log_->error("{}; kept as {}, begun anew: clients take this for another server", read.error().message,
                 aside.string());
     if (Status moved = move_database(path, aside); !moved) return moved;
+    write_reasons(aside, "", {read.error().message});
     read = read_catalogue();
   }
   return read;
@@ -260,12 +288,33 @@ std::vector<DeletedMap> Store::deleted_maps() const {
     if (::stat(path.c_str(), &file) != 0) continue;
     const auto opened = MapFile::open(path);
     if (!opened) continue;
-    const Timestamp deleted{file.st_mtim.tv_sec * kNanosecondsPerSecond + file.st_mtim.tv_nsec};
-    maps.push_back({opened->header(), deleted, static_cast<uint64_t>(file.st_size)});
+    maps.push_back({opened->header(), changed_at(file), static_cast<uint64_t>(file.st_size)});
   }
   std::stable_sort(maps.begin(), maps.end(),
                    [](const DeletedMap& a, const DeletedMap& b) { return a.deleted > b.deleted; });
   return maps;
+}
+
+std::vector<DamagedFile> Store::damaged_files() const {
+  std::vector<DamagedFile> files;
+  std::error_code problem;
+  for (fs::directory_iterator it(folder_ / "damaged", problem), end; !problem && it != end;
+       it.increment(problem)) {
+    DamagedFile file{.path = it->path(), .map = {}, .name = {}, .set_aside = {}, .reasons = {}};
+    struct stat status {};
+    const bool is_kept = file.path.extension() == kSuffix || file.path.extension() == kCatalogueSuffix;
+    if (!is_kept || ::stat(file.path.c_str(), &status) != 0) continue;
+    file.bytes = static_cast<uint64_t>(status.st_size);
+    // The reasons are as old as the move; the file itself keeps its time.
+    if (::stat((file.path.string() + kReasonsSuffix).c_str(), &status) == 0)
+      file.set_aside = changed_at(status);
+    if (const auto id = from_hex(file.path.stem().string().substr(0, kHexDigits))) file.map = MapId{*id};
+    read_reasons(&file);
+    files.push_back(std::move(file));
+  }
+  std::sort(files.begin(), files.end(),
+            [](const DamagedFile& a, const DamagedFile& b) { return a.path < b.path; });
+  return files;
 }
 
 Result<StoredMap> Store::load(MapId map) const {
@@ -378,11 +427,12 @@ Status Store::probe() const {
       folder_, std::string("takes nothing more: ") + (written >= 0 ? "no room" : std::strerror(problem)));
 }
 
-Result<fs::path> Store::set_aside(MapId map, const std::vector<std::string>& reasons) {
+Result<fs::path> Store::set_aside(MapId map, const std::string& name,
+                                  const std::vector<std::string>& reasons) {
   close(map);
   const fs::path aside = free_path(folder_ / "damaged", to_hex(map.bytes) + "-" + utc_stamp(), kSuffix);
   if (Status moved = move_database(path_of(map), aside); !moved) return tl::unexpected(moved.error());
-  write_reasons(aside, reasons);
+  write_reasons(aside, name, reasons);
   return aside;
 }
 
@@ -394,7 +444,7 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
     remove_database(fresh);
     return tl::unexpected(file.error());
   }
-  auto aside = set_aside(header.id, reasons);
+  auto aside = set_aside(header.id, header.name, reasons);
   if (!aside) return aside;
   if (Status moved = move_database(fresh, path_of(header.id)); !moved) return tl::unexpected(moved.error());
   return aside;
@@ -412,11 +462,11 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   remove_database(copy);
   std::error_code problem;
   fs::copy_file(archive, copy, problem);
-  if (problem) return io_failure(archive, "cannot be copied into the store: " + problem.message());
+  if (problem) return fail(ErrorCode::kIo, "it cannot be copied into the store: " + problem.message());
   auto read = read_archive(copy);
   remove_database(copy);
-  if (!read) return tl::unexpected(read.error());
-  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, archive.string() + ": " + read->damage.front());
+  if (!read) return fail(read.error().code, without_path(read.error().message, copy));
+  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
   const MapId map = read->header.id;
   const fs::path fresh = folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
   remove_database(fresh);

@@ -20,6 +20,16 @@ struct DeletedMap {
   uint64_t bytes = 0;  ///< of its file
 };
 
+/// A file that could not be used as it was, out of the way in the folder `damaged`.
+struct DamagedFile {
+  std::filesystem::path path;
+  MapId map;         ///< none: it is no map's
+  std::string name;  ///< of the map, where it could be read
+  Timestamp set_aside;
+  uint64_t bytes = 0;
+  std::vector<std::string> reasons;
+};
+
 /// A folder with all that a server keeps (README.md): a file for each map, and a catalogue of what belongs to
 /// the server itself. A plain class, one thread at a time, but for what is marked.
 class Store {
@@ -46,6 +56,9 @@ class Store {
   /// The same with what they were, the latest deleted first. Opens each file.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
+  /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
+  [[nodiscard]] std::vector<DamagedFile> damaged_files() const;
+
   /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
   /// time, by any thread, before anything is written. Errors: as MapFile::open().
   [[nodiscard]] Result<StoredMap> load(MapId map) const;
@@ -67,9 +80,10 @@ class Store {
   /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
   Status probe() const;
 
-  /// Takes a map that cannot be used, or a copy of it, out of the way, with the reasons beside it; the error
-  /// or the path under which it is kept.
-  [[nodiscard]] Result<std::filesystem::path> set_aside(MapId map, const std::vector<std::string>& reasons);
+  /// Takes a map that cannot be used, or a copy of it, out of the way, with its name, as far as it is known,
+  /// and the reasons beside it; the error or the path under which it is kept.
+  [[nodiscard]] Result<std::filesystem::path> set_aside(MapId map, const std::string& name,
+                                                        const std::vector<std::string>& reasons);
   /// Sets a damaged map aside and puts what could be saved of it in its place, whole or not at all.
   [[nodiscard]] Result<std::filesystem::path> replace(const MapHeader& header, const MapUpdate& saved,
                                                       const std::vector<std::string>& reasons);
@@ -78,7 +92,8 @@ class Store {
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use, kDamaged when anything in it is damaged. Beside the thread that writes maps.
+  /// that is in use, kDamaged when anything in it is damaged; messages are about "the archive" and name no
+  /// path of ours. Beside the thread that writes maps.
   [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.

@@ -159,11 +159,28 @@ TEST_F(StoreTest, ADamagedMapIsKeptAsideAndWhatIsLeftOfItGoesOn) {
   EXPECT_THAT(store->maps(), ElementsAre(header_.id));
   EXPECT_TRUE(store->load(header_.id));
   std::ifstream reasons(aside->string() + ".txt");
-  std::string reason;
-  std::getline(reasons, reason);
-  EXPECT_EQ(reason, "row 3 of images is damaged");
-  ASSERT_TRUE(store->set_aside(header_.id, {"no map"}));
+  const std::string said(std::istreambuf_iterator<char>(reasons), {});
+  EXPECT_THAT(said, HasSubstr("row 3 of images is damaged\n"));
+  ASSERT_TRUE(store->set_aside(header_.id, "", {"no map", "at all"}));
   EXPECT_THAT(store->maps(), IsEmpty());
+
+  std::ofstream(folder_ / "damaged/notes.md") << "an operator's";
+  const std::vector<DamagedFile> damaged = store->damaged_files();
+  ASSERT_EQ(damaged.size(), 2U);
+  for (const DamagedFile& file : damaged) {
+    EXPECT_EQ(file.map, header_.id);
+    EXPECT_EQ(file.bytes, std::filesystem::file_size(file.path));
+    EXPECT_GT(file.set_aside.nanoseconds, 0);
+  }
+  const bool in_order = damaged[0].path == *aside;
+  const DamagedFile& replaced = damaged[in_order ? 0 : 1];
+  const DamagedFile& lost = damaged[in_order ? 1 : 0];
+  EXPECT_EQ(replaced.name, header_.name);
+  EXPECT_THAT(replaced.reasons, ElementsAre("row 3 of images is damaged"));
+  EXPECT_EQ(lost.name, "");
+  EXPECT_THAT(lost.reasons, ElementsAre("no map", "at all"));
+  std::filesystem::remove(replaced.path);
+  EXPECT_EQ(store->damaged_files().size(), 1U);
 }
 
 TEST_F(StoreTest, ADamagedCatalogueIsSetAsideAndTheMapsStay) {
@@ -178,7 +195,11 @@ TEST_F(StoreTest, ADamagedCatalogueIsSetAsideAndTheMapsStay) {
   ASSERT_NE(store, nullptr);
   EXPECT_NE(store->server(), server);
   EXPECT_TRUE(store->load(header_.id));
-  EXPECT_THAT(files_in("damaged"), ElementsAre(::testing::StartsWith("catalogue-")));
+  const std::vector<DamagedFile> damaged = store->damaged_files();
+  ASSERT_EQ(damaged.size(), 1U);
+  EXPECT_THAT(damaged[0].path.filename(), ::testing::StartsWith("catalogue-"));
+  EXPECT_FALSE(damaged[0].map);
+  EXPECT_THAT(damaged[0].reasons, ElementsAre(HasSubstr("not a database")));
 }
 
 TEST_F(StoreTest, WhatAnEndLeftHalfDoneIsPutInOrder) {

@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <cmath>
 #include <csignal>
 
 #include "server/store/store.h"
@@ -41,8 +43,9 @@ class KeptMaps : public ::testing::Test {
     const auto reply = session_->take_seed_reply();
     ASSERT_TRUE(reply && reply->answer) << (reply ? reply->reason : "no reply");
   }
-  void send_offer(int step) {
-    testing::Frame frame = testing::make_offer(scene_, *session_->snapshot(), step);
+  void send_offer(int step) { send_offer(scene_, step); }
+  void send_offer(const testing::Scene& scene, int step) {
+    testing::Frame frame = testing::make_offer(scene, *session_->snapshot(), step);
     session_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{step});
   }
   [[nodiscard]] std::optional<OfferReply> next_reply() {
@@ -50,14 +53,39 @@ class KeptMaps : public ::testing::Test {
     (void)eventually([&] { return !(replies = session_->take_offer_replies()).empty(); });
     return replies.size() == 1 ? std::optional(replies.front()) : std::nullopt;
   }
-  void offer(int step) {
-    send_offer(step);
+  void offer(int step) { offer(scene_, step); }
+  void offer(const testing::Scene& scene, int step) {
+    send_offer(scene, step);
     const auto reply = next_reply();
     ASSERT_TRUE(reply);
     EXPECT_TRUE(reply->accepted) << reply->reason;
   }
 
-  const testing::Scene scene_{11};
+  /// How far a keyframe's camera is from where it was [m].
+  [[nodiscard]] static double camera_error(const MapSnapshot& map, KeyframeId keyframe, int step) {
+    const SE3& camera_from_map = map.find(keyframe)->camera_from_map;
+    return (testing::world_from_map(map) * camera_from_map.center() - testing::Scene::pose(step).center())
+        .norm();
+  }
+  /// How far live points of ids from `first` on are from the nearer plane of the scene [m], ascending.
+  [[nodiscard]] static std::vector<double> point_errors(const MapSnapshot& map, PointId first) {
+    std::vector<double> errors;
+    const Similarity3 to_world = testing::world_from_map(map);
+    for (const auto& block : map.point_blocks) {
+      for (int slot = 0; slot < block->count; ++slot) {
+        const PointId id = block->source(slot).id;
+        if (id < first || !map.find(id)) continue;
+        const double z = (to_world * block->position(slot)).z();
+        errors.push_back(
+            std::min(std::abs(z - testing::Scene::kFrontDepth), std::abs(z - testing::Scene::kBackDepth)));
+      }
+    }
+    std::sort(errors.begin(), errors.end());
+    return errors;
+  }
+
+  static constexpr uint64_t kSeed = 11;
+  const testing::Scene scene_{kSeed};
   const testing::StoreFolder folder_{"kept-maps"};
   std::unique_ptr<ServerProcess> server_;
   std::unique_ptr<Session> session_;
@@ -106,17 +134,34 @@ TEST_F(KeptMaps, AnotherCameraLetsARestoredMapGrow) {
   const MapSnapshotPtr before = session_->snapshot();
   session_.reset();
   restart();
+  CameraParameters wider;  // larger pictures, more of the scene in them, a lens that bends the other way
+  wider.width = 640;
+  wider.height = 480;
+  wider.values = {430, 433, 322, 236, 0.06, -0.02, 0.001, -0.0005};
+  const testing::Scene as_seen_by_bert(kSeed, *make_camera(wider));
   SessionOptions options;
   options.domain = server_->domain();
   options.name = "bert";
-  CameraParameters other = scene_.camera()->parameters();
-  other.values[0] *= 1.0001;  // another camera that sees the same: the scene renders one only
-  session_ = testing::open_session(options, *make_camera(other));
+  session_ = testing::open_session(options, as_seen_by_bert.camera());
   ASSERT_TRUE(session_->wait_for_server(60s));
   session_->use_map(before->map);
   ASSERT_TRUE(session_->wait_for_map(60s));
   EXPECT_EQ(session_->snapshot()->keyframe_count(), 3U);
-  offer(6);
+  constexpr int kSteps[] = {7, 10, 13};
+  for (const int step : kSteps) offer(as_seen_by_bert, step);
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  ASSERT_TRUE(eventually([&] { return session_->snapshot()->keyframe_count() == 6U; }));
+
+  const MapSnapshotPtr after = session_->snapshot();
+  KeyframeId keyframe{4};
+  for (const int step : kSteps) {
+    EXPECT_LT(camera_error(*after, keyframe, step), 0.001) << "step " << step;
+    ++keyframe.value;
+  }
+  const std::vector<double> errors = point_errors(*after, {before->point_blocks.size() * kBlockSlots + 1});
+  ASSERT_GT(errors.size(), 100U) << "it sees what the first camera has not";
+  EXPECT_LT(errors[errors.size() / 2], 0.003);
+  EXPECT_LT(errors[errors.size() * 9 / 10], 0.01);
 }
 
 TEST_F(KeptMaps, AFullDiskIsSaidAndOverWhenThereIsRoom) {

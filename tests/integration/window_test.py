@@ -1,0 +1,128 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""The window of cairn-track as a person uses it, on a display of its own (Xvfb), with keys and clicks by xdotool.
+
+window_test.py BIN_DIR [TestClass[.test]]   Standard library only; skipped where these two are not installed.
+"""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import unittest
+
+import programs_test
+from programs_test import LIMIT, OnTheDesk, ServerProcess, command
+
+SLOWER = 16  # the recording is played, so that it lasts longer than what is done to the window
+TITLE = "cairn-track viewer"
+
+
+class Screen:
+    """A display that nobody sees."""
+
+    def __init__(self):
+        self.process = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
+                                        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        self.environment = {**os.environ, "DISPLAY": f":{self.process.stdout.readline().strip()}", "QT_QPA_PLATFORM": "xcb"}
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+        self.process.stdout.close()
+
+    def do(self, *words):
+        done = subprocess.run(["xdotool", *map(str, words)], env=self.environment, capture_output=True, text=True, timeout=LIMIT)
+        return done.stdout if done.returncode == 0 else ""
+
+
+class Viewer:
+    def __init__(self, screen, arguments):
+        self.screen = screen
+        self.process = subprocess.Popen(arguments, env=screen.environment, stderr=subprocess.PIPE, text=True)
+        self.said = ""
+        self.reader = threading.Thread(target=self.listen, daemon=True)
+        self.reader.start()
+
+    def listen(self):
+        for line in self.process.stderr:
+            self.said += line
+
+    def window(self):
+        return self.screen.do("search", "--name", f"^{TITLE}$").split()
+
+    def press(self, *keys):
+        self.screen.do("windowfocus", "--sync", self.window()[0])
+        for key in keys:
+            self.screen.do("key", "--delay", 100, key)
+
+    def click(self, x, y):
+        self.screen.do("mousemove", "--window", self.window()[0], x, y, "click", 1)
+
+    def close(self):
+        self.process.kill()
+        self.process.wait()
+        self.reader.join()
+        self.process.stderr.close()
+
+
+@unittest.skipUnless(shutil.which("Xvfb") and shutil.which("xdotool"), "apt-get install xvfb xdotool")
+class Window(OnTheDesk):
+    def setUp(self):
+        self.server = ServerProcess()
+        self.addCleanup(self.server.__exit__)
+        self.screen = Screen()
+        self.addCleanup(self.screen.close)
+        self.track(self.server, "builder", "--pace", "lockstep")
+        self.slow = self.folder / "slow"
+        shutil.copytree(self.folder / "desk", self.slow)
+        rows = (line.split(maxsplit=1) for line in (self.slow / "rgb.txt").read_text().splitlines() if line[0] != "#")
+        (self.slow / "rgb.txt").write_text("".join(f"{float(stamp) * SLOWER:.6f} {rest}\n" for stamp, rest in rows))
+
+    def labels(self):
+        said = subprocess.run(command("cairnctl", "--domain", self.server.domain, "--json", "labels"), check=True,
+                              capture_output=True, text=True, timeout=LIMIT).stdout
+        return [(label["text"], label["author"]) for label in json.loads(said)]
+
+    def wait_for(self, what, seconds=LIMIT):
+        deadline = time.monotonic() + seconds
+        while not what():
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.05)
+        return True
+
+    def test_keys_and_clicks_do_what_they_are_for_and_no_more(self):
+        stats = self.folder / "viewer.json"
+        viewer = Viewer(self.screen, command("cairn-track", "--source", f"tum:{self.slow}", "--domain", self.server.domain,
+                                             "--name", "viewer", "--no-new-maps", "--pace", "realtime", "--stats", stats))
+        self.addCleanup(viewer.close)
+        self.assertTrue(self.wait_for(viewer.window), viewer.said)
+        self.assertTrue(self.wait_for(lambda: "map-1" in viewer.said), viewer.said)
+        viewer.press("p", "x", "Return", "h", "Escape", "f")
+        self.assertEqual(self.labels(), [], "no place was pointed at")
+        placed = False
+        for x, y in ((320, 240), (220, 180), (420, 300), (320, 140), (320, 340)):  # some may have no points
+            viewer.click(x, y)
+            viewer.press("h", "i", "Return")
+            if placed := self.wait_for(self.labels, 5):
+                break
+            viewer.press("Escape")
+        self.assertTrue(placed, viewer.said)
+        viewer.press("f", "p")
+        self.assertEqual(self.labels(), [("hi", "viewer")])
+        self.assertIsNone(viewer.process.poll(), viewer.said)
+        viewer.press("q")
+        self.assertEqual(viewer.process.wait(timeout=LIMIT), 0, viewer.said)
+        viewer.reader.join()
+        self.assertNotIn("window is lost", viewer.said)
+        self.assertLess(json.loads(stats.read_text())["frames_total"], self.FRAMES, "it did not end by itself")
+        self.assertEqual(self.labels(), [("hi", "viewer")])
+
+
+if __name__ == "__main__":
+    programs_test.BINARIES = pathlib.Path(sys.argv.pop(1)).resolve()
+    unittest.main(verbosity=2)
