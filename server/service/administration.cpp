@@ -17,7 +17,8 @@ using nlohmann::json;
 using std::chrono::steady_clock;
 
 constexpr size_t kMaxOperators = 16;
-constexpr size_t kLoggedBytes = 200;  ///< of a request
+constexpr size_t kLoggedBytes = 200;       ///< of a request
+constexpr size_t kMostOverlapsTold = 100;  ///< of a map: it must fit into a page
 
 /// A member of a request that must be a text.
 std::string text_of(const json& request, const char* key) {
@@ -162,11 +163,22 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"wearers", std::move(wearers)}}));
 }
 
+json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
+  json map = describe(id, entry);
+  json& overlaps = map["overlaps"] = json::array();
+  for (const OverlapList::Neighbour& neighbour : overlaps_.of(id)) {
+    const auto known = maps_.all().find(neighbour.map);
+    if (known == maps_.all().end() || known->second.snapshot == nullptr) continue;  // deleted
+    if (overlaps.size() < kMostOverlapsTold) overlaps.push_back(describe(neighbour, known->second.name));
+  }
+  return map;
+}
+
 void Switchboard::list_maps(const std::string& after, size_t deleted_from, const AdminAnswer& answer) {
   ReplyPage page{"maps", "deleted"};
   for (const auto& [id, entry] : maps_.all()) {
     if (entry.snapshot == nullptr || to_hex(id.bytes) <= after) continue;
-    if (!page.add("maps", describe(id, entry))) break;
+    if (!page.add("maps", describe_map(id, entry))) break;
   }
   if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
   with_store(answer, [answer, deleted_from, page = std::move(page)](const Store& store) mutable -> Task {
@@ -179,7 +191,7 @@ void Switchboard::list_maps(const std::string& after, size_t deleted_from, const
 }
 
 void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
-  json map = describe(id, entry);
+  json map = describe_map(id, entry);
   if (entry.runner == nullptr) return answer(success(map));
   entry.runner->measure([this, map = std::move(map), answer](double reprojection_rms) {
     post([map, answer, reprojection_rms]() mutable {
