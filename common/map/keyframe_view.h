@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <memory>
 #include <vector>
 
 #include "common/geometry/camera.h"
+#include "common/image/corners.h"
 #include "common/image/pyramid.h"
 #include "common/map/ids.h"
 #include "common/map/observations.h"
@@ -18,6 +20,9 @@ struct KeyframeView {
   CameraPtr camera;
   std::shared_ptr<const Pyramid> pyramid;      ///< null: has been let go
   std::vector<PointMeasurement> measurements;  ///< ascending by point
+  /// FAST-10 corners of `pyramid` by level, as a question about the picture wants them
+  /// (common/image/place.h); null where nobody has looked for them.
+  std::shared_ptr<const std::array<CornerList, kPyramidLevels>> corners = {};
 };
 
 }  // namespace cairn

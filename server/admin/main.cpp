@@ -75,6 +75,10 @@ void print_map(const json& map) {
               map.value("memory_bytes", 0.0) * 1e-6, map.value("at_rest", false) ? "  at rest" : "",
               map.contains("frozen") ? "  frozen" : "");
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
+  for (const json& overlap : map.value("overlaps", json::array()))
+    std::printf("%24s overlaps %s: %d of its keyframes show that map, %d of that map's show this\n", "",
+                text_of(overlap, "map").c_str(), overlap.value("keyframes", 0),
+                overlap.value("its_keyframes", 0));
 }
 
 /// All that `show` has.
@@ -334,7 +338,9 @@ void describe(CLI::App* app, Options* options, Action* action) {
   maps->callback([action] {
     if (!*action) *action = list_maps;
   });
-  maps->add_subcommand("list", "name, id, size; deleted ones; files set aside as damaged, and why")
+  maps->add_subcommand(
+          "list",
+          "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged, and why")
       ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
   out->add_option("MAP", options->maps, "names or ids [all]");

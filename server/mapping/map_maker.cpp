@@ -289,7 +289,10 @@ std::vector<KeyframeView> MapMaker::keyframe_views() const {
     KeyframeView& view = views.emplace_back();
     view.id = k.id;
     view.camera = k.camera;
-    if (k.images) view.pyramid = {k.images, &k.images->pyramid};
+    if (k.images) {
+      view.pyramid = {k.images, &k.images->pyramid};
+      view.corners = {k.images, &k.images->corners};
+    }
     view.measurements.reserve(k.measurements.size());
     for (const Measurement& m : k.measurements) view.measurements.push_back({m.point, m.level, m.pixel});
   }

@@ -9,6 +9,7 @@
 
 #include "common/image/corners.h"
 #include "server/mapping/test_scene.h"
+#include "server/relocalization/overlap_book.h"
 #include "server/relocalization/votes.h"
 
 namespace cairn {
@@ -175,6 +176,24 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
     EXPECT_FALSE(answer.reason.empty());
     for (const PlaceCandidate& c : answer.candidates) EXPECT_FALSE(c.reason.empty());
   }
+}
+
+TEST_F(RelocalizerTest, APictureIsFoundInEachMapThatHasItsPlace) {
+  const ExactMap again(scene(), 3, {1, 5});
+  index_.put(again.index());
+  const auto image = scene().render(Scene::pose(4), 104);
+  const auto found = find_in_each_map(index_, *scene().camera(), describe_image(image->view()), {});
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_NE(found[0].map, found[1].map);
+  for (const PlaceCandidate& place : found) {
+    const MapSnapshot& there = place.map == map().snapshot()->map ? *map().snapshot() : *again.snapshot();
+    EXPECT_EQ(place.map, there.map);
+    const SE3 camera = place.camera_from_keyframe * there.find(place.keyframe)->camera_from_map;
+    EXPECT_LT(error_of(camera, Scene::pose(4), there), 0.01);
+  }
+  const Scene elsewhere(13);
+  const auto strange = elsewhere.render(Scene::pose(4), 1);
+  EXPECT_TRUE(find_in_each_map(index_, *elsewhere.camera(), describe_image(strange->view()), {}).empty());
 }
 
 TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {

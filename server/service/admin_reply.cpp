@@ -44,6 +44,14 @@ json describe(const DeletedMap& map) {
           {"bytes", map.bytes}};
 }
 
+json describe(const OverlapList::Neighbour& neighbour, const std::string& name) {
+  return {{"map", name},
+          {"id", to_hex(neighbour.map.bytes)},
+          {"keyframes", neighbour.keyframes},
+          {"its_keyframes", neighbour.its_keyframes},
+          {"found", neighbour.found.nanoseconds}};
+}
+
 json describe(const std::string& map, const Label& label) {
   const Eigen::Vector3d& place = label.map_from_label.translation();
   return {{"map", map},

@@ -10,6 +10,7 @@
 
 #include "common/wire/messages.h"
 #include "server/service/map_array.h"
+#include "server/service/overlap_list.h"
 #include "server/store/store.h"
 
 /// What operators are answered (idl/README.md, AdminReply). Pure.
@@ -18,6 +19,8 @@ namespace cairn {
 /// Of a map that is served, that is, has a snapshot.
 [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry);
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
+/// `name`: of the neighbour.
+[[nodiscard]] nlohmann::json describe(const OverlapList::Neighbour& neighbour, const std::string& name);
 /// `map`: the name of the label's.
 [[nodiscard]] nlohmann::json describe(const std::string& map, const Label& label);
 /// Cameras, and how many keyframes each took.

@@ -19,7 +19,8 @@ using nlohmann::json;
 using std::chrono::steady_clock;
 
 constexpr size_t kMaxOperators = 16;
-constexpr size_t kLoggedBytes = 200;  ///< of a request
+constexpr size_t kLoggedBytes = 200;       ///< of a request
+constexpr size_t kMostOverlapsTold = 100;  ///< of a map: it must fit into a page
 
 /// A member of a request that must be a text.
 std::string text_of(const json& request, const char* key) {
@@ -178,13 +179,24 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"wearers", std::move(wearers)}}));
 }
 
+json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
+  json map = describe(id, entry);
+  json& overlaps = map["overlaps"] = json::array();
+  for (const OverlapList::Neighbour& neighbour : overlaps_.of(id)) {
+    const auto known = maps_.all().find(neighbour.map);
+    if (known == maps_.all().end() || known->second.snapshot == nullptr) continue;  // deleted
+    if (overlaps.size() < kMostOverlapsTold) overlaps.push_back(describe(neighbour, known->second.name));
+  }
+  return map;
+}
+
 void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
   ReplyPage page{"maps", "deleted", "damaged"};
   std::set<MapId> served;
   for (const auto& [id, entry] : maps_.all()) {
     if (entry.snapshot == nullptr) continue;
     served.insert(id);
-    if (to_hex(id.bytes) > begin.after) page.add("maps", describe(id, entry));
+    if (to_hex(id.bytes) > begin.after) page.add("maps", describe_map(id, entry));
   }
   if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
   with_store(answer,
@@ -210,7 +222,7 @@ void Switchboard::look_for_damage() {
 }
 
 void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
-  json map = describe(id, entry);
+  json map = describe_map(id, entry);
   map["labels"] = entry.labels.all().size();
   if (entry.runner == nullptr) return answer(success(map));
   entry.runner->measure([this, map = std::move(map), answer](const MapMeasures& measures) {

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "server/service/switchboard.h"
+#include "server/service/wall_clock.h"
 
 /// Seeds, offers and questions on their way from the wire to the queue of a map and back.
 namespace cairn {
@@ -313,6 +314,17 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
       open_wanted_feeds(client);
     }
   }
+}
+
+void Switchboard::on_overlap(const Overlap& overlap) {
+  const MapEntry* one = maps_.find(overlap.maps.one);
+  const MapEntry* other = maps_.find(overlap.maps.other);
+  if (one == nullptr || other == nullptr) return;  // deleted meanwhile
+  if (!overlaps_.note(overlap, wall_time())) return;
+  log_->warn(
+      "map {} overlaps map {}: {} of its keyframes show what is in that map, {} of that map's what is in "
+      "this; `cairnctl maps` keeps count",
+      one->name, other->name, overlap.of_one, overlap.of_other);
 }
 
 void Switchboard::forget_map(MapId map) {

@@ -63,7 +63,7 @@ void Switchboard::with_store(const AdminAnswer& answer, std::function<Task(Store
 void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer) {
   if (!is_valid_name(name))
     return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
-  if (entry->name == name) return answer(success(describe(id, *entry)));
+  if (entry->name == name) return answer(success(describe_map(id, *entry)));
   if (find_map(name).second != nullptr)
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
@@ -78,7 +78,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
         return answer(refusal(kept.error()));
       }
       tell_all(make_map_info(options_.server, id, *renamed));
-      answer(success(describe(id, *renamed)));
+      answer(success(describe_map(id, *renamed)));
     });
   });
 }
@@ -105,7 +105,10 @@ void Switchboard::finish_deletion(MapId id, const AdminAnswer& answer) {
   entry->runner->retire();
   forget_map(id);
   maps_.reserve(id);
-  if (store_ == nullptr) return answer(success(deleted));
+  if (store_ == nullptr) {
+    overlaps_.forget(id);
+    return answer(success(deleted));
+  }
   // Behind the exports of it that are under way, then in the writer's turn.
   with_store(answer, [this, id, answer, deleted](const Store&) -> Task {
     store_->run([this, id, answer, deleted](Store& store) {
@@ -128,7 +131,7 @@ void Switchboard::delete_again(const std::string& wanted, const AdminAnswer& ans
 void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& answer) {
   const auto [id, entry] = find_map(wanted);
   const bool is_live = entry != nullptr;
-  const json live = is_live ? describe(id, *entry) : json();
+  const json live = is_live ? describe_map(id, *entry) : json();
   const std::string full = why_full();
   with_store(answer, [this, wanted, answer, is_live, live, full](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
@@ -147,13 +150,17 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
 }
 
 void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer) {
-  with_store(answer, [wanted, answer](Store& store) -> Task {
+  with_store(answer, [this, wanted, answer](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1) return say(refusal(ambiguous(wanted, maps, "")));
     const Status purged = store.purge(maps[0].header.id);
-    return say(purged ? success(describe(maps[0])) : refusal(purged.error()));
+    if (!purged) return say(refusal(purged.error()));
+    return [this, answer, map = maps[0]] {
+      overlaps_.forget(map.header.id);
+      answer(success(describe(map)));
+    };
   });
 }
 
@@ -169,7 +176,7 @@ void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
       take_up(std::move(map));
       MapEntry* entry = maps_.find(id);
       if (renamed) return rename_map(id, entry, name, answer);
-      answer(success(describe(id, *entry)));
+      answer(success(describe_map(id, *entry)));
     });
   };
   store_->restore_one(id, options_.mapping, restored_images(options_.rest_after), serve);

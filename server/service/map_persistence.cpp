@@ -51,6 +51,7 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
       server_(store_->server()),
       start_count_(store_->start_count()),
       deleted_ids_(store_->deleted_ids()),
+      overlaps_(store_->overlaps()),
       log_(std::move(log)),
       thread_([this] { work(); }),
       beside_(1, kBesideNice, log_) {}

@@ -65,6 +65,9 @@ class MapPersistence {
   /// Maps that had been deleted before the start: their ids are not given again.
   [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
+  /// Store::overlaps().
+  [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
+
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
   /// To be called once, before anything else.
@@ -133,6 +136,7 @@ class MapPersistence {
   const ServerId server_;
   const uint64_t start_count_;
   const std::vector<MapId> deleted_ids_;
+  const std::vector<OverlapRecord> overlaps_;
   Logger log_;
 
   mutable std::mutex mutex_;  ///< of what follows

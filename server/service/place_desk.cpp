@@ -60,14 +60,19 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
   PlaceIndex next = *index();
   if (reported.snapshot == nullptr) {
     next.remove(map);
-  } else {
-    const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
-    next.put(index_map(known, reported.snapshot, reported.views));
+    publish(std::move(next));
+    if (listener_.removed) listener_.removed(map);
+    return;
   }
+  const IndexedMap* known = reported.indexed ? reported.indexed.get() : next.find(map);
+  const IndexedMapPtr indexed = index_map(known, reported.snapshot, reported.views);
+  next.put(indexed);
   publish(std::move(next));
-  if (times_ == nullptr) return;
-  for (const MonotonicTime arrival : reported.offered)
-    times_->searchable(std::chrono::steady_clock::now() - arrival);
+  if (times_ != nullptr) {
+    for (const MonotonicTime arrival : reported.offered)
+      times_->searchable(std::chrono::steady_clock::now() - arrival);
+  }
+  if (listener_.searched) listener_.searched(indexed, reported.views);
 }
 
 void PlaceDesk::plant_if_needed() {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "server/relocalization/relocalizer.h"
@@ -36,9 +37,16 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     WorkerPool& answerers;
     WorkerPool& planters;  ///< of forests: a second of work that nobody waits for
   };
+  /// Told what is searched, in order, by whoever has indexed it: others wait for that thread.
+  struct Listener {
+    std::function<void(const IndexedMapPtr& map, std::span<const KeyframeView> views)> searched;
+    std::function<void(const MapId& map)> removed;
+  };
   /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the desk.
   PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log, WorkTimes* times = nullptr)
       : lanes_(lanes), options_(options), log_(std::move(log)), times_(times) {}
+  /// Before anything else.
+  void listen(Listener listener) { listener_ = std::move(listener); }
 
   /// A new state of a map. One that has not been indexed yet is passed over: only the newest counts. Views
   /// without a picture are of keyframes that are indexed, in `indexed` (what was indexed of the map
@@ -76,6 +84,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   const RelocOptions options_;
   Logger log_;
   WorkTimes* const times_;
+  Listener listener_;
 
   std::mutex changing_;    ///< held while a new index is made of the one there is; before mutex_
   bool planting_ = false;  ///< under changing_

@@ -131,6 +131,29 @@ TEST_F(PlaceDeskTest, AKeyframeIsCountedOnceItIsSearchableAlsoOfAStateThatWasPas
   EXPECT_EQ(searchable(), 2);
 }
 
+TEST_F(PlaceDeskTest, WhoListensIsToldInOrderWhatIsSearchedByThen) {
+  std::vector<std::pair<MapId, size_t>> told;  // 0 keyframes: removed
+  desk_->listen({[&](const IndexedMapPtr& map, std::span<const KeyframeView> views) {
+                   EXPECT_EQ(desk_->index()->find(map->snapshot->map), map.get());
+                   EXPECT_EQ(views.size(), map->keyframes.size());
+                   told.emplace_back(map->snapshot->map, map->keyframes.size());
+                 },
+                 [&](const MapId& map) {
+                   EXPECT_EQ(desk_->index()->find(map), nullptr);
+                   told.emplace_back(map, 0);
+                 }});
+  const KeyframeView first = flat_keyframe(1, 3);
+  const KeyframeView second = flat_keyframe(2, 7);
+  const MapId map = snapshot_with(1, 0)->map;
+  desk_->report(snapshot_with(1, 1), {first});
+  (void)ask(first);
+  desk_->report(snapshot_with(1, 2), {first, second});
+  (void)ask(first);
+  desk_->remove(map);
+  (void)ask(first);
+  EXPECT_EQ(told, (std::vector<std::pair<MapId, size_t>>{{map, 1}, {map, 2}, {map, 0}}));
+}
+
 TEST_F(PlaceDeskTest, ARemovedMapIsNotAnswered) {
   const KeyframeView keyframe = flat_keyframe(1, 3);
   desk_->report(snapshot_with(1, 1), {keyframe});

@@ -76,7 +76,16 @@ void Switchboard::let_maps_rest(MonotonicTime now) {
   }
 }
 
+void Switchboard::keep_overlaps() {
+  if (!overlaps_.take_changed() || store_ == nullptr) return;
+  store_->run([log = log_, all = overlaps_.all()](const Store& store) {
+    const Status kept = store.keep_overlaps(all);
+    if (!kept) log->error("overlaps of maps are not kept: {}", kept.error().message);
+  });
+}
+
 void Switchboard::save_last_changes() {
+  keep_overlaps();
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.runner) entry.runner->save_last_changes();
   }

@@ -87,10 +87,24 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
                                           options.relocalization, log_, options.work_times)),
       wearers_(options.wearers),
       next_tick_(steady_clock::now()) {
+  watch_for_overlaps();
   if (store_ == nullptr) return;
+  overlaps_.restore(store_->overlaps());
   transfers_ = std::make_shared<Transfers>(store_->folder() / "transfer");
   for (const MapId map : store_->deleted_ids()) maps_.reserve(map);
   damaged_ = store_->damaged_files();
+}
+
+void Switchboard::watch_for_overlaps() {
+  const auto index = [places = std::weak_ptr(places_)] {
+    const auto desk = places.lock();
+    return desk ? desk->index() : std::make_shared<const PlaceIndex>();
+  };
+  const auto tell = [this](const Overlap& overlap) { post([this, overlap] { on_overlap(overlap); }); };
+  const auto watch = std::make_shared<OverlapWatch>(lanes_.background, options_.relocalization, index, tell,
+                                                    log_, options_.work_times);
+  places_->listen({[watch](const auto& map, auto views) { watch->note_searched(map, views); },
+                   [watch](const MapId& map) { watch->remove(map); }});
 }
 
 void Switchboard::stop() {
@@ -263,6 +277,7 @@ void Switchboard::tick(MonotonicTime now) {
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   let_maps_rest(now);
+  keep_overlaps();
   // Revisions that name what could not be written are waited for in vain, and an idle map makes no more.
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.snapshot) tell_cameras(map, entry);

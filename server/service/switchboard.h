@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <thread>
@@ -18,6 +19,8 @@
 #include "common/wire/waiter.h"
 #include "server/service/client.h"
 #include "server/service/map_array.h"
+#include "server/service/overlap_list.h"
+#include "server/service/overlap_watch.h"
 #include "server/service/place_desk.h"
 #include "server/service/presence.h"
 #include "server/service/service.h"
@@ -73,6 +76,8 @@ class Switchboard {
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
               wire::Participant participant, Readers readers, Logger log);
 
+  void watch_for_overlaps();
+
   // The loop (switchboard.cpp).
   void run();
   [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
@@ -122,6 +127,8 @@ class Switchboard {
   /// Beside the writer: what has been set aside.
   void look_for_damage();
   void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
+  /// What operators are told of a map that is served.
+  [[nodiscard]] nlohmann::json describe_map(MapId id, const MapEntry& entry) const;
   /// Renames or removes one (`wish`: action, map, label, text).
   void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const std::string& operator_name,
                   const AdminAnswer& answer);
@@ -159,6 +166,7 @@ class Switchboard {
   void resume_clients(const std::vector<RestoredMap>& restored);
   /// Those that have not been in use for long.
   void let_maps_rest(MonotonicTime now);
+  void keep_overlaps();
 
   // What they want (commands.cpp).
   void on_seed(Client& client, wire::MapSeed message);
@@ -188,6 +196,7 @@ class Switchboard {
 
   [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
   void on_map_changed(MapId map, MapRevision revision);
+  void on_overlap(const Overlap& overlap);
   /// The map has been deleted, or was never made: nobody is told of it any more.
   void forget_map(MapId map);
   /// Why no map may grow, and first take so much memory `more`; empty when it may.
@@ -210,6 +219,7 @@ class Switchboard {
 
   MapArray maps_;
   std::shared_ptr<PlaceDesk> places_;
+  OverlapList overlaps_;
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;

@@ -65,12 +65,18 @@ void WorkTimes::searchable(std::chrono::nanoseconds wall) {
   searchable_ms_.add(to_ms(wall));
 }
 
+void WorkTimes::checked_for_overlaps(std::chrono::nanoseconds cpu) {
+  const std::scoped_lock lock(mutex_);
+  overlaps_ms_.add(to_ms(cpu));
+}
+
 std::string WorkTimes::to_json() const {
   const std::scoped_lock lock(mutex_);
   Json json{{"offer_waited_ms", summary(waited_ms_)},
             {"offer_judged_cpu_ms", summary(judged_ms_)},
             {"offer_to_points_ms", summary(published_ms_)},
-            {"offer_to_searchable_ms", summary(searchable_ms_)}};
+            {"offer_to_searchable_ms", summary(searchable_ms_)},
+            {"overlap_check_cpu_ms", summary(overlaps_ms_)}};
   for (size_t work = static_cast<size_t>(MapWork::kNewPoints); work < kWorks; ++work) {
     const std::string name = to_string(static_cast<MapWork>(work));
     json[name + "_cpu_ms"] = summary(work_ms_[work]);

@@ -27,6 +27,8 @@ class WorkTimes {
 
   /// From when an offer came to when questions are answered with its keyframe.
   void searchable(std::chrono::nanoseconds wall);
+  /// Processor time of looking for a keyframe in other maps.
+  void checked_for_overlaps(std::chrono::nanoseconds cpu);
 
   /// `{"offer_waited_ms": {"count", "p50", "p95", "p99"}, "local_adjustment_cpu_ms": ...,
   /// "local_adjustment_observations": ..., ...}`.
@@ -40,6 +42,7 @@ class WorkTimes {
   Histogram judged_ms_;
   Histogram published_ms_;
   Histogram searchable_ms_;
+  Histogram overlaps_ms_;
   std::array<Histogram, kWorks> work_ms_;       ///< by MapWork
   std::array<Histogram, kWorks> observations_;  ///< of adjustments, by MapWork
 };

@@ -132,4 +132,28 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   return label;
 }
 
+Blob encode_overlap(const OverlapRecord& overlap) {
+  ByteWriter out;
+  out.put(std::span(overlap.one.bytes));
+  out.put(std::span(overlap.other.bytes));
+  out.put(overlap.of_one);
+  out.put(overlap.of_other);
+  out.put(overlap.found.nanoseconds);
+  return out.take();
+}
+
+std::optional<OverlapRecord> decode_overlap(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  OverlapRecord overlap;
+  in.get(std::span(overlap.one.bytes));
+  in.get(std::span(overlap.other.bytes));
+  overlap.of_one = in.get<uint32_t>();
+  overlap.of_other = in.get<uint32_t>();
+  overlap.found.nanoseconds = in.get<int64_t>();
+  const bool sound = in.finished() && overlap.one && overlap.one < overlap.other &&
+                     overlap.of_one <= kMaxKeyframes && overlap.of_other <= kMaxKeyframes;
+  if (!sound) return std::nullopt;
+  return overlap;
+}
+
 }  // namespace cairn

@@ -5,10 +5,11 @@
 #include <span>
 
 #include "server/store/map_file.h"
+#include "server/store/overlap_record.h"
 #include "server/store/row_codec.h"
 
 /// The blobs of rows that are about a map rather than of it: who it is, its epochs, what was decided, its
-/// labels. As row_codec.h. Pure.
+/// labels, what it has in common with others. As row_codec.h. Pure.
 namespace cairn {
 
 /// How many keyframes and points were ever made stands beside who the map is.
@@ -28,5 +29,8 @@ struct CountedHeader {
 
 [[nodiscard]] Blob encode_label(const LabelRecord& label);
 [[nodiscard]] std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row);
+
+[[nodiscard]] Blob encode_overlap(const OverlapRecord& overlap);
+[[nodiscard]] std::optional<OverlapRecord> decode_overlap(std::span<const uint8_t> row);
 
 }  // namespace cairn

@@ -25,6 +25,7 @@ constexpr std::array kMapSteps{
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
+    "CREATE TABLE overlaps(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
 };
 
 constexpr int32_t kMapApplication = 0x4361694D;        // CaiM

@@ -15,6 +15,7 @@
 #include <random>
 
 #include "server/store/bytes.h"
+#include "server/store/entry_codec.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
@@ -24,6 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kCatalogue = "catalogue.db";
 constexpr const char* kSuffix = ".cairnmap";
 constexpr const char* kFreshSuffix = ".new";
 constexpr const char* kCatalogueSuffix = ".db";
@@ -210,7 +212,7 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
 }
 
 Status Store::open_catalogue() {
-  const fs::path path = folder_ / "catalogue.db";
+  const fs::path path = folder_ / kCatalogue;
   Status read = read_catalogue();
   if (!read && read.error().code == ErrorCode::kDamaged) {
     const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), kCatalogueSuffix);
@@ -224,7 +226,7 @@ Status Store::open_catalogue() {
 }
 
 Status Store::read_catalogue() {
-  const fs::path path = folder_ / "catalogue.db";
+  const fs::path path = folder_ / kCatalogue;
   auto database = sqlite::Database::open(path, sqlite::OpenMode::kCreate);
   if (!database) return tl::unexpected(database.error());
   const auto version = schema_version(&*database, catalogue_schema());
@@ -247,6 +249,7 @@ Status Store::read_catalogue() {
       },
       &damage);
   if (!damage.empty()) return fail(ErrorCode::kDamaged, path.string() + ": " + damage.front());
+  read_overlaps(&*database);
   if (!server_) {
     std::random_device device;
     for (uint8_t& byte : server_.bytes) byte = static_cast<uint8_t>(device());
@@ -259,6 +262,36 @@ Status Store::read_catalogue() {
   auto insert = database->prepare(put_row_sql("server"));
   if (!insert) return tl::unexpected(insert.error());
   done = insert->bind(0, kServerRow).bind(1, std::span(data)).bind(2, row_checksum(kServerRow, data)).run();
+  return done ? transaction->commit() : done;
+}
+
+void Store::read_overlaps(sqlite::Database* catalogue) {
+  overlaps_.clear();
+  std::vector<std::string> damage;
+  read_rows(
+      catalogue, "overlaps",
+      [this](int64_t, std::span<const uint8_t> data) {
+        const auto overlap = decode_overlap(data);
+        if (overlap) overlaps_.push_back(*overlap);
+        return overlap.has_value();
+      },
+      &damage);
+  for (const std::string& row : damage) log_->warn("{}: {}; left out", catalogue->path(), row);
+}
+
+Status Store::keep_overlaps(std::span<const OverlapRecord> overlaps) const {
+  auto database = sqlite::Database::open(folder_ / kCatalogue, sqlite::OpenMode::kReadWrite);
+  if (!database) return tl::unexpected(database.error());
+  auto transaction = sqlite::Transaction::begin(&*database);
+  if (!transaction) return tl::unexpected(transaction.error());
+  Status done = database->execute("DELETE FROM overlaps");
+  auto insert = database->prepare(put_row_sql("overlaps"));
+  if (!insert) return tl::unexpected(insert.error());
+  for (size_t i = 0; i < overlaps.size() && done; ++i) {
+    const auto row = static_cast<int64_t>(i + 1);
+    const Blob data = encode_overlap(overlaps[i]);
+    done = insert->bind(0, row).bind(1, std::span(data)).bind(2, row_checksum(row, data)).run();
+  }
   return done ? transaction->commit() : done;
 }
 

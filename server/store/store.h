@@ -10,6 +10,7 @@
 
 #include "common/base/log.h"
 #include "server/store/map_file.h"
+#include "server/store/overlap_record.h"
 
 namespace cairn {
 
@@ -77,6 +78,11 @@ class Store {
   /// Removes a deleted map for good. Idempotent.
   Status purge(MapId map);
 
+  /// Which maps have a place in common, as was last kept before this start; of deleted maps, too.
+  [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
+  /// In place of all that was kept before.
+  Status keep_overlaps(std::span<const OverlapRecord> overlaps) const;
+
   /// Whether the folder takes what a keyframe needs. Error kIo: it does not.
   Status probe() const;
 
@@ -108,6 +114,7 @@ class Store {
   Store(std::filesystem::path folder, std::unique_ptr<Lock> lock, Logger log);
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
+  void read_overlaps(sqlite::Database* catalogue);
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
@@ -119,6 +126,7 @@ class Store {
   Logger log_;
   ServerId server_;
   uint64_t start_count_ = 0;
+  std::vector<OverlapRecord> overlaps_;
   std::list<OpenFile> open_files_;  ///< the one used last in front
 };
 

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <span>
+
+#include "common/base/log.h"
+#include "server/relocalization/overlap_book.h"
+#include "server/service/work_times.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+
+/// Notices that a map grows over another: asks about each new keyframe whether another map knows its place.
+/// In a lane that stands back for all others, and never more than one keyframe of a map waits: the newest; so
+/// it may pass over some. Thread-safe; tasks keep it alive.
+class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
+ public:
+  using IndexSource = std::function<std::shared_ptr<const PlaceIndex>()>;
+  /// Called in the lane, each time that a keyframe tells of an overlap.
+  using Listener = std::function<void(const Overlap& overlap)>;
+
+  /// `index`: what is searched now. `times`: null, or outlives the lane.
+  OverlapWatch(WorkerPool& lane, const RelocOptions& options, IndexSource index, Listener listener,
+               Logger log, WorkTimes* times = nullptr);
+
+  /// A map is searched as it is here. Of the keyframes that are new since the last time, and come with a
+  /// picture and its corners, the newest is asked about. Does not wait, nor does remove().
+  void note_searched(const IndexedMapPtr& map, std::span<const KeyframeView> views);
+  void remove(const MapId& map);
+
+ private:
+  /// The keyframe of the map that waits, if it still does, with the book brought up to date.
+  [[nodiscard]] std::optional<KeyframeView> take_waiting(const MapId& map);
+  void check(const MapId& map);
+  /// False: there is no other map.
+  bool look_up(const MapId& map, const KeyframeView& keyframe);
+
+  WorkerPool& lane_;
+  const RelocOptions options_;
+  const IndexSource index_;
+  const Listener listener_;
+  Logger log_;
+  WorkTimes* times_;
+
+  std::mutex checking_;  ///< one at a time; before mutex_
+  OverlapBook book_;     ///< under checking_
+
+  std::mutex mutex_;                         ///< of what follows; held for moments
+  std::set<MapId> removed_;                  ///< since the last check, before what is searched_
+  std::map<MapId, IndexedMapPtr> searched_;  ///< the newest since the last check
+  std::map<MapId, KeyframeId> newest_;       ///< keyframes up to this have had their turn
+  std::map<MapId, KeyframeView> waiting_;    ///< to be asked about
+};
+
+}  // namespace cairn
