@@ -10,6 +10,8 @@
 namespace cairn {
 namespace {
 
+constexpr size_t kMostWaiting = 8;  ///< of a map: their pictures are held meanwhile, 0.4 MB each
+
 /// Whatever method trackers are answered by: one that confirms nothing finds a place in any picture.
 RelocOptions confirming(RelocOptions options) {
   options.method = RelocMethod::kImproved;
@@ -32,16 +34,19 @@ void OverlapWatch::note_searched(const IndexedMapPtr& map, std::span<const Keyfr
   const std::scoped_lock lock(mutex_);
   searched_[id] = map;
   KeyframeId& newest = newest_[id];
-  const KeyframeView* candidate = nullptr;
   for (const KeyframeView& view : views) {
     if (view.id <= newest) continue;
     newest = view.id;
-    if (view.pyramid != nullptr && view.corners != nullptr) candidate = &view;
+    if (view.pyramid == nullptr || view.corners == nullptr) continue;
+    std::deque<KeyframeView>& waiting = waiting_[id];
+    waiting.push_back(view);
+    waiting.back().measurements.clear();
+    if (waiting.size() > kMostWaiting) {
+      waiting.pop_front();
+    } else {
+      lane_.submit([self = shared_from_this(), id] { self->check(id); });
+    }
   }
-  if (candidate == nullptr) return;
-  const auto [waiting, is_first] = waiting_.insert_or_assign(id, *candidate);
-  waiting->second.measurements.clear();
-  if (is_first) lane_.submit([self = shared_from_this(), id] { self->check(id); });
 }
 
 void OverlapWatch::remove(const MapId& map) {
@@ -60,7 +65,10 @@ std::optional<KeyframeView> OverlapWatch::take_waiting(const MapId& map) {
     const std::scoped_lock lock(mutex_);
     removed.swap(removed_);
     searched.swap(searched_);
-    if (auto waiting = waiting_.extract(map); !waiting.empty()) keyframe = std::move(waiting.mapped());
+    if (const auto waiting = waiting_.find(map); waiting != waiting_.end() && !waiting->second.empty()) {
+      keyframe = std::move(waiting->second.front());
+      waiting->second.pop_front();
+    }
   }
   for (const MapId& id : removed) book_.remove(id);
   for (const auto& [_, indexed] : searched) book_.note_searched(*indexed);

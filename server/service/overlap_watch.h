@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -17,8 +18,8 @@
 namespace cairn {
 
 /// Notices that a map grows over another: asks about each new keyframe whether another map knows its place.
-/// In a lane that stands back for all others, and never more than one keyframe of a map waits: the newest; so
-/// it may pass over some. Thread-safe; tasks keep it alive.
+/// In a lane that stands back for all others; of a map eight keyframes wait at most, the newest, so that it
+/// may pass over some. Thread-safe; tasks keep it alive.
 class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
  public:
   using IndexSource = std::function<std::shared_ptr<const PlaceIndex>()>;
@@ -29,13 +30,13 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   OverlapWatch(WorkerPool& lane, const RelocOptions& options, IndexSource index, Listener listener,
                Logger log, WorkTimes* times = nullptr);
 
-  /// A map is searched as it is here. Of the keyframes that are new since the last time, and come with a
-  /// picture and its corners, the newest is asked about. Does not wait, nor does remove().
+  /// A map is searched as it is here. The keyframes that are new since the last time, and come with a picture
+  /// and its corners, are asked about. Does not wait, nor does remove().
   void note_searched(const IndexedMapPtr& map, std::span<const KeyframeView> views);
   void remove(const MapId& map);
 
  private:
-  /// The keyframe of the map that waits, if it still does, with the book brought up to date.
+  /// The keyframe of the map that has waited longest, if one does, with the book brought up to date.
   [[nodiscard]] std::optional<KeyframeView> take_waiting(const MapId& map);
   void check(const MapId& map);
   /// False: there is no other map.
@@ -51,11 +52,11 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   std::mutex checking_;  ///< one at a time; before mutex_
   OverlapBook book_;     ///< under checking_
 
-  std::mutex mutex_;                         ///< of what follows; held for moments
-  std::set<MapId> removed_;                  ///< since the last check, before what is searched_
-  std::map<MapId, IndexedMapPtr> searched_;  ///< the newest since the last check
-  std::map<MapId, KeyframeId> newest_;       ///< keyframes up to this have had their turn
-  std::map<MapId, KeyframeView> waiting_;    ///< to be asked about
+  std::mutex mutex_;                                   ///< of what follows; held for moments
+  std::set<MapId> removed_;                            ///< since the last check, before what is searched_
+  std::map<MapId, IndexedMapPtr> searched_;            ///< the newest since the last check
+  std::map<MapId, KeyframeId> newest_;                 ///< keyframes up to this have had their turn
+  std::map<MapId, std::deque<KeyframeView>> waiting_;  ///< to be asked about; as many tasks as keyframes
 };
 
 }  // namespace cairn

@@ -17,6 +17,7 @@ namespace cairn {
 namespace {
 
 constexpr int kBackgroundNice = 10;
+constexpr int kIdleNice = 19;
 
 }  // namespace
 
@@ -35,12 +36,14 @@ struct Service::State {
   State(int workers, const Logger& log)
       : urgent(workers, 0, log),
         background(1, kBackgroundNice, log),
-        questions(std::max(1, workers / 2), 0, log) {}
+        questions(std::max(1, workers / 2), 0, log),
+        idle(1, kIdleNice, log) {}
   ~State() {
     if (switchboard) switchboard->stop();
     urgent.stop();
     background.stop();
     questions.stop();
+    idle.stop();
     if (switchboard) switchboard->save_last_changes();
     store.reset();
   }
@@ -49,6 +52,7 @@ struct Service::State {
   WorkerPool urgent;
   WorkerPool background;
   WorkerPool questions;
+  WorkerPool idle;
 };
 
 Service::Service(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -71,8 +75,9 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  auto switchboard = Switchboard::start(known, {state->urgent, state->background, state->questions},
-                                        state->store.get(), std::move(restored), std::move(log));
+  auto switchboard =
+      Switchboard::start(known, {state->urgent, state->background, state->questions, state->idle},
+                         state->store.get(), std::move(restored), std::move(log));
   if (!switchboard) return tl::unexpected(switchboard.error());
   state->switchboard = std::move(*switchboard);
   return std::unique_ptr<Service>(new Service(std::move(state)));

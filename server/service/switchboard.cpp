@@ -101,8 +101,8 @@ void Switchboard::watch_for_overlaps() {
     return desk ? desk->index() : std::make_shared<const PlaceIndex>();
   };
   const auto tell = [this](const Overlap& overlap) { post([this, overlap] { on_overlap(overlap); }); };
-  const auto watch = std::make_shared<OverlapWatch>(lanes_.background, options_.relocalization, index, tell,
-                                                    log_, options_.work_times);
+  const auto watch = std::make_shared<OverlapWatch>(lanes_.idle, options_.relocalization, index, tell, log_,
+                                                    options_.work_times);
   places_->listen({[watch](const auto& map, auto views) { watch->note_searched(map, views); },
                    [watch](const MapId& map) { watch->remove(map); }});
 }

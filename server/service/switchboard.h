@@ -39,6 +39,7 @@ class Switchboard {
     WorkerPool& urgent;
     WorkerPool& background;
     WorkerPool& questions;
+    WorkerPool& idle;
   };
   /// With all `restored` maps being served on return.
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
