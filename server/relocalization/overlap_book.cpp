@@ -73,7 +73,7 @@ std::vector<Overlap> OverlapBook::note_answer(const MapId& map, KeyframeId keyfr
     const MapPair pair = pair_of(map, candidate.map);
     std::vector<Shown>& shown = shown_[pair];
     if (shown.size() == kMostShown) shown.erase(shown.begin());
-    shown.push_back({pair.one == map, keyframe, candidate.keyframe, candidate.camera_from_keyframe});
+    shown.push_back({pair.one == map, keyframe, candidate.keyframe, candidate.camera_from_keyframe, time});
     if (const auto overlap = judge(pair, index)) overlaps.push_back(*overlap);
   }
   return overlaps;
@@ -85,7 +85,10 @@ std::optional<Overlap> OverlapBook::judge(const MapPair& pair, const PlaceIndex&
   if (one == nullptr || other == nullptr) return std::nullopt;
   std::vector<SharedView> views;
   std::vector<bool> is_of_one;
-  for (const Shown& s : shown_.at(pair)) {
+  const std::vector<Shown>& shown = shown_.at(pair);
+  // As far back as those that are counted for it go those that are counted against it.
+  const uint64_t since = shown.size() == kMostShown ? shown.front().asked_at : 0;
+  for (const Shown& s : shown) {
     auto view = s.is_of_one
                     ? view_of(*one->snapshot, s.keyframe, *other->snapshot, s.other, s.camera_from_other)
                     : view_of(*other->snapshot, s.keyframe, *one->snapshot, s.other, s.camera_from_other);
@@ -100,8 +103,8 @@ std::optional<Overlap> OverlapBook::judge(const MapPair& pair, const PlaceIndex&
   const auto agreement = find_agreement(views);
   if (!agreement || agreement->views.size() < kLeastKeyframes) return std::nullopt;
   const Similarity3& other_from_one = agreement->other_from_one;
-  const size_t missing =
-      count_missing(*one, *other, other_from_one) + count_missing(*other, *one, other_from_one.inverse());
+  const size_t missing = count_missing(*one, *other, other_from_one, since) +
+                         count_missing(*other, *one, other_from_one.inverse(), since);
   if (agreement->views.size() < missing) return std::nullopt;
   Overlap overlap{pair, 0, 0};
   for (const size_t view : agreement->views) ++(is_of_one[view] ? overlap.of_one : overlap.of_other);
@@ -109,7 +112,7 @@ std::optional<Overlap> OverlapBook::judge(const MapPair& pair, const PlaceIndex&
 }
 
 size_t OverlapBook::count_missing(const IndexedMap& asked, const IndexedMap& other,
-                                  const Similarity3& other_from_asked) const {
+                                  const Similarity3& other_from_asked, uint64_t since) const {
   struct Standing {
     const KeyframePose* pose;
     Eigen::Vector3d center;
@@ -123,7 +126,7 @@ size_t OverlapBook::count_missing(const IndexedMap& asked, const IndexedMap& oth
   size_t missing = 0;
   for (const auto& [keyframe, entry] : keyframes_.at(asked.snapshot->map)) {
     const KeyframePose* here = asked.snapshot->find(keyframe);
-    if (entry.asked_at == 0 || entry.is_found || here == nullptr) continue;
+    if (entry.asked_at == 0 || entry.asked_at < since || entry.is_found || here == nullptr) continue;
     const SE3 camera = other_from_asked.transform_camera(here->camera_from_map);
     const Eigen::Vector3d center = camera.center();
     const double depth = other_from_asked.scale() * here->mean_depth;

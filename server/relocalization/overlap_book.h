@@ -24,7 +24,7 @@ struct MapPair {
   return a < b ? MapPair{a, b} : MapPair{b, a};
 }
 
-/// What two maps have in common.
+/// What two maps have in common, as the newest 32 keyframes tell that are in both.
 struct Overlap {
   MapPair maps;
   size_t of_one = 0;  ///< keyframes of the one that show the other, all by one similarity
@@ -76,12 +76,14 @@ class OverlapBook {
     KeyframeId keyframe;
     KeyframeId other;       ///< of the other map, near which it was found
     SE3 camera_from_other;  ///< `keyframe`'s from the camera of `other`
+    uint64_t asked_at = 0;
   };
 
   [[nodiscard]] std::optional<Overlap> judge(const MapPair& pair, const PlaceIndex& index) const;
-  /// Keyframes of `asked` that should show the other map, and do not. `other_from_asked`: the similarity.
+  /// Keyframes of `asked` that should show the other map, were asked about at `since` or later, and do not.
+  /// `other_from_asked`: the similarity.
   [[nodiscard]] size_t count_missing(const IndexedMap& asked, const IndexedMap& other,
-                                     const Similarity3& other_from_asked) const;
+                                     const Similarity3& other_from_asked, uint64_t since) const;
 
   uint64_t clock_ = 0;
   std::map<MapId, Entries> keyframes_;

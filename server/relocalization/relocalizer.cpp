@@ -10,6 +10,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "server/relocalization/map_agreement.h"
 #include "server/relocalization/votes.h"
 
 namespace cairn {
@@ -155,9 +156,7 @@ bool contradict(const Tried& a, const Tried& b) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = a.said.camera_from_map;
   const SE3& other = b.said.camera_from_map;
-  const double apart = (one.center() - other.center()).norm();
-  const double depth = std::max(1e-6, std::min(a.mean_depth, b.mean_depth));
-  return apart / depth + one.rotation().angularDistance(other.rotation()) > kSamePose;
+  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one

@@ -193,10 +193,11 @@ json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
 void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
   ReplyPage page{"maps", "deleted", "damaged"};
   std::set<MapId> served;
+  bool has_room = true;
   for (const auto& [id, entry] : maps_.all()) {
     if (entry.snapshot == nullptr) continue;
     served.insert(id);
-    if (to_hex(id.bytes) > begin.after) page.add("maps", describe_map(id, entry));
+    has_room = has_room && (to_hex(id.bytes) <= begin.after || page.add("maps", describe_map(id, entry)));
   }
   if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
   with_store(answer,

@@ -64,13 +64,6 @@ struct OfferJudgement {
 /// Grey image of a message, or why not (size other than stated, not an image).
 [[nodiscard]] Result<GrayImagePtr> decode_image(const wire::ImageMessage& message);
 
-/// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
-/// them, also to those of other maps); global adjustments run on a copy in the other lane and are adopted on
-/// the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
-/// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
-/// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
-/// rest: its images are let go, and read back before the next step of its work. Every job is answered,
-/// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
 /// What takes a look at all of a map.
 struct MapMeasures {
   double reprojection_rms = 0;  ///< as MapMaker::reprojection_rms()
@@ -78,6 +71,13 @@ struct MapMeasures {
   std::vector<std::pair<CameraParameters, size_t>> cameras;
 };
 
+/// One map at work: a MapMaker behind its serial queue. Offers come before upkeep (a running step yields to
+/// them, also to those of other maps); global adjustments run on a copy in the other lane and are adopted on
+/// the queue. With a store, what is accepted is answered when it is durable; the queue does not wait for
+/// that. Callbacks are made on the queue, or by the store's writer. A lockstep job is answered only when the
+/// work it causes, global adjustment included, is finished. With a store, a map that has nothing to do can
+/// rest: its images are let go, and read back before the next step of its work. Every job is answered,
+/// whatever happens in it, unless stop() comes first. Thread-safe; tasks keep it alive.
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {

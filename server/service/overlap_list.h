@@ -32,6 +32,8 @@ class OverlapList {
   [[nodiscard]] std::vector<OverlapRecord> all() const;
   /// Whether all() is another than when it was last asked.
   [[nodiscard]] bool take_changed();
+  /// What was taken could not be kept.
+  void change_again() { is_changed_ = true; }
 
  private:
   std::map<MapPair, OverlapRecord> overlaps_;

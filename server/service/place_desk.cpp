@@ -72,7 +72,11 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
     for (const MonotonicTime arrival : reported.offered)
       times_->searchable(std::chrono::steady_clock::now() - arrival);
   }
-  if (listener_.searched) listener_.searched(indexed, reported.views);
+  try {
+    if (listener_.searched) listener_.searched(indexed, reported.views);
+  } catch (const std::exception& problem) {  // memory: the map is searched all the same
+    log_->error("internal error after map {} was indexed: {}", reported.snapshot->name, problem.what());
+  }
 }
 
 void PlaceDesk::plant_if_needed() {

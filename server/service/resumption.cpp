@@ -77,10 +77,19 @@ void Switchboard::let_maps_rest(MonotonicTime now) {
 }
 
 void Switchboard::keep_overlaps() {
-  if (!overlaps_.take_changed() || store_ == nullptr) return;
-  store_->run([log = log_, all = overlaps_.all()](const Store& store) {
+  static constexpr std::chrono::seconds kRetryAfter(30);  // a full disk is not full for a second only
+  if (store_ == nullptr || std::chrono::steady_clock::now() < overlaps_wait_until_ ||
+      !overlaps_.take_changed())
+    return;
+  store_->run([this, log = log_, all = overlaps_.all()](const Store& store) {
     const Status kept = store.keep_overlaps(all);
-    if (!kept) log->error("overlaps of maps are not kept: {}", kept.error().message);
+    if (kept) return;
+    log->error("overlaps of maps are not kept: {}; tried again in {} s", kept.error().message,
+               kRetryAfter.count());
+    post([this] {
+      overlaps_.change_again();
+      overlaps_wait_until_ = std::chrono::steady_clock::now() + kRetryAfter;
+    });
   });
 }
 

@@ -221,6 +221,7 @@ class Switchboard {
   MapArray maps_;
   std::shared_ptr<PlaceDesk> places_;
   OverlapList overlaps_;
+  MonotonicTime overlaps_wait_until_ = {};  ///< before, they are not written: the disk would not have them
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;

@@ -74,7 +74,9 @@ Result<wire::ClientRequest> ask_for_label(const OverlayFrame& frame, const Camer
   if (window.entry() == nullptr) return fail(ErrorCode::kRefused, window.message(now));
   for (const char key : text) window.press(key, now);
   window.press(kEnter, now);
-  return std::move(window.take_wishes().requests.front());
+  auto wishes = window.take_wishes();
+  if (wishes.requests.empty()) return fail(ErrorCode::kRefused, "a label needs a text");
+  return std::move(wishes.requests.front());
 }
 
 LabelPlacer::LabelPlacer(const std::vector<TimedLabel>& labels, CameraPtr camera, ViewerLink link, Logger log)
