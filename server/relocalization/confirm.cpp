@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "server/relocalization/appearance.h"
@@ -54,10 +53,21 @@ int count_parts(const PlaceView& view, std::span<const size_t> corners, const Ca
   return static_cast<int>(std::ranges::count_if(inside, [&](int count) { return count >= fewest; }));
 }
 
-std::vector<size_t> united(std::span<const size_t> a, std::span<const size_t> b) {
-  std::vector<size_t> both;
-  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
-  return both;
+ExplainedCorner explain(const PlaceView& view, const Camera& camera, const PlaceMatch& match) {
+  return {match.corner, camera.unproject(view.corners[match.corner].pixel.cast<double>()), match.position};
+}
+
+/// Those that agree with the pose, and of the others those whose corners these are not.
+void explain_found(const PlaceView& view, const Camera& camera, std::span<const PlaceMatch> matches,
+                   std::span<const double> weights, std::vector<ExplainedCorner>* explained) {
+  std::vector<ExplainedCorner> both;
+  for (size_t i = 0; i < matches.size(); ++i)
+    if (weights[i] > 0) both.push_back(explain(view, camera, matches[i]));
+  both.insert(both.end(), explained->begin(), explained->end());
+  std::ranges::stable_sort(both, {}, &ExplainedCorner::corner);
+  const auto doubles = std::ranges::unique(both, {}, &ExplainedCorner::corner);
+  both.erase(doubles.begin(), doubles.end());
+  *explained = std::move(both);
 }
 
 bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
@@ -133,7 +143,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
-  for (const PlaceMatch& m : supported) result.explained.push_back(m.corner);
+  for (const PlaceMatch& m : supported) result.explained.push_back(explain(view, camera, m));
   if (result.supported < options.min_supported) {
     result.reason = fmt::format("{} of {} corners alike lie as they do there, {} needed", result.supported,
                                 result.matches, options.min_supported);
@@ -150,9 +160,10 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.agreeing = pose->inliers;
   result.agreeing_parts = count_parts(view, corners_found(matches, pose->weights), camera, kAgreeingInPart);
   ProjectedPoints points;
+  GuidedMatches guided;
   for (const double radius : kRadii) {
     project_points(camera, pose->camera_from_map, map, keyframes_around(map, pose->camera_from_map), &points);
-    const GuidedMatches guided = match_near(view, grid, points, radius);
+    guided = match_near(view, grid, points, radius);
     PoseOptions refinement;
     refinement.fixed_cutoff_after = 0;
     refinement.late_squared_cutoff = radius * radius;
@@ -175,7 +186,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.strange_parts = appearance.strange_parts;
   judge(options, &result);
   if (result.confirmed || do_enough_agree(options, result))
-    result.explained = united(result.explained, result.found);
+    explain_found(view, camera, guided.matches, pose->weights, &result.explained);
   return result;
 }
 

@@ -46,25 +46,33 @@ struct ConfirmOptions {
   uint64_t seed = 1;
 };
 
+/// A corner of a query, and what it shows if the place is this.
+struct ExplainedCorner {
+  size_t corner = 0;         ///< index into PlaceView::corners
+  Eigen::Vector3d ray;       ///< unit, from the query's camera through the corner
+  Eigen::Vector3d position;  ///< of the point that it shows, map frame
+};
+
 /// What geometry says of a keyframe as the place of a query.
 struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
   SE3 camera_from_map;
-  int matches = 0;                ///< by descriptors alone
-  int supported = 0;              ///< of these, by their neighbours
-  int agreeing = 0;               ///< of all, with the pose from three that are supported
-  int inliers = 0;                ///< of the refined pose
-  int expected = 0;               ///< points of the neighbourhood that project into the image
-  int met = 0;                    ///< matches of these that there could be (GuidedMatches)
-  int parts = 0;                  ///< of kParts, with an inlier in them
-  int agreeing_parts = 0;         ///< of kParts, with two in them at least of those that are `agreeing`
-  double alikeness = -1;          ///< Appearance::local
-  double order = -1;              ///< Appearance::order
-  int strange_parts = 0;          ///< Appearance::strange_parts
-  std::vector<size_t> found;      ///< corners on which points lie by the refined pose: as many as `inliers`
-  std::vector<size_t> explained;  ///< `supported`, and `found` unless few agree and it is refused; ascending
-  std::string reason;             ///< why it is not confirmed
+  int matches = 0;            ///< by descriptors alone
+  int supported = 0;          ///< of these, by their neighbours
+  int agreeing = 0;           ///< of all, with the pose from three that are supported
+  int inliers = 0;            ///< of the refined pose
+  int expected = 0;           ///< points of the neighbourhood that project into the image
+  int met = 0;                ///< matches of these that there could be (GuidedMatches)
+  int parts = 0;              ///< of kParts, with an inlier in them
+  int agreeing_parts = 0;     ///< of kParts, with two in them at least of those that are `agreeing`
+  double alikeness = -1;      ///< Appearance::local
+  double order = -1;          ///< Appearance::order
+  int strange_parts = 0;      ///< Appearance::strange_parts
+  std::vector<size_t> found;  ///< corners on which points lie by the refined pose: as many as `inliers`
+  /// `supported`, and `found` unless few agree and it is refused; ascending, each corner once
+  std::vector<ExplainedCorner> explained;
+  std::string reason;  ///< why it is not confirmed
 };
 
 /// 0..1: of the matches that moved as their neighbours did, the share that one pose brings together. In a

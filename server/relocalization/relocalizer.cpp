@@ -20,14 +20,18 @@ namespace {
 /// place is far down in both, yet at a like rank.
 constexpr size_t kFused = 128;
 
-/// So many keyframes of a map that has been confirmed are tried; then other maps are, which may look as much
+/// So many keyframes of a place that has been confirmed are tried; then others are, which may look as much
 /// like it; then so many more at least, for the best pose.
-constexpr size_t kTriesOfConfirmed = 4;
+constexpr ptrdiff_t kTriesOfPlace = 4;
 constexpr size_t kMoreForPose = 4;
 
 /// Poses of one picture in one map that are farther apart contradict each other: distance of the centres, in
 /// mean depths, plus angle, in radians. The same pose from two keyframes is off by a third of that.
 constexpr double kSamePose = 0.15;
+
+/// A keyframe that is farther than this from a camera is of another place: distance in mean depths plus
+/// angle.
+constexpr double kSamePlace = 1;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -81,7 +85,7 @@ PlaceCandidate guess(const Ranked& best, const Camera& camera, const TinyImage& 
   return candidate;
 }
 
-PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
+PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said, const KeyframePose& keyframe) {
   PlaceCandidate candidate = begin_candidate(ranked);
   candidate.score = 1 - ranked.cost;
   candidate.matches = said.agreeing;
@@ -89,9 +93,7 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said) {
   candidate.inliers = said.inliers;
   candidate.confirmed = said.confirmed;
   candidate.reason = said.reason;
-  if (const KeyframePose* pose = ranked.map->snapshot->find(ranked.indexed().id)) {
-    candidate.camera_from_keyframe = said.camera_from_map * pose->camera_from_map.inverse();
-  }
+  candidate.camera_from_keyframe = said.camera_from_map * keyframe.camera_from_map.inverse();
   return candidate;
 }
 
@@ -104,8 +106,15 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 struct Tried {
   PlaceCandidate candidate;
   Confirmation said;
-  double mean_depth = 0;  ///< of the keyframe
+  KeyframePose keyframe;
 };
+
+/// Whether a keyframe is of the place that is confirmed.
+bool is_of_place(const KeyframePose& keyframe, const MapId& map, const Tried& confirmed) {
+  return map == confirmed.candidate.map &&
+         separation(keyframe.camera_from_map, confirmed.said.camera_from_map, keyframe.mean_depth) <=
+             kSamePlace;
+}
 
 /// What its rivals explain of a picture for which another is confirmed.
 struct Rivalry {
@@ -114,19 +123,32 @@ struct Rivalry {
 };
 
 /// A map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place that
-/// has changed every other map is one: the part that stands may be what they have in common.
-bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
-  if (map == judged.candidate.map) return false;
+/// has changed every other map is one: the part that stands may be what they have in common. In the map
+/// itself what looks right is no rival but contradicts, or agrees.
+bool is_rival(const Tried& rival, const Tried& judged, std::span<const Tried> tried) {
+  if (rival.candidate.map == judged.candidate.map) return !rival.said.confirmed;
   return judged.said.changed || std::ranges::none_of(tried, [&](const Tried& t) {
-           return t.candidate.map == map && t.said.confirmed && !t.said.changed;
+           return t.candidate.map == rival.candidate.map && t.said.confirmed && !t.said.changed;
          });
+}
+
+/// Corners, ascending, that a rival explains as something else: in the same map, as points that lie elsewhere
+/// in the picture by the pose that is judged.
+std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
+  const bool is_same_map = rival.candidate.map == judged.candidate.map;
+  std::vector<size_t> corners;
+  for (const ExplainedCorner& e : rival.said.explained) {
+    const double cosine = e.ray.dot((judged.said.camera_from_map * e.position).normalized());
+    if (!is_same_map || cosine < std::cos(kSamePose)) corners.push_back(e.corner);
+  }
+  return corners;
 }
 
 Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
   Rivalry rivalry{0, confirmed.said.found};
   for (const Tried& rival : tried) {
-    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
-    const std::vector<size_t>& explained = rival.said.explained;
+    if (!is_rival(rival, confirmed, tried)) continue;
+    const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
     rivalry.most = std::max(rivalry.most, explained.size());
     std::vector<size_t> left;
     std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
@@ -156,7 +178,7 @@ bool contradict(const Tried& a, const Tried& b) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = a.said.camera_from_map;
   const SE3& other = b.said.camera_from_map;
-  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
+  return separation(one, other, std::min(a.keyframe.mean_depth, b.keyframe.mean_depth)) > kSamePose;
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
@@ -229,16 +251,15 @@ class Inquiry {
   }
 
  private:
-  /// Whether the map has been confirmed and enough of it been asked about: the others are its rivals.
-  [[nodiscard]] bool is_settled(const MapId& map) const {
-    size_t of_map = 0;
-    bool confirmed = false;
-    for (const Tried& t : tried_) {
-      if (t.candidate.map != map) continue;
-      ++of_map;
-      confirmed |= t.said.confirmed;
-    }
-    return confirmed && of_map >= kTriesOfConfirmed;
+  /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
+  /// rivals.
+  [[nodiscard]] bool is_settled(const KeyframePose& keyframe, const MapId& map) const {
+    return std::ranges::any_of(tried_, [&](const Tried& t) {
+      return t.said.confirmed && is_of_place(keyframe, map, t) &&
+             std::ranges::count_if(tried_, [&](const Tried& other) {
+               return is_of_place(other.keyframe, other.candidate.map, t);
+             }) >= kTriesOfPlace;
+    });
   }
 
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
@@ -247,13 +268,13 @@ class Inquiry {
     for (const Ranked& r : ranked) {
       if (tried_.size() >= most) return false;
       if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
-      if (tries == Tries::kRivalsFirst && is_settled(r.map->snapshot->map)) continue;
+      const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
+      if (pose == nullptr) continue;
+      if (tries == Tries::kRivalsFirst && is_settled(*pose, r.map->snapshot->map)) continue;
       Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
-      PlaceCandidate candidate = make_candidate(r, said);
-      const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
-      tried_.push_back(
-          {std::move(candidate), std::move(said), pose ? static_cast<double>(pose->mean_depth) : 0});
+      PlaceCandidate candidate = make_candidate(r, said, *pose);
+      tried_.push_back({std::move(candidate), std::move(said), *pose});
       if (is_clear(tried_.back().said, options_) && !find_why_refused(options_, tried_.back(), tried_))
         return true;
     }

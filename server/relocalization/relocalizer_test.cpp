@@ -40,15 +40,24 @@ SE3 pose_at(int step, double advance) {
   return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -advance)) * Scene::pose(step);
 }
 
-/// A map of a scene made without a map maker: keyframes at some steps of its camera, their corners as points
-/// at their exact places.
+/// A scene in a map, and from where it was mapped.
+struct MappedScene {
+  const Scene* scene;
+  std::vector<int> steps;  ///< of its camera
+  double advance = 0;      ///< [m] further on than Scene::pose() says
+  double aside = 0;        ///< [m] of the scene, in the map
+};
+
+/// A map made without a map maker: keyframes of scenes, their corners as points at their exact places.
 class ExactMap {
  public:
-  /// From `advance` metres further on than Scene::pose() says.
   ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps, double advance = 0)
-      : scene_(scene) {
+      : ExactMap(id, {{.scene = &scene, .steps = steps, .advance = advance}}) {}
+
+  ExactMap(uint8_t id, const std::vector<MappedScene>& scenes) {
     auto keyframes = std::make_shared<KeyframeBlock>();
-    for (const int step : steps) add_keyframe(step, advance, keyframes.get());
+    for (const MappedScene& mapped : scenes)
+      for (const int step : mapped.steps) add_keyframe(mapped, step, keyframes.get());
     auto snapshot = std::make_shared<MapSnapshot>();
     snapshot->map.bytes[0] = id;
     snapshot->epoch = Epoch{3};
@@ -74,12 +83,14 @@ class ExactMap {
   [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
 
  private:
-  void add_keyframe(int step, double advance, KeyframeBlock* keyframes) {
+  void add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* keyframes) {
     const KeyframeId id{views_.size() + 1};
-    const SE3 pose = pose_at(step, advance);
+    const SE3 pose = pose_at(step, mapped.advance);
+    const Eigen::Vector3d aside(mapped.aside, 0, 0);
+    const SE3 camera_from_map = pose * SE3(Eigen::Quaterniond::Identity(), -aside);
     auto pyramid = std::make_shared<Pyramid>();
-    pyramid->build(scene_.render(pose, static_cast<uint64_t>(step))->view());
-    KeyframeView view{id, scene_.camera(), pyramid, {}};
+    pyramid->build(mapped.scene->render(pose, static_cast<uint64_t>(step))->view());
+    KeyframeView view{id, mapped.scene->camera(), pyramid, {}};
     const auto corners = find_corners(*pyramid);
     double depth_sum = 0;
     for (int l = 0; l < kPyramidLevels; ++l) {
@@ -89,23 +100,22 @@ class ExactMap {
       candidates.resize(std::min(candidates.size(), kPointsPerLevel));
       for (const Candidate& c : candidates) {
         const Eigen::Vector2f pixel(from_level(c.corner.x, l), from_level(c.corner.y, l));
-        const Eigen::Vector3d point = scene_.hit(pose, pixel.cast<double>());
+        const Eigen::Vector3d point = mapped.scene->hit(pose, pixel.cast<double>());
         PointSource source;
         source.id = PointId{sources_.size() + 1};
         source.keyframe = id;
         sources_.push_back(source);
-        positions_.push_back(point.cast<float>());
+        positions_.push_back((point + aside).cast<float>());
         view.measurements.push_back({source.id, static_cast<uint8_t>(l), pixel});
         depth_sum += (pose * point).z();
       }
     }
     const auto depth = static_cast<float>(depth_sum / static_cast<double>(view.measurements.size()));
     keyframes->live |= uint64_t{1} << keyframes->keyframes.size();
-    keyframes->keyframes.push_back({id, pose, depth});
+    keyframes->keyframes.push_back({id, camera_from_map, depth});
     views_.push_back(std::move(view));
   }
 
-  const Scene& scene_;
   std::vector<PointSource> sources_;
   std::vector<Eigen::Vector3f> positions_;
   std::vector<KeyframeView> views_;
@@ -329,7 +339,7 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
     return confirm(view, cells, grid, *scene().camera(), *indexed, 1, options);
   };
   const auto explains = [](const Confirmation& said) {
-    return std::ranges::includes(said.explained, said.found);
+    return std::ranges::includes(said.explained, said.found, {}, &ExplainedCorner::corner);
   };
   ConfirmOptions options = few_agree().confirm;
   const Confirmation clear = ask(options);
@@ -349,30 +359,44 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   EXPECT_TRUE(explains(rival)) << "enough agree";
 }
 
-/// A nearly empty place, and a full one that is like it but for what is in it: of a third that is like both
-/// the empty one explains all it has, and so does the full one in part. Then it is neither.
-TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
-  constexpr double kAdvance = 0.3;
-  constexpr double kFewThings = 0.1;
-  const std::vector<int> steps = {2, 4, 6};
-  const Scene empty(11, 21, kFewThings);
-  const Scene full(11, 22, 1);
-  const Scene unmapped(11, 23, kFewThings);
-  const ExactMap empty_map(empty, 1, steps, kAdvance);
+/// A nearly empty place, and a full one that is like it but for what is in it.
+struct LookAlikes : ::testing::Test {
+  static constexpr double kFewThings = 0.1;
+  const Scene empty{11, 21, kFewThings};
+  const Scene full{11, 22, 1};
+  const Scene unmapped{11, 23, kFewThings};  ///< like both
+
+  static MappedScene mapped(const Scene& scene, double aside = 0) {
+    return {.scene = &scene, .steps = {2, 4, 6}, .advance = kAdvance, .aside = aside};
+  }
+  static SE3 asked_from(int step) { return pose_at(step, kAdvance); }
+  static PlaceAnswer ask(const PlaceIndex& index, const Scene& scene, int step) {
+    const auto image = scene.render(asked_from(step), 200 + static_cast<uint64_t>(step));
+    return relocalize(index, *scene.camera(), describe_image(image->view()));
+  }
+  /// Of the unmapped place the empty one explains all it has, and so does the full one in part: it is
+  /// neither.
+  [[nodiscard]] PlaceAnswer expect_neither(const PlaceIndex& alone, const PlaceIndex& both, int step) const {
+    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
+        << "nothing tells that what is seen is common";
+    PlaceAnswer neither = ask(both, unmapped, step);
+    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
+    return neither;
+  }
+
+ private:
+  static constexpr double kAdvance = 0.3;
+};
+
+TEST_F(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
+  const ExactMap empty_map(1, {mapped(empty)});
   PlaceIndex alone;
   alone.put(empty_map.index());
   PlaceIndex both = alone;
-  both.put(ExactMap(full, 2, steps, kAdvance).index());
-  const auto ask = [&](const PlaceIndex& index, const Scene& scene, int step) {
-    const auto image = scene.render(pose_at(step, kAdvance), 200 + static_cast<uint64_t>(step));
-    return relocalize(index, *scene.camera(), describe_image(image->view()));
-  };
+  both.put(ExactMap(2, {mapped(full)}).index());
   for (const int step : {3, 5}) {
     SCOPED_TRACE(step);
-    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
-        << "nothing tells that what is seen is common";
-    const PlaceAnswer neither = ask(both, unmapped, step);
-    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
+    const PlaceAnswer neither = expect_neither(alone, both, step);
     EXPECT_NE(neither.reason.find("more than one place looks like this"), std::string::npos)
         << neither.reason;
     const PlaceAnswer right = ask(both, empty, step);
@@ -381,7 +405,24 @@ TEST(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
   }
 }
 
-TEST(LookAlikes, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
+TEST_F(LookAlikes, NorDoesItWhereTheyAreInOneMap) {
+  constexpr double kAside = 20;
+  const ExactMap one_map(1, {mapped(empty), mapped(full, kAside)});
+  PlaceIndex alone;
+  alone.put(ExactMap(1, {mapped(empty)}).index());
+  PlaceIndex both;
+  both.put(one_map.index());
+  for (const int step : {3, 5}) {
+    SCOPED_TRACE(step);
+    const PlaceAnswer neither = expect_neither(alone, both, step);
+    EXPECT_FALSE(neither.reason.empty());
+    const PlaceAnswer right = ask(both, empty, step);
+    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
+    EXPECT_LT(error_of(camera_of(right, *one_map.snapshot()), asked_from(step), *one_map.snapshot()), 0.01);
+  }
+}
+
+TEST(Overlap, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
   const Scene scene(11);
   PlaceIndex index;
   index.put(ExactMap(scene, 1, {0, 4, 8}).index());

@@ -7,6 +7,14 @@
 #include "tests/world/patterns.h"
 
 namespace cairn {
+namespace {
+
+/// After which the carpet repeats [m]: more than is ever seen at once, and not what desks stand apart, or else
+/// places that look alike would be the same to the pixel.
+constexpr double kCarpetPeriod = 8.2;
+constexpr int kCarpetPixels = 4096;  ///< 2 mm each
+
+}  // namespace
 
 Bitmap plaster(int size, Random& random) {
   Bitmap wall = pink_noise(size, size, size / 2, 5, 0.02F, random);
@@ -18,7 +26,7 @@ Bitmap plaster(int size, Random& random) {
 
 RoomSurfaces make_surfaces(Random& random, WorldBuilder* world) {
   RoomSurfaces surfaces;
-  surfaces.floor = world->add_texture(carpet(512, 512, random), -0.3);
+  surfaces.floor = world->add_texture(carpet(kCarpetPixels, kCarpetPixels, random), -0.3);
   surfaces.wall = world->add_texture(plaster(256, random), 0.2);
   Bitmap tile(128, 128, 0.7F);
   tile.fill_rectangle(0, 0, 3, 127, 0.5F);
@@ -31,8 +39,8 @@ void add_room(const Eigen::Vector3d& low, const Eigen::Vector3d& high, const Roo
               WorldBuilder* world) {
   const Eigen::Vector3d size = high - low;
   TextureRegion floor = surfaces.floor;
-  floor.width *= size.x();
-  floor.height *= size.y();
+  floor.width *= size.x() / kCarpetPeriod;
+  floor.height *= size.y() / kCarpetPeriod;
   world->add_panel(low, {size.x(), 0, 0}, {0, size.y(), 0}, floor);
   TextureRegion ceiling = surfaces.ceiling;
   ceiling.width *= std::round(size.x() / 0.6);
