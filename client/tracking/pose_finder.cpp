@@ -187,15 +187,21 @@ void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEf
   const auto coarse = coarse_stage(frame, start, effort, probe);
   seen_.used_coarse = coarse.has_value();
   if (!coarse) {
-    for (VisiblePoint& p : seen_.points) p.found = false;
-    seen_.found = 0;
+    forget_found();
     if (effort.needs_coarse) return;
   }
   seen_.camera_from_map = fine_stage(frame, coarse.value_or(start), effort,
                                      coarse ? effort.fine_radius_after_coarse : effort.fine_radius, probe);
   seen_.attempted = static_cast<int>(seen_.points.size());
-  if (!seen_.camera_from_map) seen_.found = 0;
+  if (!seen_.camera_from_map) forget_found();
   mark_hidden();
+}
+
+/// Where no pose is believed, nothing agrees with it.
+void PoseFinder::forget_found() {
+  for (VisiblePoint& p : seen_.points) p.found = false;
+  seen_.found = 0;
+  seen_.rms = 0;
 }
 
 /// What PTAM lacks, and what makes its quality collapse in maps of more than one side of things.

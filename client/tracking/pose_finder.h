@@ -69,7 +69,7 @@ class PoseFinder {
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth() const;
-  /// The points searched; found are those that agree with the pose.
+  /// The points searched; found are those that agree with the pose, none where there is none.
   [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }
 
  private:
@@ -90,6 +90,7 @@ class PoseFinder {
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
   void search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe);
+  void forget_found();
   void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
 

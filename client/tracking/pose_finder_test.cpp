@@ -161,6 +161,8 @@ TEST(PoseFinder, WhatDoesNotFitIsNoPoseHoweverMuchOfItIsFound) {
     PoseFinder finder(camera, options);
     finder.use_map(map);
     const bool is_found = finder.locate(frame, truth, wide_effort(options), nullptr).has_value();
+    EXPECT_EQ(finder.found(), std::ranges::count_if(finder.points(), &VisiblePoint::found));
+    EXPECT_GT(finder.points().size(), 100U);
     return is_found && finder.judge() != PoseVerdict::kBad;
   };
   EXPECT_TRUE(located(0.002F));  // 0.5 px

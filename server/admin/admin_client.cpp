@@ -107,6 +107,7 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
   const auto deadline = steady_clock::now() + kAnswerPatience;
   auto resend = steady_clock::now();
   while (steady_clock::now() < deadline) {
+    if (stop_requested_()) return fail(ErrorCode::kIo, "interrupted");
     const auto now = steady_clock::now();
     if (now >= resend) {
       if (requests_.matched() == 0) return gone();
@@ -155,14 +156,8 @@ Result<json> AdminClient::download(const std::string& map, const std::filesystem
   if (!begun) return tl::unexpected(begun.error());
   const std::string token = begun->content.value("token", "");
   const uint64_t size = begun->content.value("bytes", uint64_t{0});
-  const std::filesystem::path part = file.string() + ".part";
-  Status done = fetch(token, size, part, progress);
-  std::error_code problem;
-  if (done) std::filesystem::rename(part, file, problem);
-  if (problem) done = fail(ErrorCode::kIo, file.string() + ": cannot be written: " + problem.message());
-  if (done) return begun->content;
-  std::filesystem::remove(part, problem);
-  return tl::unexpected(done.error());
+  if (Status done = fetch(token, size, file, progress); !done) return tl::unexpected(done.error());
+  return begun->content;
 }
 
 Status AdminClient::fetch(const std::string& token, uint64_t size, const std::filesystem::path& file,

@@ -6,6 +6,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.h"
@@ -31,6 +32,10 @@ class AdminClient {
     nlohmann::json content;
     std::vector<uint8_t> data;
   };
+  /// From now on a request ends with an error (kIo) within a second of when `requested` says so. Asked by the
+  /// thread that waits.
+  void stop_when(std::function<bool()> requested) { stop_requested_ = std::move(requested); }
+
   /// The server's answer. Errors: kNoServer (it went), or the server's refusal.
   [[nodiscard]] Result<Answer> ask(const nlohmann::json& request, std::vector<uint8_t> data = {});
 
@@ -40,7 +45,7 @@ class AdminClient {
   [[nodiscard]] Result<nlohmann::json> labels(const std::string& map);
 
   using Progress = std::function<void(uint64_t bytes, uint64_t of)>;
-  /// The archive of a map into `file`, whole or not at all; what the server says of the map.
+  /// The archive of a map into `file`, of which an error may leave a part; what the server says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
                                                 const Progress& progress);
   /// The map that the server has made of an archive. Errors do not name the file.
@@ -57,6 +62,7 @@ class AdminClient {
   wire::Writer<wire::AdminRequest> requests_;
   wire::Reader<wire::AdminReply> replies_;
   wire::Waiter waiter_;
+  std::function<bool()> stop_requested_ = [] { return false; };
   SessionId session_;
   uint64_t seq_ = 0;
 };

@@ -111,24 +111,31 @@ StagingFolder::~StagingFolder() {
   if (!path_.empty()) fs::remove_all(path_, ignored);
 }
 
+Error StagingFolder::told_of(const fs::path& place, Error error) const {
+  const std::string here = path_.string();
+  if (error.message.starts_with(here + "/")) error.message.replace(0, here.size(), place.string());
+  return error;
+}
+
 Status leave_file(const fs::path& finished, const fs::path& place) {
   return move_path(finished, place, place);
 }
 
-Status leave_scene(const ExportedScene& scene, const std::string& format, const fs::path& staging,
+Status leave_scene(const ExportedScene& scene, const std::string& format, const StagingFolder& staging,
                    const fs::path& place) {
   const std::vector<Part> parts = parts_of(format, place);
   for (const Part& part : parts) {
     if (Status free = check_replaceable(part, place / part.name); !free) return free;
   }
   for (const Part& part : parts) {
-    if (Status written = part.write(scene, staging / part.name); !written) return written;
+    if (Status written = part.write(scene, staging.path() / part.name); !written)
+      return tl::unexpected(staging.told_of(place, written.error()));
   }
   std::error_code problem;
   fs::create_directories(place, problem);
   if (problem) return fail(ErrorCode::kIo, place.string() + ": cannot be made: " + problem.message());
   for (const Part& part : parts) {
-    if (Status left = swap_in(staging / part.name, place / part.name); !left) return left;
+    if (Status left = swap_in(staging.path() / part.name, place / part.name); !left) return left;
   }
   return {};
 }

@@ -23,6 +23,9 @@ class StagingFolder {
   StagingFolder& operator=(const StagingFolder&) = delete;
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
+  /// What went wrong with a file in here, told of the path under `place` where it was to go: that is what its
+  /// user knows.
+  [[nodiscard]] Error told_of(const std::filesystem::path& place, Error error) const;
 
  private:
   explicit StagingFolder(std::filesystem::path path) : path_(std::move(path)) {}
@@ -35,7 +38,7 @@ Status leave_file(const std::filesystem::path& finished, const std::filesystem::
 /// The scene in `format` (colmap, colmap-text, ply or all) under `place`, written in `staging` first. What an
 /// earlier export has left there is replaced; of COLMAP's two kinds of model also the one that was not asked
 /// for, since its pictures go. Errors: kRefused (something else lies in the way: nothing is touched), kIo.
-Status leave_scene(const ExportedScene& scene, const std::string& format,
-                   const std::filesystem::path& staging, const std::filesystem::path& place);
+Status leave_scene(const ExportedScene& scene, const std::string& format, const StagingFolder& staging,
+                   const std::filesystem::path& place);
 
 }  // namespace cairn

@@ -60,7 +60,7 @@ class ExportFolder : public ::testing::Test {
   Status leave(const ExportedScene& scene, const std::string& format) const {
     const auto staging = StagingFolder::make_in(folder_);
     if (!staging) return tl::unexpected(staging.error());
-    return leave_scene(scene, format, staging->path(), place());
+    return leave_scene(scene, format, *staging, place());
   }
   void put(const fs::path& file) const {
     fs::create_directories(file.parent_path());
@@ -129,6 +129,18 @@ TEST_F(ExportFolder, WhatCannotBeWrittenIsNamedWithTheReason) {
   EXPECT_NE(in_the_way.error().message.find("desk.cairnmap: cannot be written: Is a directory"),
             std::string::npos)
       << in_the_way.error().message;
+}
+
+TEST_F(ExportFolder, WhatCannotBeStagedIsToldOfWhereItWasToGo) {
+  const auto staging = StagingFolder::make_in(folder_);
+  ASSERT_TRUE(staging);
+  put(staging->path() / "images");  // in the way, as a full disk would be
+  const Status left = leave_scene(scene_of(1), "colmap", *staging, place());
+  ASSERT_FALSE(left);
+  EXPECT_TRUE(left.error().message.starts_with((place() / "images").string())) << left.error().message;
+  EXPECT_EQ(left.error().message.find(".cairnctl"), std::string::npos) << left.error().message;
+  const Error of_others{ErrorCode::kIo, "/elsewhere: cannot be read"};
+  EXPECT_EQ(staging->told_of(place(), of_others).message, of_others.message);
 }
 
 }  // namespace

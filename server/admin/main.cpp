@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cinttypes>
+#include <csignal>
 #include <cstdio>
 #include <ctime>
 #include <exception>
@@ -17,6 +18,7 @@
 #include "common/map/ids.h"
 #include "server/admin/admin_client.h"
 #include "server/admin/export_folder.h"
+#include "server/admin/interruption.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -24,8 +26,11 @@ namespace {
 
 using nlohmann::json;
 
+constexpr int kInterruptedExit = 130;
+
 constexpr const char* kFooter =
-    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data\n\n"
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, "
+    "130 interrupted\n\n"
     "Examples:\n"
     "  cairnctl maps                                   lists all maps\n"
     "  cairnctl maps export desk --format colmap --out exported\n"
@@ -239,14 +244,15 @@ Status change_label(AdminClient* client, const Options& options, json request) {
 Result<std::filesystem::path> export_map(AdminClient* client, const Options& options,
                                          const StagingFolder& staging, const std::string& map) {
   const std::filesystem::path folder = options.folder;
+  const auto failed = [&](const Error& error) { return tl::unexpected(staging.told_of(folder, error)); };
   if (!is_valid_name(map)) return fail(ErrorCode::kUsage, "'" + map + "' is not the name of a map");
   const std::string name = map + ".cairnmap";
   const auto got = client->download(map, staging.path() / name, progress_of(map));
-  if (!got) return tl::unexpected(got.error());
+  if (!got) return failed(got.error());
   if (options.format != "archive") {
     const auto read = read_archive(staging.path() / name);
-    if (!read) return tl::unexpected(read.error());
-    const Status left = leave_scene(make_scene(read->record), options.format, staging.path(), folder / map);
+    if (!read) return failed(read.error());
+    const Status left = leave_scene(make_scene(read->record), options.format, staging, folder / map);
     if (!left) return tl::unexpected(left.error());
     if (options.format != "all") return folder / map;
   }
@@ -255,8 +261,11 @@ Result<std::filesystem::path> export_map(AdminClient* client, const Options& opt
   return options.format == "archive" ? folder / name : folder / map;
 }
 
-/// All that can be had: of a backup, one map that fails must not cost the others.
+/// All that can be had: of a backup, one map that fails must not cost the others. Interrupted, it leaves what
+/// is whole and nothing hidden.
 Status export_maps(AdminClient* client, const Options& options) {
+  const Interruption interruption;
+  client->stop_when(Interruption::requested);
   std::vector<std::string> maps = options.maps;
   if (maps.empty()) {
     const auto all = client->maps();
@@ -276,7 +285,7 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (maps.size() > 1)
       std::fprintf(stderr, "cairnctl: %s: not exported: %s\n", map.c_str(), path.error().message.c_str());
     if (!first) first = path.error();
-    if (first->code == ErrorCode::kNoServer) break;
+    if (first->code == ErrorCode::kNoServer || Interruption::requested()) break;
   }
   print(options, exported, [&exported] {
     for (const json& path : exported) std::printf("%s\n", path.get<std::string>().c_str());
@@ -422,11 +431,12 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
     return exit_code(ErrorCode::kUsage);
   }
+  std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
   auto client = AdminClient::connect(options.connection);
   const Status done = client ? action(&*client, options) : tl::unexpected(client.error());
   if (done) return 0;
   std::fprintf(stderr, "cairnctl: %s\n", done.error().message.c_str());
-  return exit_code(done.error().code);
+  return Interruption::requested() ? kInterruptedExit : exit_code(done.error().code);
 }
 
 }  // namespace

@@ -39,8 +39,7 @@ void OverlapWatch::note_searched(const IndexedMapPtr& map, std::span<const Keyfr
     newest = view.id;
     if (view.pyramid == nullptr || view.corners == nullptr) continue;
     std::deque<KeyframeView>& waiting = waiting_[id];
-    waiting.push_back(view);
-    waiting.back().measurements.clear();
+    waiting.push_back({view.id, view.camera, view.pyramid, {}, view.corners});
     if (waiting.size() > kMostWaiting) {
       waiting.pop_front();
     } else {

@@ -8,243 +8,32 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <limits>
+#include <filesystem>
 #include <optional>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include "client/tracking/frame_images.h"
+#include "common/base/program_folder.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/votes.h"
 #include "tests/bench/answer_times.h"
-#include "tests/bench/kept_map.h"
 #include "tests/bench/light.h"
-#include "tests/bench/posed_map.h"
+#include "tests/bench/mapped_places.h"
 #include "tests/bench/recall.h"
-#include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
-#include "tests/bench/truth.h"
 
 namespace cairn {
 namespace {
 
-constexpr size_t kMostQueries = 50;  // of one recording
-constexpr double kReach = 0.25;      // [m], or of the depth where the truth has no unit
-
 struct Arguments {
-  std::vector<std::string> videos, stills, unmapped;
-  std::string keep;  ///< folder of maps made before; empty: none are kept
-  uint64_t seed = 1;
+  PlacesOptions places;
   bool ours_alone = false;
   bool check = false;
   bool verbose = false;
 };
-constexpr size_t kVideoFields = 6;
-constexpr size_t kStillsFields = 4;
-constexpr size_t kUnmappedFields = 3;
-constexpr const char* kElsewhere = "elsewhere";
-const std::string kNone = "-";
-
-struct Query {
-  uint64_t frame = 0;
-  GrayImagePtr image;
-  std::optional<SE3> exact;  ///< truth_from_camera
-};
-
-/// A recording, mapped or not.
-struct Place {
-  std::string name;
-  std::string how;  ///< it was mapped
-  CameraPtr camera;
-  IndexedMapPtr map = {};  ///< null: none
-  Similarity3 truth_from_map = {};
-  double depth = 0;                                        ///< mean of its keyframes [of the truth]
-  double reach = std::numeric_limits<double>::infinity();  ///< of a mapped view [of the truth]
-  std::vector<SE3> mapped = {};                            ///< views, truth_from_camera
-  std::vector<Query> queries = {};
-  bool asks_elsewhere = false;  ///< without truth: the questions do not show what is mapped
-};
-
-MapId map_id(size_t number) {
-  MapId id;
-  id.bytes[0] = static_cast<uint8_t>(number + 1);
-  return id;
-}
-
-std::string given(const std::string& field) {
-  return field == kNone ? std::string() : field;
-}
-
-/// A source, its camera and its truth, if any.
-struct Recording {
-  std::unique_ptr<FrameSource> source;
-  CameraPtr camera;
-  Truth truth;
-};
-
-Result<Recording> open_recording(const std::string& uri, const std::string& calibration,
-                                 const std::string& truth) {
-  auto source = open_source(uri);
-  if (!source) return tl::unexpected(source.error());
-  const auto camera = choose_camera(**source, uri, given(calibration));
-  if (!camera) return tl::unexpected(camera.error());
-  Recording recording{std::move(*source), *camera, {}};
-  if (truth == kNone) return recording;
-  const auto exact = read_trajectory(truth);
-  if (!exact) return tl::unexpected(exact.error());
-  recording.truth = Truth(*exact);
-  return recording;
-}
-
-/// All that are left. A frame that cannot be decoded is passed over.
-std::vector<Frame> read_all(FrameSource* source) {
-  std::vector<Frame> frames;
-  for (auto next = source->next(); !next || *next; next = source->next()) {
-    if (next) frames.push_back(**next);
-  }
-  return frames;
-}
-
-/// Evenly spread over the frames; where there is truth, over those that have it.
-std::vector<Query> choose_queries(const std::vector<Frame>& frames, const Truth& truth) {
-  std::vector<Query> all;
-  for (const Frame& frame : frames) {
-    const SE3* exact = truth.at(frame.time);
-    if (exact == nullptr && !truth.empty()) continue;
-    all.push_back({frame.index, frame.image, exact != nullptr ? std::optional(*exact) : std::nullopt});
-  }
-  const size_t step = (all.size() + kMostQueries - 1) / kMostQueries;
-  std::vector<Query> chosen;
-  for (size_t i = 0; i < all.size(); i += step) chosen.push_back(std::move(all[i]));
-  return chosen;
-}
-
-/// What is known of the map by the truth.
-Status measure_map(const std::vector<StampedPose>& poses, const Truth& truth, bool is_metric, Place* place) {
-  if (truth.empty()) return {};
-  const auto aligned = align(poses, truth);
-  if (!aligned) return tl::unexpected(aligned.error());
-  place->truth_from_map = *aligned;
-  double sum = 0;
-  for (const IndexedKeyframePtr& k : place->map->keyframes)
-    sum += static_cast<double>(place->map->snapshot->find(k->id)->mean_depth);
-  place->depth = aligned->scale() * sum / static_cast<double>(place->map->keyframes.size());
-  place->reach = is_metric ? kReach : kReach * place->depth;
-  for (const StampedPose& p : poses) {
-    if (const SE3* exact = truth.at(p.time)) place->mapped.push_back(*exact);
-  }
-  return {};
-}
-
-/// The map kept by that name; where there is none, what `make` gives, which is kept from now on. `pass` does
-/// instead of making what else that does.
-template <typename Make, typename Pass>
-Result<KeptMap> read_or_make(const Arguments& a, const std::string& name, MapId id, const Make& make,
-                             const Pass& pass) {
-  if (!a.keep.empty()) {
-    auto kept = read_kept_map(a.keep, name, id);
-    if (kept) pass();
-    if (kept || kept.error().code != ErrorCode::kNotFound) return kept;
-  }
-  auto made = make();
-  if (!made) return tl::unexpected(made.error());
-  if (!a.keep.empty()) {
-    if (const Status done = keep_map(a.keep, name, id, made->record, made->poses); !done)
-      return tl::unexpected(done.error());
-  }
-  return KeptMap{made->map, std::move(made->poses)};
-}
-
-/// NAME SOURCE CALIBRATION TRUTH UNIT FRAMES
-Result<Place> make_video(std::span<const std::string> fields, MapId id, const Arguments& a) {
-  const bool asks_elsewhere = fields[3] == kElsewhere;
-  auto recording = open_recording(fields[1], fields[2], asks_elsewhere ? kNone : fields[3]);
-  if (!recording) return tl::unexpected(recording.error());
-  FrameSource* source = recording->source.get();
-  const size_t frames = std::stoul(fields[5]);
-  const auto mapped = read_or_make(
-      a, fields[0], id, [&] { return map_beginning(source, frames, recording->camera, id, a.seed); },
-      [&] {
-        for (size_t i = 0; i < frames; ++i) static_cast<void>(source->next());
-      });
-  if (!mapped) return tl::unexpected(mapped.error());
-  Place place{.name = fields[0], .how = "video", .camera = recording->camera, .map = mapped->map};
-  if (const Status done = measure_map(mapped->poses, recording->truth, fields[4] == "m", &place); !done)
-    return tl::unexpected(done.error());
-  place.queries = choose_queries(read_all(source), recording->truth);
-  place.asks_elsewhere = asks_elsewhere;
-  return place;
-}
-
-/// NAME SOURCE TRUTH UNIT: every other still is mapped, the others are asked about.
-Result<Place> make_stills(std::span<const std::string> fields, MapId id, const Arguments& a) {
-  auto recording = open_recording(fields[1], kNone, fields[2]);
-  if (!recording) return tl::unexpected(recording.error());
-  std::vector<PosedStill> posed;
-  std::vector<Frame> others;
-  for (const Frame& frame : read_all(recording->source.get())) {
-    const SE3* exact = recording->truth.at(frame.time);
-    if (exact == nullptr) continue;
-    if (frame.index % 2 == 0) {
-      posed.push_back({frame.time, frame.image, exact->inverse()});
-    } else {
-      others.push_back(frame);
-    }
-  }
-  const auto mapped = read_or_make(
-      a, fields[0], id, [&] { return map_posed_stills(recording->camera, posed, id, a.seed); }, [] {});
-  if (!mapped) return tl::unexpected(mapped.error());
-  Place place{.name = fields[0], .how = "stills, posed", .camera = recording->camera, .map = mapped->map};
-  if (const Status done = measure_map(mapped->poses, recording->truth, fields[3] == "m", &place); !done)
-    return tl::unexpected(done.error());
-  place.queries = choose_queries(others, recording->truth);
-  return place;
-}
-
-/// NAME SOURCE CALIBRATION
-Result<Place> make_unmapped(std::span<const std::string> fields) {
-  auto recording = open_recording(fields[1], fields[2], kNone);
-  if (!recording) return tl::unexpected(recording.error());
-  Place place{.name = fields[0], .how = "not mapped", .camera = recording->camera};
-  place.queries = choose_queries(read_all(recording->source.get()), {});
-  return place;
-}
-
-struct Places {
-  std::vector<Place> made;
-  std::vector<std::string> left_out;  ///< names of those that could not be mapped or measured
-};
-
-template <typename Make>
-Status make_each(const std::vector<std::string>& arguments, size_t fields, const Make& make, Places* places) {
-  if (arguments.size() % fields != 0) return fail(ErrorCode::kUsage, "fields are missing; see --help");
-  for (size_t i = 0; i < arguments.size(); i += fields) {
-    auto place = make(std::span(arguments).subspan(i, fields), map_id(places->made.size()));
-    if (!place) {
-      std::fprintf(stderr, "%s is left out: %s\n", arguments[i].c_str(), place.error().message.c_str());
-      places->left_out.push_back(arguments[i]);
-      continue;
-    }
-    std::fprintf(stderr, "%s: %zu keyframes, %zu questions\n", place->name.c_str(),
-                 place->map ? place->map->keyframes.size() : 0, place->queries.size());
-    places->made.push_back(std::move(*place));
-  }
-  return {};
-}
-
-Result<Places> make_places(const Arguments& a) {
-  Places places;
-  const auto video = [&](auto fields, MapId id) { return make_video(fields, id, a); };
-  const auto stills = [&](auto fields, MapId id) { return make_stills(fields, id, a); };
-  const auto unmapped = [](auto fields, MapId /*id*/) { return make_unmapped(fields); };
-  Status done = make_each(a.videos, kVideoFields, video, &places);
-  if (done) done = make_each(a.stills, kStillsFields, stills, &places);
-  if (done) done = make_each(a.unmapped, kUnmappedFields, unmapped, &places);
-  if (!done) return tl::unexpected(done.error());
-  return places;
-}
 
 enum class Method : uint8_t { kOurs, kPaper, kWords, kWordsConfirmed, kCount };
 constexpr size_t kMethods = static_cast<size_t>(Method::kCount);
@@ -490,8 +279,8 @@ std::vector<std::string> complaints(const std::vector<Scores>& totals) {
   return found;
 }
 
-Status run(const Arguments& arguments) {
-  const auto places = make_places(arguments);
+Status examine_places(const Arguments& arguments) {
+  const auto places = make_places(arguments.places);
   if (!places) return tl::unexpected(places.error());
   const Examination examination(places->made, arguments);
   std::printf("maps %zu keyframes %zu\n", examination.index().maps().size(),
@@ -524,43 +313,83 @@ Status run(const Arguments& arguments) {
   std::printf("ours, as recorded: %s\nours, all lights: %s\n", totals[0][0].times.text().c_str(),
               times.text().c_str());
   if (!places->left_out.empty())
-    return fail(ErrorCode::kDegenerate, fmt::format("left out: {}", fmt::join(places->left_out, ", ")));
+    return fail(ErrorCode::kDegenerate,
+                fmt::format("left out: {}; put these recordings into {}, or pass --places FILE with a list "
+                            "without them",
+                            fmt::join(places->left_out, ", "), arguments.places.recordings.string()));
   if (!arguments.check) return {};
   const auto wrong = complaints(totals);
   if (wrong.empty()) return {};
   return fail(ErrorCode::kInternal, fmt::format("does not hold: {}", fmt::join(wrong, "; ")));
 }
 
+constexpr const char* kFooter =
+    R"(DATA_DIR/FOLDER holds rgb.txt, or video.mp4 and times.txt. The rows of the list of places, `-` where there is
+nothing to say:
+  video    FOLDER CAMERA TRUTH UNIT FRAMES   mapped from its first FRAMES by tracker and map maker
+  stills   FOLDER CAMERA TRUTH UNIT          every other one is mapped, from its given pose
+  unmapped FOLDER CAMERA                     asked about only
+CAMERA: a calibration in that folder or beside the list, by default its camera.txt; TRUTH: a trajectory in that
+folder, or `elsewhere`: none, and what is asked about does not show what is mapped; UNIT: m, or - if unknown.
+Exit codes: 0 ok, 1 a place is left out, or --check finds fault, 2 usage, 3 list or recordings missing.)";
+
+void add_options(CLI::App& app, Arguments* arguments) {
+  app.add_option("DATA_DIR", arguments->places.recordings, "folder of the recordings")
+      ->envname("CAIRN_DATA")
+      ->required();
+  app.add_option("--places", arguments->places.list, "list of places, below")
+      ->type_name("FILE")
+      ->capture_default_str();
+  app.add_option("--keep", arguments->places.keep,
+                 "a map found there by its name is not made again, whatever seed or frames it was made with; "
+                 "what is made is kept there")
+      ->type_name("FOLDER");
+  app.add_flag("--ours", arguments->ours_alone, "no baselines");
+  app.add_option("--seed", arguments->places.seed, "of every random choice")
+      ->type_name("NUMBER")
+      ->capture_default_str();
+  app.add_flag(
+      "--check", arguments->check,
+      "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, 95 % "
+      "right in every light, and answers within 5 ms by pictures and 15 with words (p95)");
+  app.add_flag("-v,--verbose", arguments->verbose, "a line for each of our mistakes");
+  app.footer(kFooter);
+}
+
+/// The list that is built, and installed, with the program.
+std::filesystem::path list_of_program() {
+  return program_folder().parent_path() / "share/cairn/places.txt";
+}
+
+int run(int argc, char** argv) {
+  const std::string name = std::filesystem::path(argv[0]).filename();  // cairn-eval has its own for it
+  const auto complain = [&](const std::string& what) {
+    std::fprintf(stderr, "%s: %s\n", name.c_str(), what.c_str());
+  };
+  Arguments arguments;
+  arguments.places.list = list_of_program();
+  CLI::App app(
+      "Recordings as separate maps, and pictures of them that were not mapped: which map, and from where? "
+      "Also in "
+      "other light, without the place's own map, and by the paper's method and by words.",
+      name);
+  add_options(app, &arguments);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == 0) return app.exit(error);
+    complain(std::string(error.what()) + "; see --help");
+    return exit_code(ErrorCode::kUsage);
+  }
+  const Status done = examine_places(arguments);
+  if (done) return 0;
+  complain(done.error().message);
+  return exit_code(done.error().code);
+}
+
 }  // namespace
 }  // namespace cairn
 
 int main(int argc, char** argv) {
-  CLI::App app(
-      "Which of many maps shows a picture, and from where: ours, the paper's, words; in other light");
-  cairn::Arguments arguments;
-  app.add_option(
-      "--video", arguments.videos,
-      "NAME SOURCE CALIBRATION TRUTH UNIT FRAMES: mapped from its first FRAMES by tracker and map "
-      "maker; `-` for what is not known; TRUTH may be `elsewhere`: none, and the other frames do not "
-      "show what is mapped; UNIT `m` or `-`");
-  app.add_option("--stills", arguments.stills,
-                 "NAME SOURCE TRUTH UNIT: every other one is mapped, from its given pose");
-  app.add_option("--unmapped", arguments.unmapped, "NAME SOURCE CALIBRATION: asked about only");
-  app.add_option(
-      "--keep", arguments.keep,
-      "folder: a map found there by its name is not made again, whatever seed or frames it was made with; "
-      "what is made is kept there");
-  app.add_flag("--ours", arguments.ours_alone, "no baselines");
-  app.add_option("--seed", arguments.seed, "of every random choice");
-  app.add_flag(
-      "--check", arguments.check,
-      "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, 95 % "
-      "right in every light, and answers within 5 ms by pictures and 15 with words (p95)");
-  app.add_flag("-v,--verbose", arguments.verbose, "a line for each of our mistakes");
-  CLI11_PARSE(app, argc, argv);
-  if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-places-run: %s\n", done.error().message.c_str());
-    return cairn::exit_code(done.error().code);
-  }
-  return 0;
+  return cairn::run(argc, argv);
 }

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the programs of this folder share that play sequences through cairn-server and cairn-track. Standard library only."""
+import math
 import pathlib
 import signal
 import subprocess
@@ -107,3 +108,14 @@ def is_tracked(frame):
 def is_on_time(frame):
     """Likewise: what came of it came within 33 ms of when the frame was due."""
     return frame["state"] != "dropped" and frame["wall_ms"] <= 33.0
+
+
+def rows_of(path):
+    """The fields of each row of a text file, without comments and blank lines."""
+    return [line.split() for line in path.read_text().splitlines() if line and not line.startswith("#")]
+
+
+def percentile(values, share):
+    """The nearest rank; "-" of no values."""
+    ranked = sorted(values)
+    return ranked[max(0, math.ceil(share * len(ranked)) - 1)] if ranked else "-"

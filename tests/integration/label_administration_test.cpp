@@ -9,15 +9,11 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "client/session/label_request.h"
-#include "tests/integration/store_folder.h"
-#include "tests/integration/test_domain.h"
-#include "tests/integration/two_views.h"
+#include "tests/integration/label_fixture.h"
 
 namespace cairn {
 namespace {
 
-using namespace std::chrono_literals;
 using nlohmann::json;
 using ::testing::AllOf;
 using testing::eventually;
@@ -29,30 +25,8 @@ struct Said {
   std::string text;  ///< both streams
 };
 
-class LabelAdministrationTest : public ::testing::Test {
+class LabelAdministrationTest : public testing::LabelFixture {
  protected:
-  LabelAdministrationTest() {
-    service_options_.store = folder_.path();
-    service_ = testing::start_service(&service_options_);
-    SessionOptions options;
-    options.domain = service_options_.domain;
-    options.name = "anna";
-    anna_ = testing::open_session(options, scene_.camera());
-  }
-  void make_map() {
-    ASSERT_TRUE(anna_->wait_for_server(60s));
-    anna_->send_seed(testing::make_seed(scene_));
-    ASSERT_TRUE(anna_->wait_for_map(60s)) << anna_->status().text;
-    map_ = anna_->snapshot();
-  }
-  LabelId add(const std::string& text) {
-    const SE3& camera_from_map = map_->find(KeyframeId{2})->camera_from_map;
-    anna_->send_request(*request_new_label(*map_, camera_from_map, kPlace, text));
-    std::vector<RequestReply> replies;
-    (void)eventually([&] { return !(replies = anna_->take_request_replies()).empty(); });
-    EXPECT_TRUE(replies.size() == 1 && replies.front().done) << text;
-    return replies.empty() ? LabelId{} : replies.front().label;
-  }
   Said cairnctl(const std::string& words) const {
     const std::string line = std::string(CAIRNCTL_PROGRAM) + " --domain " +
                              std::to_string(service_options_.domain) + " " + words + " 2>&1";
@@ -71,29 +45,13 @@ class LabelAdministrationTest : public ::testing::Test {
     EXPECT_EQ(said.exit, 0) << said.text;
     return json::parse(said.text, nullptr, false);
   }
-  std::vector<std::string> seen_by_anna() const {
-    std::vector<std::string> texts;
-    if (const LabelListPtr labels = anna_->labels(map_->map)) {
-      for (const Label& label : *labels) texts.push_back(label.text);
-    }
-    return texts;
-  }
-  using Texts = std::vector<std::string>;
-
-  const Eigen::Vector3d kPlace{0.1, 0.05, 1};
-  const testing::Scene scene_{11};
-  const testing::StoreFolder folder_{"label-administration"};
-  ServiceOptions service_options_;
-  std::unique_ptr<Service> service_;
-  std::unique_ptr<Session> anna_;
-  MapSnapshotPtr map_;
 };
 
 TEST_F(LabelAdministrationTest, ListsWhatPeopleHaveSaidAndWhere) {
   make_map();
   EXPECT_EQ(list(), json::array());
-  const LabelId vice = add("vice");
-  (void)add("drill");
+  const LabelId vice = add(*anna_, "vice");
+  (void)add(*anna_, "drill");
   const json labels = list();
   ASSERT_EQ(labels.size(), 2U);
   EXPECT_EQ(labels[0]["id"], vice.value);
@@ -102,10 +60,11 @@ TEST_F(LabelAdministrationTest, ListsWhatPeopleHaveSaidAndWhere) {
   EXPECT_EQ(labels[0]["map"], "map-1");
   EXPECT_EQ(labels[1]["text"], "drill");
   const auto at = labels[0]["position"].get<std::vector<double>>();
-  EXPECT_LT((Eigen::Vector3d(at.at(0), at.at(1), at.at(2)) - kPlace).norm(), 1e-3);
+  const SE3& camera_from_map = anna_->snapshot()->find(KeyframeId{2})->camera_from_map;
+  EXPECT_LT((camera_from_map * Eigen::Vector3d(at.at(0), at.at(1), at.at(2)) - kSeen).norm(), 1e-3);
   EXPECT_EQ(list("labels"), labels) << "of all maps";
   EXPECT_EQ(list("labels map-1 list"), labels);
-  EXPECT_EQ(list("labels " + to_hex(map_->map.bytes)), labels) << "by id";
+  EXPECT_EQ(list("labels " + to_hex(map_.bytes)), labels) << "by id";
   const Said said = cairnctl("labels map-1");
   EXPECT_EQ(said.exit, 0);
   EXPECT_THAT(said.text,
@@ -116,7 +75,7 @@ TEST_F(LabelAdministrationTest, MoreThanFitIntoOneAnswerAreListedWhole) {
   make_map();
   const std::string longest(kMaxLabelBytes, 'x');
   const size_t count = 200;
-  for (size_t i = 0; i < count; ++i) (void)add(longest);
+  for (size_t i = 0; i < count; ++i) (void)add(*anna_, longest);
   EXPECT_EQ(list().size(), count);
 }
 
@@ -138,20 +97,18 @@ TEST_F(LabelAdministrationTest, SoAreMoreMapsThanFit) {
 
 TEST_F(LabelAdministrationTest, WhatAnOperatorChangesAllSeeAndTheStoreKeeps) {
   make_map();
-  const LabelId vice = add("vise");
-  const LabelId rude = add("rude");
+  const LabelId vice = add(*anna_, "vise");
+  const LabelId rude = add(*anna_, "rude");
   Said said = cairnctl("labels map-1 rename " + std::to_string(vice.value) + " 'small vice'");
   EXPECT_EQ(said.exit, 0) << said.text;
   EXPECT_THAT(said.text, HasSubstr("small vice"));
-  EXPECT_TRUE(eventually([&] { return seen_by_anna() == Texts{"small vice", "rude"}; }));
+  EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice", "rude"}; }));
   said = cairnctl("labels map-1 remove " + std::to_string(rude.value));
   EXPECT_EQ(said.exit, 0) << said.text;
-  EXPECT_TRUE(eventually([&] { return seen_by_anna() == Texts{"small vice"}; }));
+  EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice"}; }));
 
   service_.reset();
-  auto again = Service::start(service_options_, null_logger());
-  ASSERT_TRUE(again) << again.error().message;
-  service_ = std::move(*again);
+  start_service_again();
   const json labels = list();
   ASSERT_EQ(labels.size(), 1U);
   EXPECT_EQ(labels[0]["text"], "small vice");
@@ -160,7 +117,7 @@ TEST_F(LabelAdministrationTest, WhatAnOperatorChangesAllSeeAndTheStoreKeeps) {
 
 TEST_F(LabelAdministrationTest, WhatIsNotThereIsNamedWithTheRemedy) {
   make_map();
-  const LabelId vice = add("vice");
+  const LabelId vice = add(*anna_, "vice");
   const std::string id = std::to_string(vice.value);
   struct Case {
     std::string words;

@@ -3,10 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/session/label_request.h"
-#include "tests/integration/store_folder.h"
-#include "tests/integration/test_domain.h"
-#include "tests/integration/two_views.h"
+#include "tests/integration/label_fixture.h"
 
 namespace cairn {
 namespace {
@@ -15,68 +12,14 @@ using namespace std::chrono_literals;
 using testing::eventually;
 using ::testing::HasSubstr;
 
-class LabelsTest : public ::testing::Test {
+class LabelsTest : public testing::LabelFixture {
  protected:
-  LabelsTest() {
-    service_options_.store = folder_.path();
-    service_ = testing::start_service(&service_options_);
-    anna_ = open("anna");
-  }
-  std::unique_ptr<Session> open(const std::string& name, bool reads_only = false) {
-    SessionOptions options;
-    options.domain = service_options_.domain;
-    options.name = name;
-    options.reads_only = reads_only;
-    auto session = testing::open_session(options, scene_.camera());
-    EXPECT_TRUE(session->wait_for_server(60s));
-    EXPECT_TRUE(session->wait_for_name(60s));
-    return session;
-  }
-  void make_map() {
-    anna_->send_seed(testing::make_seed(scene_));
-    ASSERT_TRUE(anna_->wait_for_map(60s)) << anna_->status().text;
-    map_ = anna_->snapshot()->map;
-  }
   std::unique_ptr<Session> open_reader(const std::string& name, bool reads_only = false) {
     auto session = open(name, reads_only);
     session->use_map(map_);
     EXPECT_TRUE(session->wait_for_map(60s));
     return session;
   }
-
-  std::optional<RequestReply> ask(Session& session, wire::ClientRequest request) {
-    session.send_request(std::move(request));
-    std::vector<RequestReply> replies;
-    (void)eventually([&] { return !(replies = session.take_request_replies()).empty(); });
-    return replies.size() == 1 ? std::optional(replies.front()) : std::nullopt;
-  }
-  /// A label at what the second keyframe sees at a pixel.
-  wire::ClientRequest new_label(const std::string& text) {
-    const MapSnapshot& map = *anna_->snapshot();
-    const SE3& camera_from_map = map.find(KeyframeId{2})->camera_from_map;
-    const Eigen::Vector3d place = camera_from_map.inverse() * Eigen::Vector3d(0.1, 0.05, 1);
-    return *request_new_label(map, camera_from_map, place, text);
-  }
-  LabelId add(Session& session, const std::string& text) {
-    const auto reply = ask(session, new_label(text));
-    EXPECT_TRUE(reply && reply->done) << (reply ? reply->reason : "no reply");
-    return reply ? reply->label : LabelId{};
-  }
-  std::vector<std::string> texts(const Session& session) {
-    std::vector<std::string> found;
-    if (const LabelListPtr labels = session.labels(map_)) {
-      for (const Label& label : *labels) found.push_back(label.text);
-    }
-    return found;
-  }
-  using Texts = std::vector<std::string>;
-
-  const testing::Scene scene_{11};
-  const testing::StoreFolder folder_{"labels"};
-  ServiceOptions service_options_;
-  std::unique_ptr<Service> service_;
-  std::unique_ptr<Session> anna_;
-  MapId map_;
 };
 
 TEST_F(LabelsTest, WhatOneSaysAllOfTheMapReadWithinASecond) {
@@ -134,9 +77,7 @@ TEST_F(LabelsTest, LabelsSurviveTheServerAndRemovedOnesStayRemoved) {
 
   service_.reset();
   EXPECT_EQ(texts(*bob), Texts{"vice"}) << "they stay while the server is away";
-  auto again = Service::start(service_options_, null_logger());
-  ASSERT_TRUE(again) << again.error().message;
-  service_ = std::move(*again);
+  start_service_again();
   ASSERT_TRUE(eventually([&] { return anna_->snapshot()->epoch > before; }));
   ASSERT_TRUE(eventually([&] { return texts(*anna_) == Texts{"vice"} && texts(*bob) == Texts{"vice"}; }));
   const MapSnapshotPtr map = anna_->snapshot();
@@ -156,9 +97,7 @@ TEST_F(LabelsTest, WhatWasAskedWhileTheServerIsAwayIsDoneOnceWhenItIsBack) {
   ASSERT_TRUE(eventually([&] { return anna_->status().link == ServerLink::kGone; }));
   anna_->send_request(drill);
   EXPECT_TRUE(anna_->take_request_replies().empty());
-  auto again = Service::start(service_options_, null_logger());
-  ASSERT_TRUE(again) << again.error().message;
-  service_ = std::move(*again);
+  start_service_again();
   std::vector<RequestReply> replies;
   ASSERT_TRUE(eventually([&] { return !(replies = anna_->take_request_replies()).empty(); }));
   EXPECT_TRUE(replies[0].done) << replies[0].reason;

@@ -10,6 +10,7 @@ import math
 import pathlib
 import re
 import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
@@ -20,7 +21,7 @@ import colmap_model
 import programs_test
 from programs_test import LIMIT, OnTheDesk, ServerProcess, command
 
-OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED, DAMAGED = 0, 2, 3, 4, 5, 6
+OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED, DAMAGED, INTERRUPTED = 0, 2, 3, 4, 5, 6, 130
 
 
 class Operator(OnTheDesk):
@@ -181,6 +182,53 @@ class Operator(OnTheDesk):
         self.assertIn("project.ini", said)
         self.assertEqual((out / "map-1.cairnmap").read_bytes(), archive)
         self.assertEqual(sorted(p.name for p in out.iterdir()), ["map-1", "map-1.cairnmap"], "and nothing hidden")
+
+    def server_with_the_map(self, name):
+        """For what it is left with by exports that do not come to their end."""
+        shutil.copytree(self.folder / "store/maps", self.folder / name / "maps")
+        return ServerProcess("--store", self.folder / name)
+
+    def test_a_full_disk_is_told_of_the_file_that_was_asked_for(self):
+        out = self.folder / "full disk"
+        with self.server_with_the_map("full-disk-store") as server:
+            words = command("cairnctl", "--domain", server.domain, "maps", "export", "--out", out)
+            done = subprocess.run(["sh", "-c", 'ulimit -f 64; exec "$@"', "sh", *words], stderr=subprocess.PIPE, text=True,
+                                  timeout=LIMIT)
+        self.assertEqual(done.returncode, CONFIGURATION, done.stderr)
+        self.assertIn(f"{out}/map-1.cairnmap: cannot be written: File too large", done.stderr)
+        self.assertEqual(list(out.iterdir()), [], "nothing is left of what failed")
+
+    def begin_export_that_hangs(self, server, out):
+        """A cairnctl whose server stopped in the middle of the export."""
+        for _ in range(50):
+            begun = subprocess.Popen(command("cairnctl", "--domain", server.domain, "maps", "export", "--out", out),
+                                     stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+            while begun.poll() is None and not list(out.glob(".cairnctl-*")):
+                time.sleep(0.001)
+            server.process.send_signal(signal.SIGSTOP)
+            try:
+                begun.wait(timeout=1)
+            except subprocess.TimeoutExpired:
+                return begun
+            server.process.send_signal(signal.SIGCONT)  # it was too late
+            begun.communicate()
+        self.fail("the server could not be stopped in time")
+
+    def test_an_interrupted_export_leaves_nothing_hidden(self):
+        out = self.folder / "interrupted"
+        out.mkdir()
+        with self.server_with_the_map("interrupted-store") as server:
+            for ending in (signal.SIGINT, signal.SIGTERM):
+                begun = self.begin_export_that_hangs(server, out)
+                begun.send_signal(ending)
+                try:
+                    said = begun.communicate(timeout=LIMIT / 10)[1]
+                finally:
+                    begun.kill()
+                    server.process.send_signal(signal.SIGCONT)
+                self.assertEqual(begun.returncode, INTERRUPTED, said)
+                self.assertIn("interrupted", said)
+                self.assertEqual([p.name for p in out.glob(".cairnctl-*")], [])
 
     def test_an_archive_goes_to_another_server_and_grows_there(self):
         out = self.folder / "archives"

@@ -32,9 +32,7 @@ class OverlapTest : public ::testing::Test {
   void restart() {
     admin_.reset();
     service_.reset();
-    auto service = Service::start(options_, null_logger());
-    ASSERT_TRUE(service) << service.error().message;
-    service_ = std::move(*service);
+    service_ = testing::start_same_service(options_);
     connect();
   }
   void connect() {
@@ -50,8 +48,7 @@ class OverlapTest : public ::testing::Test {
     options.domain = options_.domain;
     options.name = name;
     options.lockstep = true;
-    auto session = testing::open_session(options, scene.camera());
-    EXPECT_TRUE(session->wait_for_server(60s));
+    auto session = testing::open_known_session(options, scene.camera());
     session->send_seed(testing::make_seed(scene));
     EXPECT_TRUE(session->wait_until_settled(60s)) << session->status().text;
     EXPECT_NE(session->snapshot(), nullptr);

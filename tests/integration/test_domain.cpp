@@ -41,10 +41,23 @@ std::unique_ptr<Service> start_service(ServiceOptions* options) {
   throw std::runtime_error("no free domain");
 }
 
+std::unique_ptr<Service> start_same_service(const ServiceOptions& options) {
+  auto service = Service::start(options, null_logger());
+  if (!service) throw std::runtime_error(service.error().message);
+  return std::move(*service);
+}
+
 std::unique_ptr<Session> open_session(const SessionOptions& options, const CameraPtr& camera) {
   auto session = Session::open(options, camera, null_logger());
   if (!session) throw std::runtime_error(session.error().message);
   return std::move(*session);
+}
+
+std::unique_ptr<Session> open_known_session(const SessionOptions& options, const CameraPtr& camera) {
+  auto session = open_session(options, camera);
+  EXPECT_TRUE(session->wait_for_server(std::chrono::seconds(60)));
+  EXPECT_TRUE(session->wait_for_name(std::chrono::seconds(60)));
+  return session;
 }
 
 CameraPtr test_camera() {

@@ -22,8 +22,15 @@ namespace cairn::testing {
 /// A service in a domain that nobody uses; its domain is left in `options`.
 [[nodiscard]] std::unique_ptr<Service> start_service(ServiceOptions* options);
 
+/// The same once more, in the domain of its options, when the one before has ended.
+[[nodiscard]] std::unique_ptr<Service> start_same_service(const ServiceOptions& options);
+
 /// A session on this host. Fails the test when it cannot be opened.
 [[nodiscard]] std::unique_ptr<Session> open_session(const SessionOptions& options, const CameraPtr& camera);
+
+/// The same, when the server has answered it and knows its name.
+[[nodiscard]] std::unique_ptr<Session> open_known_session(const SessionOptions& options,
+                                                          const CameraPtr& camera);
 
 /// A plain 400x300 camera.
 [[nodiscard]] CameraPtr test_camera();

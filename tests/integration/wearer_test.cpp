@@ -31,10 +31,7 @@ class WearerTest : public ::testing::Test {
     options.name = name;
     options.wearer = wearer;
     options.lockstep = true;
-    auto session = testing::open_session(options, place_.camera());
-    EXPECT_TRUE(session->wait_for_server(60s));
-    EXPECT_TRUE(session->wait_for_name(60s));
-    return session;
+    return testing::open_known_session(options, place_.camera());
   }
   MapId make_map(Session& session, const testing::Scene& scene) {
     session.send_seed(testing::make_seed(scene));

@@ -1,13 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// cairn-eval: trajectories against truth, and what the statistics of runs say.
+// cairn-eval: trajectories against truth, what the statistics of runs say, the relocalizer over recordings.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <filesystem>
 
 #include "client/app/eval/metrics.h"
 #include "client/app/eval/plot.h"
 #include "client/app/eval/report.h"
 #include "client/app/eval/run_stats.h"
+#include "common/base/program_folder.h"
 #include "common/base/suggestion.h"
 #include "common/base/version.h"
 #include "common/io/text.h"
@@ -21,7 +26,9 @@ constexpr int kUsageExit = 2;
 constexpr const char* kFooter = R"(Examples:
   cairn-eval ate groundtruth.txt trajectory.txt --plot trajectory.png
   cairn-eval stats run1.json run2.json --json
-Exit codes: 0 ok, 1 no time matches or nothing to align, 2 usage, 3 file missing, 6 file damaged.)";
+  cairn-eval reloc /data/recordings --ours
+Exit codes: 0 ok, 1 no time matches or nothing to align, 2 usage, 3 file missing, 6 file damaged; of
+reloc: its own help.)";
 constexpr const char* kTrajectoryFooter = R"(Examples:
   cairn-eval ate groundtruth.txt trajectory.txt
   cairn-eval rpe groundtruth.txt trajectory.txt --align se3 --delta 1 --delta-unit m --json
@@ -156,6 +163,21 @@ Status run_stats(const StatsArguments& arguments) {
   return {};
 }
 
+/// The relocalizer is the server's, which this program does not link: the one beside it that does takes this
+/// process over, with all words after `reloc`. Returns only what kept it from that.
+Status run_reloc(char** words) {
+  const auto program = program_folder() / "cairn-places-run";
+  if (access(program.c_str(), X_OK) != 0) {
+    return fail(ErrorCode::kConfiguration, program.string() +
+                                               ": missing; it needs the server's libraries and is built with "
+                                               "the tests: deploy/build release -DBUILD_TESTING=ON");
+  }
+  std::string name = "cairn-eval reloc";  // what it calls itself then
+  words[0] = name.data();
+  execv(program.c_str(), words);
+  return fail(ErrorCode::kIo, program.string() + ": cannot be started: " + std::strerror(errno));
+}
+
 int report_status(Status status) {
   if (std::fflush(stdout) != 0 && status) {
     status = fail(ErrorCode::kIo, cannot_be_written("standard output"));
@@ -168,15 +190,17 @@ int report_status(Status status) {
 int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   std::string message = error.what();
   if (const auto words = app.remaining(true); app.get_subcommands().empty() && !words.empty()) {
-    message =
-        "unknown command '" + words.front() + "'" + did_you_mean(words.front(), {"ate", "rpe", "stats"});
+    message = "unknown command '" + words.front() + "'" +
+              did_you_mean(words.front(), {"ate", "rpe", "stats", "reloc"});
   }
   std::fprintf(stderr, "cairn-eval: %s\ncairn-eval --help lists all commands\n", message.c_str());
   return kUsageExit;
 }
 
 int run(int argc, char** argv) {
-  CLI::App app("Compares trajectories with truth and sums up the statistics of cairn-track.", "cairn-eval");
+  CLI::App app(
+      "Compares trajectories with truth, sums up the statistics of cairn-track, examines the relocalizer.",
+      "cairn-eval");
   app.require_subcommand(1);
   app.footer(kFooter);
   app.set_version_flag("--version", "cairn-eval " + std::string(version()));
@@ -204,6 +228,8 @@ int run(int argc, char** argv) {
   summary->add_option("FILE", stats.files, "files written by cairn-track --stats")->required();
   summary->add_flag("--json", stats.json, "one JSON document on stdout");
   summary->footer(kStatsFooter);
+  app.add_subcommand("reloc", "which of the maps of many recordings shows a picture, and from where");
+  if (argc > 1 && argv[1] == std::string_view("reloc")) return report_status(run_reloc(argv + 1));
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
