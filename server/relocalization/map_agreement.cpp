@@ -7,9 +7,6 @@
 namespace cairn {
 namespace {
 
-/// Two poses of one picture in one map are off by a third of what contradicts (relocalizer.cpp), which is
-/// this; here the scale of a short base is added, and what two maps of a place differ in.
-constexpr double kAgreement = 0.15;
 /// Views that are nearer to each other say little of the scale: distance of the centres, in mean depths.
 constexpr double kLeastBase = 0.1;
 
@@ -72,7 +69,7 @@ Vote count(std::span<const SharedView> views, const Similarity3& other_from_one)
   Vote vote;
   for (size_t i = 0; i < views.size(); ++i) {
     const double error = error_of(views[i], other_from_one);
-    if (!(error <= kAgreement)) continue;
+    if (!(error <= kSamePose)) continue;
     vote.agreeing.push_back(i);
     vote.error += error;
   }

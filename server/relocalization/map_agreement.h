@@ -29,6 +29,11 @@ struct MapAgreement {
 /// least error.
 [[nodiscard]] std::optional<MapAgreement> find_agreement(std::span<const SharedView> views);
 
+/// Poses of one picture in one map that are farther apart contradict each other; the same pose from two
+/// keyframes is off by a third of that, which leaves room for what two maps of a place differ in and for the
+/// scale of a short base.
+constexpr double kSamePose = 0.15;
+
 /// How far apart two cameras in one frame are: distance in mean depths, plus angle in radians.
 [[nodiscard]] double separation(const SE3& a, const SE3& b, double depth);
 

@@ -25,12 +25,7 @@ constexpr size_t kFused = 128;
 constexpr ptrdiff_t kTriesOfPlace = 4;
 constexpr size_t kMoreForPose = 4;
 
-/// Poses of one picture in one map that are farther apart contradict each other: distance of the centres, in
-/// mean depths, plus angle, in radians. The same pose from two keyframes is off by a third of that.
-constexpr double kSamePose = 0.15;
-
-/// A keyframe that is farther than this from a camera is of another place: distance in mean depths plus
-/// angle.
+/// A keyframe whose separation() from a camera is more is of another place: they see little in common.
 constexpr double kSamePlace = 1;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
@@ -132,8 +127,8 @@ bool is_rival(const Tried& rival, const Tried& judged, std::span<const Tried> tr
          });
 }
 
-/// Corners, ascending, that a rival explains as something else: in the same map, as points that lie elsewhere
-/// in the picture by the pose that is judged.
+/// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
+/// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
 std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
   const bool is_same_map = rival.candidate.map == judged.candidate.map;
   std::vector<size_t> corners;

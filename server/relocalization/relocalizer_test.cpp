@@ -362,6 +362,7 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
 /// A nearly empty place, and a full one that is like it but for what is in it.
 struct LookAlikes : ::testing::Test {
   static constexpr double kFewThings = 0.1;
+  static constexpr double kAside = 20;  ///< [m]
   const Scene empty{11, 21, kFewThings};
   const Scene full{11, 22, 1};
   const Scene unmapped{11, 23, kFewThings};  ///< like both
@@ -406,7 +407,6 @@ TEST_F(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
 }
 
 TEST_F(LookAlikes, NorDoesItWhereTheyAreInOneMap) {
-  constexpr double kAside = 20;
   const ExactMap one_map(1, {mapped(empty), mapped(full, kAside)});
   PlaceIndex alone;
   alone.put(ExactMap(1, {mapped(empty)}).index());
