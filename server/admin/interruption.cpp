@@ -13,8 +13,11 @@ static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler writes i
 
 Interruption::Interruption() {
   struct sigaction noting {};
-  noting.sa_handler = [](int) { is_requested = true; };
-  noting.sa_flags = SA_RESTART | static_cast<int>(SA_RESETHAND);
+  noting.sa_handler = [](int) {
+    is_requested = true;
+    for (const int next : kSignals) std::signal(next, SIG_DFL);
+  };
+  noting.sa_flags = SA_RESTART;
   for (size_t i = 0; i < kSignals.size(); ++i) {
     sigaction(kSignals[i], nullptr, &before_[i]);
     // nohup asks that a terminal that goes be no matter.

@@ -31,7 +31,7 @@ struct MapAgreement {
 
 /// Poses of one picture in one map that are farther apart contradict each other; the same pose from two
 /// keyframes is off by a third of that, which leaves room for what two maps of a place differ in and for the
-/// scale of a short base.
+/// scale of a short base. An angle alone counts as much [rad].
 constexpr double kSamePose = 0.15;
 
 /// How far apart two cameras in one frame are: distance in mean depths, plus angle in radians.

@@ -117,24 +117,25 @@ struct Rivalry {
   std::vector<size_t> peculiar{};  ///< corners found that none of them explains
 };
 
-/// A map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place that
-/// has changed every other map is one: the part that stands may be what they have in common. In the map
-/// itself what looks right is no rival but contradicts, or agrees.
-bool is_rival(const Tried& rival, const Tried& judged, std::span<const Tried> tried) {
-  if (rival.candidate.map == judged.candidate.map) return !rival.said.confirmed;
-  return judged.said.changed || std::ranges::none_of(tried, [&](const Tried& t) {
-           return t.candidate.map == rival.candidate.map && t.said.confirmed && !t.said.changed;
-         });
+/// Another map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place
+/// that has changed every other map is one: the part that stands may be what they have in common. In the map
+/// itself whatever explains corners otherwise is one.
+bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
+  if (map == judged.candidate.map || judged.said.changed) return true;
+  return std::ranges::none_of(
+      tried, [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed && !t.said.changed; });
 }
 
 /// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
 /// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
 std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
-  const bool is_same_map = rival.candidate.map == judged.candidate.map;
+  const auto is_otherwise = [&](const ExplainedCorner& e) {
+    if (rival.candidate.map != judged.candidate.map) return true;
+    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < std::cos(kSamePose);
+  };
   std::vector<size_t> corners;
   for (const ExplainedCorner& e : rival.said.explained) {
-    const double cosine = e.ray.dot((judged.said.camera_from_map * e.position).normalized());
-    if (!is_same_map || cosine < std::cos(kSamePose)) corners.push_back(e.corner);
+    if (is_otherwise(e)) corners.push_back(e.corner);
   }
   return corners;
 }
@@ -142,7 +143,7 @@ std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged)
 Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
   Rivalry rivalry{0, confirmed.said.found};
   for (const Tried& rival : tried) {
-    if (!is_rival(rival, confirmed, tried)) continue;
+    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
     const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
     rivalry.most = std::max(rivalry.most, explained.size());
     std::vector<size_t> left;

@@ -33,8 +33,8 @@ struct RelocOptions {
   /// Pictures that are scanned before a forest is planted.
   size_t most_scanned = kMostScanned;
   ConfirmOptions confirm;
-  /// What a place that is confirmed must have before its rivals: its share of the corners found
-  /// that none of them explains,
+  /// What a place that is confirmed must have before its rivals, which are places of other maps and others of
+  /// its own: its share of the corners found that none of them explains as something else,
   double least_peculiar = 0.25;
   /// and the corners that it explains, over those that any of them does.
   double least_margin = 1.25;

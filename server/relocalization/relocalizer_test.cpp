@@ -415,7 +415,9 @@ TEST_F(LookAlikes, NorDoesItWhereTheyAreInOneMap) {
   for (const int step : {3, 5}) {
     SCOPED_TRACE(step);
     const PlaceAnswer neither = expect_neither(alone, both, step);
-    EXPECT_FALSE(neither.reason.empty());
+    EXPECT_TRUE(neither.reason.find("more than one place looks like this") != std::string::npos ||
+                neither.reason.find("agree with another pose in this map") != std::string::npos)
+        << neither.reason;
     const PlaceAnswer right = ask(both, empty, step);
     ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
     EXPECT_LT(error_of(camera_of(right, *one_map.snapshot()), asked_from(step), *one_map.snapshot()), 0.01);

@@ -25,6 +25,7 @@ constexpr double kReach = 0.25;      // [m], or of the depth where the truth has
 MapId map_id(size_t number) {
   MapId id;
   id.bytes[0] = static_cast<uint8_t>(number + 1);
+  id.bytes[1] = static_cast<uint8_t>((number + 1) >> 8);
   return id;
 }
 

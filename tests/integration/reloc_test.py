@@ -74,7 +74,7 @@ class Reloc(OnTheDesk):
         alone.parent.mkdir()
         shutil.copy(command("cairn-eval")[0], alone)
         said = self.reloc(self.folder, expect=CONFIGURATION, program=alone)[1]
-        self.assertIn(str(alone.with_name("cairn-places-run")) + ": missing; ", said)
+        self.assertIn(str(alone.with_name("cairn-places-run")) + ": No such file or directory; ", said)
         self.assertIn("deploy/build release -DBUILD_TESTING=ON", said)
 
 

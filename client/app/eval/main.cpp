@@ -166,11 +166,14 @@ Status run_stats(const StatsArguments& arguments) {
 /// The relocalizer is the server's, which this program does not link: the one beside it that does takes this
 /// process over, with all words after `reloc`. Returns only what kept it from that.
 Status run_reloc(char** words) {
-  const auto program = program_folder() / "cairn-places-run";
+  const auto folder = program_folder();
+  if (folder.empty()) return fail(ErrorCode::kIo, "where this program lies cannot be told: is /proc there?");
+  const auto program = folder / "cairn-places-run";
   if (access(program.c_str(), X_OK) != 0) {
-    return fail(ErrorCode::kConfiguration, program.string() +
-                                               ": missing; it needs the server's libraries and is built with "
-                                               "the tests: deploy/build release -DBUILD_TESTING=ON");
+    return fail(ErrorCode::kConfiguration,
+                program.string() + ": " + std::strerror(errno) +
+                    "; it needs the server's libraries and is built with the tests and benchmarks: "
+                    "deploy/install-packages server test, then deploy/build release -DBUILD_TESTING=ON");
   }
   std::string name = "cairn-eval reloc";  // what it calls itself then
   words[0] = name.data();
