@@ -22,11 +22,11 @@ constexpr size_t kFused = 128;
 
 /// So many keyframes of a place that has been confirmed are tried; then others are, which may look as much
 /// like it; then so many more at least, for the best pose.
-constexpr ptrdiff_t kTriesOfPlace = 4;
+constexpr int kTriesOfPlace = 4;
 constexpr size_t kMoreForPose = 4;
 
-/// A keyframe whose separation() from a camera is more is of another place: they see little in common.
-constexpr double kSamePlace = 1;
+/// Keyframes of a map that measured fewer points in common are of different places.
+constexpr size_t kInCommon = 5;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -101,14 +101,31 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 struct Tried {
   PlaceCandidate candidate;
   Confirmation said;
-  KeyframePose keyframe;
+  const IndexedKeyframe* indexed = nullptr;
+  double mean_depth = 0;   ///< of the keyframe
+  int tries_of_place = 1;  ///< keyframes tried that are of its place
 };
 
-/// Whether a keyframe is of the place that is confirmed.
-bool is_of_place(const KeyframePose& keyframe, const MapId& map, const Tried& confirmed) {
-  return map == confirmed.candidate.map &&
-         separation(keyframe.camera_from_map, confirmed.said.camera_from_map, keyframe.mean_depth) <=
-             kSamePlace;
+/// Whether two keyframes of one map saw the same things.
+bool are_covisible(const IndexedKeyframe& a, const IndexedKeyframe& b) {
+  size_t shared = 0;
+  for (auto i = a.measured.begin(), j = b.measured.begin(); i != a.measured.end() && j != b.measured.end();) {
+    if (*i < *j) {
+      ++i;
+    } else if (*j < *i) {
+      ++j;
+    } else {
+      if (++shared == kInCommon) return true;
+      ++i;
+      ++j;
+    }
+  }
+  return false;
+}
+
+/// Whether a keyframe of a map is of the place of one that was tried.
+bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const Tried& tried) {
+  return map == tried.candidate.map && are_covisible(keyframe, *tried.indexed);
 }
 
 /// What its rivals explain of a picture for which another is confirmed.
@@ -174,7 +191,7 @@ bool contradict(const Tried& a, const Tried& b) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = a.said.camera_from_map;
   const SE3& other = b.said.camera_from_map;
-  return separation(one, other, std::min(a.keyframe.mean_depth, b.keyframe.mean_depth)) > kSamePose;
+  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
@@ -249,13 +266,20 @@ class Inquiry {
  private:
   /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
   /// rivals.
-  [[nodiscard]] bool is_settled(const KeyframePose& keyframe, const MapId& map) const {
+  [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
     return std::ranges::any_of(tried_, [&](const Tried& t) {
-      return t.said.confirmed && is_of_place(keyframe, map, t) &&
-             std::ranges::count_if(tried_, [&](const Tried& other) {
-               return is_of_place(other.keyframe, other.candidate.map, t);
-             }) >= kTriesOfPlace;
+      return t.said.confirmed && t.tries_of_place >= kTriesOfPlace && is_of_place(keyframe, map, t);
     });
+  }
+
+  /// Counts it among what was tried of its place.
+  void add(Tried tried) {
+    for (Tried& before : tried_) {
+      if (!is_of_place(*before.indexed, before.candidate.map, tried)) continue;
+      ++before.tries_of_place;
+      ++tried.tries_of_place;
+    }
+    tried_.push_back(std::move(tried));
   }
 
   /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
@@ -266,11 +290,11 @@ class Inquiry {
       if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
       if (pose == nullptr) continue;
-      if (tries == Tries::kRivalsFirst && is_settled(*pose, r.map->snapshot->map)) continue;
+      if (tries == Tries::kRivalsFirst && is_settled(r.indexed(), r.map->snapshot->map)) continue;
       Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
       PlaceCandidate candidate = make_candidate(r, said, *pose);
-      tried_.push_back({std::move(candidate), std::move(said), *pose});
+      add({std::move(candidate), std::move(said), &r.indexed(), static_cast<double>(pose->mean_depth)});
       if (is_clear(tried_.back().said, options_) && !find_why_refused(options_, tried_.back(), tried_))
         return true;
     }
