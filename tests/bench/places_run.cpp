@@ -237,15 +237,22 @@ double percent(size_t part, size_t whole) {
   return whole == 0 ? 0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
 }
 
+/// `-` where there is nothing of which to say it.
+std::string percent_text(double share, bool is_known) {
+  return is_known ? fmt::format("{:.1f}%", 100 * share) : "-";
+}
+std::string off_text(const Recall& recall, double p) {
+  return recall.off.empty() ? "-" : fmt::format("{:.2f}", 100 * percentile(recall.off, p));
+}
+
 void print_place(const Place& place, const Score& s) {
   const Recall& r = s.recall;
   std::printf(
-      "%-22s %-14s %5zu | %4zu %4zu %5.1f%% | %4zu %4zu | %4zu %4zu | %4zu %4zu | %5.2f %5.2f | %5.1f "
-      "%5.1f\n",
+      "%-22s %-14s %5zu | %4zu %4zu %6s | %4zu %4zu | %4zu %4zu | %4zu %4zu | %5s %5s | %5.1f %5.1f\n",
       place.name.c_str(), place.how.c_str(), place.map ? place.map->keyframes.size() : 0, r.in_view, r.right,
-      100 * r.share(), r.elsewhere, r.answered_else, r.wrong_map, r.wrong_pose, s.foreign, s.claimed,
-      100 * percentile(r.off, 0.5), 100 * percentile(r.off, 0.95), percentile(s.times.all(), 0.5),
-      percentile(s.times.all(), 0.95));
+      percent_text(r.share(), r.in_view > 0).c_str(), r.elsewhere, r.answered_else, r.wrong_map, r.wrong_pose,
+      s.foreign, s.claimed, off_text(r, 0.5).c_str(), off_text(r, 0.95).c_str(),
+      percentile(s.times.all(), 0.5), percentile(s.times.all(), 0.95));
 }
 
 void print_total(const char* method, const std::string& light, const Score& s) {

@@ -231,7 +231,10 @@ int run(int argc, char** argv) {
   summary->add_option("FILE", stats.files, "files written by cairn-track --stats")->required();
   summary->add_flag("--json", stats.json, "one JSON document on stdout");
   summary->footer(kStatsFooter);
-  app.add_subcommand("reloc", "which of the maps of many recordings shows a picture, and from where");
+  app.add_subcommand(
+      "reloc",
+      "which of the maps of many recordings shows a picture, and from where (of a build with the "
+      "tests)");
   if (argc > 1 && argv[1] == std::string_view("reloc")) return report_status(run_reloc(argv + 1));
   try {
     app.parse(argc, argv);
