@@ -7,131 +7,20 @@
 #include <cmath>
 #include <tuple>
 
-#include "common/image/corners.h"
-#include "server/mapping/test_scene.h"
+#include "server/relocalization/exact_map.h"
 #include "server/relocalization/overlap_book.h"
 #include "server/relocalization/votes.h"
 
 namespace cairn {
 namespace {
 
+using testing::camera_of;
+using testing::describe_image;
+using testing::error_of;
+using testing::ExactMap;
 using testing::Scene;
 
-constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
-constexpr size_t kPointsPerLevel = 200;
 constexpr double kNever = 1.01;  ///< more than anything can be alike
-
-std::array<CornerList, kPyramidLevels> find_corners(const Pyramid& pyramid) {
-  std::array<CornerList, kPyramidLevels> corners;
-  for (int l = 0; l < kPyramidLevels; ++l) {
-    detect_fast10(pyramid.level(l), kFastThresholds[static_cast<size_t>(l)],
-                  &corners[static_cast<size_t>(l)]);
-  }
-  return corners;
-}
-
-PlaceView describe_image(const GrayView& image) {
-  Pyramid pyramid;
-  pyramid.build(image);
-  return describe_place(pyramid, find_corners(pyramid));
-}
-
-SE3 pose_at(int step, double advance) {
-  return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, -advance)) * Scene::pose(step);
-}
-
-/// A scene in a map, and from where it was mapped.
-struct MappedScene {
-  const Scene* scene;
-  std::vector<int> steps;  ///< of its camera
-  double advance = 0;      ///< [m] further on than Scene::pose() says
-  double aside = 0;        ///< [m] of the scene, in the map
-};
-
-/// A map made without a map maker: keyframes of scenes, their corners as points at their exact places.
-class ExactMap {
- public:
-  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps, double advance = 0)
-      : ExactMap(id, {{.scene = &scene, .steps = steps, .advance = advance}}) {}
-
-  ExactMap(uint8_t id, const std::vector<MappedScene>& scenes) {
-    auto keyframes = std::make_shared<KeyframeBlock>();
-    for (const MappedScene& mapped : scenes)
-      for (const int step : mapped.steps) add_keyframe(mapped, step, keyframes.get());
-    auto snapshot = std::make_shared<MapSnapshot>();
-    snapshot->map.bytes[0] = id;
-    snapshot->epoch = Epoch{3};
-    snapshot->revision = Revision{7};
-    snapshot->keyframe_blocks = {keyframes};
-    for (size_t first = 0; first < sources_.size(); first += kBlockSlots) {
-      const size_t last = std::min(sources_.size(), first + kBlockSlots);
-      const auto begin = static_cast<ptrdiff_t>(first);
-      const auto end = static_cast<ptrdiff_t>(last);
-      auto patches = std::make_shared<PatchBlock>();
-      patches->points.assign(sources_.begin() + begin, sources_.begin() + end);
-      auto positions = std::make_shared<PositionBlock>();
-      positions->positions.assign(positions_.begin() + begin, positions_.begin() + end);
-      positions->visibility.resize(last - first);
-      positions->live = last - first == kBlockSlots ? ~uint64_t{0} : (uint64_t{1} << (last - first)) - 1;
-      snapshot->point_blocks.push_back(make_point_block(patches, positions, snapshot->keyframe_blocks));
-    }
-    snapshot_ = snapshot;
-  }
-
-  [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
-  [[nodiscard]] const std::vector<KeyframeView>& views() const { return views_; }
-  [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
-
- private:
-  void add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* keyframes) {
-    const KeyframeId id{views_.size() + 1};
-    const SE3 pose = pose_at(step, mapped.advance);
-    const Eigen::Vector3d aside(mapped.aside, 0, 0);
-    const SE3 camera_from_map = pose * SE3(Eigen::Quaterniond::Identity(), -aside);
-    auto pyramid = std::make_shared<Pyramid>();
-    pyramid->build(mapped.scene->render(pose, static_cast<uint64_t>(step))->view());
-    KeyframeView view{id, mapped.scene->camera(), pyramid, {}};
-    const auto corners = find_corners(*pyramid);
-    double depth_sum = 0;
-    for (int l = 0; l < kPyramidLevels; ++l) {
-      auto candidates = find_candidates(pyramid->level(l), corners[static_cast<size_t>(l)], 6, 14, 20);
-      std::stable_sort(candidates.begin(), candidates.end(),
-                       [](const auto& a, const auto& b) { return a.score > b.score; });
-      candidates.resize(std::min(candidates.size(), kPointsPerLevel));
-      for (const Candidate& c : candidates) {
-        const Eigen::Vector2f pixel(from_level(c.corner.x, l), from_level(c.corner.y, l));
-        const Eigen::Vector3d point = mapped.scene->hit(pose, pixel.cast<double>());
-        PointSource source;
-        source.id = PointId{sources_.size() + 1};
-        source.keyframe = id;
-        sources_.push_back(source);
-        positions_.push_back((point + aside).cast<float>());
-        view.measurements.push_back({source.id, static_cast<uint8_t>(l), pixel});
-        depth_sum += (pose * point).z();
-      }
-    }
-    const auto depth = static_cast<float>(depth_sum / static_cast<double>(view.measurements.size()));
-    keyframes->live |= uint64_t{1} << keyframes->keyframes.size();
-    keyframes->keyframes.push_back({id, camera_from_map, depth});
-    views_.push_back(std::move(view));
-  }
-
-  std::vector<PointSource> sources_;
-  std::vector<Eigen::Vector3f> positions_;
-  std::vector<KeyframeView> views_;
-  MapSnapshotPtr snapshot_;
-};
-
-/// The camera that an answer's best candidate says, in the map's frame.
-SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map) {
-  const PlaceCandidate& best = answer.candidates.front();
-  return best.camera_from_keyframe * map.find(best.keyframe)->camera_from_map;
-}
-
-/// Distance between two cameras, over the depth of the view.
-double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map) {
-  return (estimate.center() - truth.center()).norm() / map.nearest_keyframe(truth.center())->mean_depth;
-}
 
 std::vector<const IndexedMap*> all_maps(const PlaceIndex& index) {
   std::vector<const IndexedMap*> maps;
@@ -357,83 +246,6 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   const Confirmation rival = ask(options);
   ASSERT_FALSE(rival.confirmed);
   EXPECT_TRUE(explains(rival)) << "enough agree";
-}
-
-/// A nearly empty place, and a full one that is like it but for what is in it.
-struct LookAlikes : ::testing::Test {
-  static constexpr double kFewThings = 0.1;
-  static constexpr double kAside = 20;  ///< [m]
-  const Scene empty{11, 21, kFewThings};
-  const Scene full{11, 22, 1};
-  const Scene unmapped{11, 23, kFewThings};  ///< like both
-
-  static MappedScene mapped(const Scene& scene, double aside = 0) {
-    return {.scene = &scene, .steps = {2, 4, 6}, .advance = kAdvance, .aside = aside};
-  }
-  static SE3 asked_from(int step) { return pose_at(step, kAdvance); }
-  static PlaceAnswer ask(const PlaceIndex& index, const Scene& scene, int step) {
-    const auto image = scene.render(asked_from(step), 200 + static_cast<uint64_t>(step));
-    return relocalize(index, *scene.camera(), describe_image(image->view()));
-  }
-  /// Of the unmapped place the empty one explains all it has, and so does the full one in part: it is
-  /// neither.
-  [[nodiscard]] PlaceAnswer expect_neither(const PlaceIndex& alone, const PlaceIndex& both, int step) const {
-    EXPECT_EQ(ask(alone, unmapped, step).verdict, PlaceVerdict::kConfirmed)
-        << "nothing tells that what is seen is common";
-    PlaceAnswer neither = ask(both, unmapped, step);
-    EXPECT_EQ(neither.verdict, PlaceVerdict::kNotKnown);
-    return neither;
-  }
-
- private:
-  static constexpr double kAdvance = 0.3;
-};
-
-TEST_F(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
-  const ExactMap empty_map(1, {mapped(empty)});
-  PlaceIndex alone;
-  alone.put(empty_map.index());
-  PlaceIndex both = alone;
-  both.put(ExactMap(2, {mapped(full)}).index());
-  for (const int step : {3, 5}) {
-    SCOPED_TRACE(step);
-    const PlaceAnswer neither = expect_neither(alone, both, step);
-    EXPECT_NE(neither.reason.find("more than one place looks like this"), std::string::npos)
-        << neither.reason;
-    const PlaceAnswer right = ask(both, empty, step);
-    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
-    EXPECT_EQ(right.candidates.front().map, empty_map.snapshot()->map);
-  }
-}
-
-TEST_F(LookAlikes, NorDoesItWhereTheyAreInOneMap) {
-  const ExactMap one_map(1, {mapped(empty), mapped(full, kAside)});
-  PlaceIndex alone;
-  alone.put(ExactMap(1, {mapped(empty)}).index());
-  PlaceIndex both;
-  both.put(one_map.index());
-  for (const int step : {3, 5}) {
-    SCOPED_TRACE(step);
-    const PlaceAnswer neither = expect_neither(alone, both, step);
-    EXPECT_TRUE(neither.reason.find("more than one place looks like this") != std::string::npos ||
-                neither.reason.find("agree with another pose in this map") != std::string::npos)
-        << neither.reason;
-    const PlaceAnswer right = ask(both, empty, step);
-    ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
-    EXPECT_LT(error_of(camera_of(right, *one_map.snapshot()), asked_from(step), *one_map.snapshot()), 0.01);
-  }
-}
-
-TEST(Overlap, OfTwoMapsOfOnePlaceNeitherRefusesTheOther) {
-  const Scene scene(11);
-  PlaceIndex index;
-  index.put(ExactMap(scene, 1, {0, 4, 8}).index());
-  index.put(ExactMap(scene, 2, {2, 6, 10}).index());
-  for (int step = 1; step < 10; step += 2) {
-    const auto image = scene.render(Scene::pose(step), 300 + static_cast<uint64_t>(step));
-    const PlaceAnswer answer = relocalize(index, *scene.camera(), describe_image(image->view()));
-    EXPECT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << step << ": " << answer.reason;
-  }
 }
 
 TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {

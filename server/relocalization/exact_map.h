@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "common/image/place.h"
+#include "common/map/place_answer.h"
+#include "server/mapping/test_scene.h"
+#include "server/relocalization/place_index.h"
+
+/// Maps of made scenes for tests, without a map maker, and what a camera sees of them.
+namespace cairn::testing {
+
+[[nodiscard]] PlaceView describe_image(const GrayView& image);
+
+/// Scene::pose(), `advance` metres further on.
+[[nodiscard]] SE3 pose_at(int step, double advance);
+
+/// A scene in a map, and from where it was mapped.
+struct MappedScene {
+  const Scene* scene;
+  std::vector<int> steps;  ///< of its camera
+  double advance = 0;      ///< [m] further on than Scene::pose() says
+  double aside = 0;        ///< [m] of the scene, in the map
+};
+
+/// A map made without a map maker: keyframes of scenes, their corners as points at their exact places.
+class ExactMap {
+ public:
+  ExactMap(const Scene& scene, uint8_t id, const std::vector<int>& steps, double advance = 0)
+      : ExactMap(id, {{.scene = &scene, .steps = steps, .advance = advance}}) {}
+
+  ExactMap(uint8_t id, const std::vector<MappedScene>& scenes);
+
+  [[nodiscard]] const MapSnapshotPtr& snapshot() const { return snapshot_; }
+  [[nodiscard]] const std::vector<KeyframeView>& views() const { return views_; }
+  [[nodiscard]] IndexedMapPtr index() const { return index_map(nullptr, snapshot_, views_); }
+
+ private:
+  void add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* keyframes);
+
+  std::vector<PointSource> sources_;
+  std::vector<Eigen::Vector3f> positions_;
+  std::vector<KeyframeView> views_;
+  MapSnapshotPtr snapshot_;
+};
+
+/// The camera that an answer's best candidate says, in the map's frame.
+[[nodiscard]] SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map);
+
+/// Distance between two cameras, over the depth of the view.
+[[nodiscard]] double error_of(const SE3& estimate, const SE3& truth, const MapSnapshot& map);
+
+}  // namespace cairn::testing
