@@ -146,9 +146,10 @@ bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> trie
 /// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
 /// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
 std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
+  const double least_cosine = std::cos(kSamePose);
   const auto is_otherwise = [&](const ExplainedCorner& e) {
     if (rival.candidate.map != judged.candidate.map) return true;
-    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < std::cos(kSamePose);
+    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < least_cosine;
   };
   std::vector<size_t> corners;
   for (const ExplainedCorner& e : rival.said.explained) {
