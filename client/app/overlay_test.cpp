@@ -13,6 +13,7 @@
 
 #include "client/app/test_doubles.h"
 #include "client/app/video_writer.h"
+#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -192,14 +193,6 @@ TEST(Overlay, SmallPicturesAreEnlargedToAReadableWidth) {
 
 class VideoTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    directory_ = std::filesystem::path(::testing::TempDir()) /
-                 ("cairn_video_" + std::to_string(::getpid()) + "_" +
-                  ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    std::filesystem::create_directories(directory_);
-  }
-  void TearDown() override { std::filesystem::remove_all(directory_); }
-
   /// Pictures in a file and its rate.
   static std::pair<int, double> read(const std::filesystem::path& path) {
     cv::VideoCapture file(path.string());
@@ -208,7 +201,8 @@ class VideoTest : public ::testing::Test {
     return {pictures, file.get(cv::CAP_PROP_FPS)};
   }
 
-  std::filesystem::path directory_;
+  TestDirectory own_;
+  const std::filesystem::path& directory_ = own_.path();
   CameraPtr camera_ = test_camera(320, 240);
 };
 

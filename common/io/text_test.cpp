@@ -8,6 +8,8 @@
 #include <fstream>
 #include <random>
 
+#include "common/io/test_directory.h"
+
 namespace cairn {
 namespace {
 
@@ -71,11 +73,11 @@ TEST(ReadFile, ErrorsNameTheFile) {
   EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(missing.error().message, HasSubstr("/nowhere/a.txt"));
   EXPECT_EQ(read_file("/tmp").error().code, ErrorCode::kIo);
-  const auto path = std::filesystem::path(::testing::TempDir()) / "cairn_text_test_big";
+  const TestDirectory directory;
+  const auto path = directory.path() / "big.txt";
   std::ofstream(path) << "12345";
   EXPECT_EQ(*read_file(path, 5), "12345");
   EXPECT_EQ(read_file(path, 4).error().code, ErrorCode::kDamaged);
-  std::filesystem::remove(path);
 }
 
 TEST(CannotBeWritten, GivesTheSystemsReasonIfThereIsOne) {

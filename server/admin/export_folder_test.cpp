@@ -2,11 +2,11 @@
 #include "server/admin/export_folder.h"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <fstream>
 #include <set>
 
+#include "common/io/test_directory.h"
 #include "server/admin/scene_files.h"
 
 namespace cairn {
@@ -51,12 +51,6 @@ ExportedScene scene_of(uint32_t pictures) {
 
 class ExportFolder : public ::testing::Test {
  protected:
-  ExportFolder() {
-    std::string path = fs::temp_directory_path() / "cairn-export-XXXXXX";
-    folder_ = mkdtemp(path.data());
-  }
-  ~ExportFolder() override { fs::remove_all(folder_); }
-
   Status leave(const ExportedScene& scene, const std::string& format) const {
     const auto staging = StagingFolder::make_in(folder_);
     if (!staging) return tl::unexpected(staging.error());
@@ -68,7 +62,8 @@ class ExportFolder : public ::testing::Test {
   }
   [[nodiscard]] fs::path place() const { return folder_ / "desk"; }
 
-  fs::path folder_;
+  TestDirectory directory_;
+  const fs::path& folder_ = directory_.path();
 };
 
 TEST_F(ExportFolder, ASecondExportLeavesNothingOfTheFirst) {

@@ -3,10 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
+
+#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -31,12 +32,12 @@ EarlyExit refused(const std::vector<std::string>& arguments) {
 
 class ServerOptionsTest : public ::testing::Test {
  protected:
-  ~ServerOptionsTest() override { std::filesystem::remove(path_); }
   std::string configuration(const std::string& text) {
     std::ofstream(path_) << text;
     return path_;
   }
-  std::string path_ = ::testing::TempDir() + "cairn-server-options-" + std::to_string(getpid()) + ".yaml";
+  TestDirectory directory_;
+  std::string path_ = directory_.path() / "cairn-server-options.yaml";
 };
 
 TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {

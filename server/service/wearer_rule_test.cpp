@@ -3,11 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 
+#include "common/io/test_directory.h"
 #include "server/service/wearer_list.h"
 
 namespace cairn {
@@ -208,13 +208,12 @@ TEST_F(WearerRuleTest, WhereTheOperatorHasRegisteredClaimsDoNotCount) {
 
 class WearerListTest : public ::testing::Test {
  protected:
-  ~WearerListTest() override { std::filesystem::remove(path_); }
   Result<WearerList> read(const std::string& text) const {
     std::ofstream(path_) << text;
     return read_wearers(path_);
   }
-  const std::filesystem::path path_ =
-      ::testing::TempDir() + "cairn-wearers-" + std::to_string(getpid()) + ".yaml";
+  TestDirectory directory_;
+  const std::filesystem::path path_ = directory_.path() / "cairn-wearers.yaml";
 };
 
 TEST_F(WearerListTest, EachClientHasItsWearer) {

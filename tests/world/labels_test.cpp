@@ -9,6 +9,7 @@
 #include <fstream>
 
 #include "common/image/corners.h"
+#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -27,11 +28,9 @@ int frame_at(Timestamp time) {
 
 class LabelFiles : public ::testing::Test {
  protected:
-  void SetUp() override { std::filesystem::create_directories(folder_); }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   void write(const char* name, const std::string& content) const { std::ofstream(folder_ / name) << content; }
-  std::filesystem::path folder_ = std::filesystem::path(::testing::TempDir()) /
-                                  ::testing::UnitTest::GetInstance()->current_test_info()->name();
+  TestDirectory directory_;
+  const std::filesystem::path& folder_ = directory_.path();
 };
 
 TEST(SimulatorThings, APointOfAPlaceShowsWhereTheCameraProjectsItInEveryFrame) {

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "client/app/viewer/test_map.h"
+#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -31,12 +32,12 @@ Timestamp at(double seconds) {
 
 class ReadTimedLabels : public ::testing::Test {
  protected:
-  void TearDown() override { std::filesystem::remove(path_); }
   Result<std::vector<TimedLabel>> read(const std::string& content) {
     std::ofstream(path_) << content;
     return read_timed_labels(path_, {640, 480});
   }
-  std::filesystem::path path_ = std::filesystem::path(::testing::TempDir()) / "timed_labels_test.txt";
+  TestDirectory directory_;
+  std::filesystem::path path_ = directory_.path() / "timed_labels_test.txt";
 };
 
 TEST_F(ReadTimedLabels, RowsOfAnyOrderAndTextsOfSeveralWords) {
