@@ -134,6 +134,23 @@ Result<PoseEstimate> summarise(const SE3& pose, const std::vector<Linearised>& l
   return estimate;
 }
 
+/// Rays of the pixels that are drawn: undistorting one takes as long as a trial, and most are drawn often.
+class DrawnRays {
+ public:
+  DrawnRays(const Camera& camera, std::span<const PointObservation> observations)
+      : camera_(camera), observations_(observations), rays_(observations.size()) {}
+  const Eigen::Vector3d& at(size_t i) {
+    std::optional<Eigen::Vector3d>& ray = rays_[i];
+    if (!ray) ray = camera_.unproject(observations_[i].pixel);
+    return *ray;
+  }
+
+ private:
+  const Camera& camera_;
+  std::span<const PointObservation> observations_;
+  std::vector<std::optional<Eigen::Vector3d>> rays_;
+};
+
 /// Truncated squared error (MSAC) of a pose; gives up once it exceeds `limit`.
 double msac_cost(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
                  double squared_threshold, double limit) {
@@ -189,6 +206,7 @@ Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObse
   const double squared_threshold = options.threshold * options.threshold;
   const auto count = static_cast<double>(observations.size());
   MinimalSampler sampler(options.seed, observations.size());
+  DrawnRays drawn(camera, observations);
   std::optional<SE3> best;
   double best_cost = squared_threshold * count;
   int trials = options.iterations;
@@ -197,7 +215,7 @@ Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObse
     std::array<Eigen::Vector3d, 3> rays;
     std::array<Eigen::Vector3d, 3> points;
     for (size_t i = 0; i < 3; ++i) {
-      rays[i] = camera.unproject(observations[sample[i]].pixel);
+      rays[i] = drawn.at(sample[i]);
       points[i] = observations[sample[i]].point_in_map;
     }
     for (const SE3& pose : solve_p3p(rays, points)) {

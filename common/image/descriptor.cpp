@@ -135,14 +135,27 @@ NearestDescriptor scan(std::span<const Descriptor> set, const Distance& distance
   return nearest;
 }
 
-__attribute__((target("popcnt"))) NearestDescriptor find_nearest_popcnt(const Descriptor& query,
-                                                                        std::span<const Descriptor> set) {
+#define CAIRN_POPCNT __attribute__((target("popcnt")))
+
+CAIRN_POPCNT inline int distance_popcnt(const Descriptor& a, const Descriptor& b) {
+  return __builtin_popcountll(a[0] ^ b[0]) + __builtin_popcountll(a[1] ^ b[1]) +
+         __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]);
+}
+
+CAIRN_POPCNT void find_within_popcnt(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin,
+                                     uint32_t end, int limit, std::vector<NearDescriptor>* out) {
+  const Descriptor q = query;
+  for (uint32_t i = begin; i < end; ++i) {
+    const int distance = distance_popcnt(q, set[i]);
+    if (distance <= limit) out->push_back({i, distance});
+  }
+}
+
+CAIRN_POPCNT NearestDescriptor find_nearest_popcnt(const Descriptor& query, std::span<const Descriptor> set) {
   NearestDescriptor nearest;
   const Descriptor q = query;
   for (size_t i = 0; i < set.size(); ++i) {
-    const Descriptor& d = set[i];
-    const int distance = __builtin_popcountll(q[0] ^ d[0]) + __builtin_popcountll(q[1] ^ d[1]) +
-                         __builtin_popcountll(q[2] ^ d[2]) + __builtin_popcountll(q[3] ^ d[3]);
+    const int distance = distance_popcnt(q, set[i]);
     if (distance >= nearest.second_distance) continue;
     if (distance < nearest.distance) {
       nearest.second_distance = nearest.distance;
@@ -155,13 +168,9 @@ __attribute__((target("popcnt"))) NearestDescriptor find_nearest_popcnt(const De
   return nearest;
 }
 
-__attribute__((target("popcnt"))) void distances_popcnt(const Descriptor& query,
-                                                        std::span<const Descriptor> set, uint16_t* out) {
+CAIRN_POPCNT void distances_popcnt(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out) {
   const Descriptor q = query;
-  for (const Descriptor& d : set) {
-    *out++ = static_cast<uint16_t>(__builtin_popcountll(q[0] ^ d[0]) + __builtin_popcountll(q[1] ^ d[1]) +
-                                   __builtin_popcountll(q[2] ^ d[2]) + __builtin_popcountll(q[3] ^ d[3]));
-  }
+  for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(distance_popcnt(q, d));
 }
 
 bool has_popcnt() {
@@ -210,6 +219,15 @@ bool describe(const GrayView& smoothed, Corner corner, Descriptor* out) {
 void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out) {
   if (has_popcnt()) return distances_popcnt(query, set, out);
   for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(descriptor_distance(query, d));
+}
+
+void find_within(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin, uint32_t end,
+                 int limit, std::vector<NearDescriptor>* out) {
+  if (has_popcnt()) return find_within_popcnt(query, set, begin, end, limit, out);
+  for (uint32_t i = begin; i < end; ++i) {
+    const int distance = descriptor_distance(query, set[i]);
+    if (distance <= limit) out->push_back({i, distance});
+  }
 }
 
 NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set) {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <vector>
 
 #include "common/image/corners.h"
 #include "common/image/image.h"
@@ -31,6 +32,15 @@ void smooth_for_descriptors(const GrayView& image, GrayImage* out);
 /// Distances to each of a set, in its order; `out` has room for them. By population count where the machine
 /// has it.
 void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out);
+
+/// One of a set that is near a query.
+struct NearDescriptor {
+  uint32_t index = 0;
+  int distance = 0;
+};
+/// Appends those of set[begin], ..., set[end - 1] that are at most `limit` away, by index.
+void find_within(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin, uint32_t end,
+                 int limit, std::vector<NearDescriptor>* out);
 
 /// The nearest of a set and how near the second nearest is. index -1 for an empty set.
 struct NearestDescriptor {

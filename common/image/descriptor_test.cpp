@@ -65,6 +65,25 @@ TEST(Descriptor, DistanceCountsDifferentBits) {
   }
 }
 
+TEST(Descriptor, AllThatLieWithinALimitAreFound) {
+  const auto set = random_descriptors(300, kSeed);
+  constexpr int kLimit = 125;
+  for (const Descriptor& query : random_descriptors(10, kSeed + 1)) {
+    std::vector<NearDescriptor> found;
+    find_within(query, set, 20, 290, kLimit, &found);
+    size_t next = 0;
+    for (uint32_t i = 20; i < 290; ++i) {
+      const int distance = descriptor_distance(query, set[i]);
+      if (distance > kLimit) continue;
+      ASSERT_LT(next, found.size());
+      EXPECT_EQ(found[next].index, i);
+      EXPECT_EQ(found[next++].distance, distance);
+    }
+    EXPECT_EQ(next, found.size());
+    EXPECT_GT(next, 0U);
+  }
+}
+
 TEST(Descriptor, TheNearestIsFoundWithTheSecond) {
   const auto set = random_descriptors(300, kSeed);
   for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {

@@ -182,6 +182,7 @@ Status list_maps(AdminClient* client, const Options& options) {
   const auto all = client->maps();
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
+    if (all->value("maps", json::array()).empty()) std::printf("no maps\n");
     print_each(*all, "maps", print_map);
     print_each(*all, "deleted", print_deleted);
     print_each(*all, "damaged", print_damaged);
@@ -189,14 +190,27 @@ Status list_maps(AdminClient* client, const Options& options) {
   return {};
 }
 
+void print_just_deleted(const json& map, bool for_good) {
+  const std::string name = text_of(map, "name");
+  std::printf(for_good ? "%s deleted for good\n" : "%s deleted; `cairnctl map %s undelete` puts it back\n",
+              name.c_str(), name.c_str());
+}
+
 /// A request about one map whose answer is the map.
 Status change_map(AdminClient* client, const Options& options, json request) {
   request["map"] = options.map;
   const auto answer = client->ask(request);
   if (!answer) return tl::unexpected(answer.error());
-  const bool whole = request["verb"] == "show";
-  print(options, answer->content,
-        [&] { whole ? print_whole_map(answer->content) : print_map(answer->content); });
+  const json& map = answer->content;
+  print(options, map, [&] {
+    if (request["verb"] == "show") {
+      print_whole_map(map);
+    } else if (request["verb"] == "delete") {
+      print_just_deleted(map, options.for_good);
+    } else {
+      print_map(map);
+    }
+  });
   return {};
 }
 
@@ -223,6 +237,7 @@ Status list_labels(AdminClient* client, const Options& options) {
     labels.insert(labels.end(), of_map->begin(), of_map->end());
   }
   print(options, labels, [&labels] {
+    if (labels.empty()) std::printf("no labels\n");
     for (const json& label : labels) print_label(label);
   });
   return {};
@@ -236,29 +251,40 @@ Status change_label(AdminClient* client, const Options& options, json request) {
   request["label"] = options.label;
   const auto answer = client->ask(request);
   if (!answer) return tl::unexpected(answer.error());
-  print(options, answer->content, [&answer] { print_label(answer->content); });
+  const json& label = answer->content;
+  print(options, label, [&] {
+    if (request["verb"] == "label-remove") {
+      std::printf("label %" PRIu64 " of %s removed: %s\n", label.value("id", uint64_t{0}),
+                  text_of(label, "map").c_str(), text_of(label, "text").c_str());
+    } else {
+      print_label(label);
+    }
+  });
   return {};
 }
 
-/// One map into the folder: the path that it is left under. `staging` is within the folder.
-Result<std::filesystem::path> export_map(AdminClient* client, const Options& options,
-                                         const StagingFolder& staging, const std::string& map) {
+/// One map into the folder: the paths that it is left under. `staging` is within the folder.
+Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const Options& options,
+                                                      const StagingFolder& staging, const std::string& map) {
   const std::filesystem::path folder = options.folder;
   const auto failed = [&](const Error& error) { return tl::unexpected(staging.told_of(folder, error)); };
   if (!is_valid_name(map)) return fail(ErrorCode::kUsage, "'" + map + "' is not the name of a map");
   const std::string name = map + ".cairnmap";
   const auto got = client->download(map, staging.path() / name, progress_of(map));
   if (!got) return failed(got.error());
+  std::vector<std::filesystem::path> left;
   if (options.format != "archive") {
     const auto read = read_archive(staging.path() / name);
     if (!read) return failed(read.error());
-    const Status left = leave_scene(make_scene(read->record), options.format, staging, folder / map);
-    if (!left) return tl::unexpected(left.error());
-    if (options.format != "all") return folder / map;
+    const Status scene = leave_scene(make_scene(read->record), options.format, staging, folder / map);
+    if (!scene) return tl::unexpected(scene.error());
+    left.push_back(folder / map);
+    if (options.format != "all") return left;
   }
-  if (Status left = leave_file(staging.path() / name, folder / name); !left)
-    return tl::unexpected(left.error());
-  return options.format == "archive" ? folder / name : folder / map;
+  if (Status archive = leave_file(staging.path() / name, folder / name); !archive)
+    return tl::unexpected(archive.error());
+  left.push_back(folder / name);
+  return left;
 }
 
 /// All that can be had: of a backup, one map that fails must not cost the others. Interrupted, it leaves what
@@ -274,17 +300,19 @@ Status export_maps(AdminClient* client, const Options& options) {
   }
   json exported = json::array();
   std::optional<Error> first;
+  size_t whole = 0;
   for (const std::string& map : maps) {
     const auto staging = StagingFolder::make_in(options.folder);
     if (!staging) return tl::unexpected(staging.error());
-    const auto path = export_map(client, options, *staging, map);
-    if (path) {
-      exported.push_back(path->string());
+    const auto paths = export_map(client, options, *staging, map);
+    if (paths) {
+      for (const auto& path : *paths) exported.push_back(path.string());
+      ++whole;
       continue;
     }
     if (maps.size() > 1)
-      std::fprintf(stderr, "cairnctl: %s: not exported: %s\n", map.c_str(), path.error().message.c_str());
-    if (!first) first = path.error();
+      std::fprintf(stderr, "cairnctl: %s: not exported: %s\n", map.c_str(), paths.error().message.c_str());
+    if (!first) first = paths.error();
     if (first->code == ErrorCode::kNoServer || Interruption::requested()) break;
   }
   print(options, exported, [&exported] {
@@ -292,7 +320,7 @@ Status export_maps(AdminClient* client, const Options& options) {
   });
   if (!first) return {};
   if (maps.size() > 1)
-    first->message = std::to_string(exported.size()) + " of " + std::to_string(maps.size()) +
+    first->message = std::to_string(whole) + " of " + std::to_string(maps.size()) +
                      " maps exported; the first that was not: " + first->message;
   return tl::unexpected(*first);
 }

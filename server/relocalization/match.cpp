@@ -21,46 +21,48 @@ constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
 constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
 constexpr ptrdiff_t kFewestSupporters = 2;
 
-constexpr size_t kBatch = 64;  ///< distances calculated at once
+/// What is farther off than the rival of any match that is kept.
+constexpr int kMaxRivalDistance = static_cast<int>(kMaxDistance / kRatio);
 
 struct Best {
-  int index = -1;
-  int distance = 257;
-  int rival = 257;
+  uint32_t index = 0;
+  int distance = 0;
+  int rival = kMaxRivalDistance + 1;
 };
 
-/// The best in the corner's cells over the scales up to an octave from its own. Map points made of one corner
-/// at several scales look alike and are not rivals.
-Best find_best(const PlaceCorner& corner, const CellList& cells, const IndexedKeyframe& keyframe) {
-  Best best;
+/// Points of a keyframe in a corner's cells, over the scales up to an octave from its own, that may be the
+/// corner's or a rival. `near` is replaced.
+void find_near(const PlaceCorner& corner, const CellList& cells, const IndexedKeyframe& keyframe,
+               std::vector<NearDescriptor>* near) {
   const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
   const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
-  const auto is_rival = [&](size_t a, size_t b) {
+  near->clear();
+  for (const CellId cell : cells) {
+    const uint32_t* begin_of = &keyframe.begin_of[cell * size_t{kPlaceScales}];
+    find_within(corner.descriptor, keyframe.descriptors, begin_of[from], begin_of[to + 1], kMaxRivalDistance,
+                near);
+  }
+}
+
+/// The nearest, and of those elsewhere the next. Map points made of one corner at several scales look alike
+/// and are not rivals.
+Best choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe) {
+  const auto is_rival = [&](uint32_t a, uint32_t b) {
     const DescribedPoint& p = keyframe.points[a];
     const DescribedPoint& q = keyframe.points[b];
     return p.scale == q.scale || (p.pixel - q.pixel).norm() > kSamePlace * static_cast<float>(1 << p.level);
   };
-  const auto descriptors = std::span(keyframe.descriptors);
-  std::array<uint16_t, kBatch> distances;
-  const auto consider = [&](size_t begin, size_t end) {
-    descriptor_distances(corner.descriptor, descriptors.subspan(begin, end - begin), distances.data());
-    for (size_t i = begin; i < end; ++i) {
-      const int distance = distances[i - begin];
-      if (distance >= best.rival) continue;
-      const bool rivals = best.index >= 0 && is_rival(i, static_cast<size_t>(best.index));
-      if (distance < best.distance) {
-        if (rivals) best.rival = best.distance;
-        best.distance = distance;
-        best.index = static_cast<int>(i);
-      } else if (rivals) {
-        best.rival = distance;
-      }
+  Best best{near.front().index, near.front().distance};
+  for (const NearDescriptor& n : near.subspan(1)) {
+    if (n.distance >= best.rival) continue;
+    const bool rivals = is_rival(n.index, best.index);
+    if (n.distance < best.distance) {
+      if (rivals) best.rival = best.distance;
+      best.distance = n.distance;
+      best.index = n.index;
+    } else if (rivals) {
+      best.rival = n.distance;
     }
-  };
-  for (const CellId cell : cells) {
-    const uint32_t* begin_of = &keyframe.begin_of[cell * size_t{kPlaceScales}];
-    const size_t end = begin_of[to + 1];
-    for (size_t i = begin_of[from]; i < end; i += kBatch) consider(i, std::min(end, i + kBatch));
   }
   return best;
 }
@@ -148,11 +150,14 @@ std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const Ce
                                        const IndexedMap& map, size_t keyframe) {
   const IndexedKeyframe& indexed = *map.keyframes[keyframe];
   std::vector<PlaceMatch> matches;
+  std::vector<NearDescriptor> near;
   for (size_t i = 0; i < view.corners.size(); ++i) {
-    const Best best = find_best(view.corners[i], cells[i], indexed);
-    if (best.index < 0 || best.distance > kMaxDistance) continue;
+    find_near(view.corners[i], cells[i], indexed, &near);
+    if (near.empty()) continue;
+    const Best best = choose(near, indexed);
+    if (best.distance > kMaxDistance) continue;
     if (static_cast<float>(best.distance) > kRatio * static_cast<float>(best.rival)) continue;
-    const DescribedPoint& point = indexed.points[static_cast<size_t>(best.index)];
+    const DescribedPoint& point = indexed.points[best.index];
     const Eigen::Vector3f& position = map.position(keyframe, point);
     if (position.allFinite())
       matches.push_back({i, point.id, position.cast<double>(), best.distance, point.pixel});
@@ -276,22 +281,23 @@ GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const Pr
 }
 
 std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const PlaceMatch> matches) {
-  const auto motion = [&](const PlaceMatch& m) -> Eigen::Vector2f {
-    return view.corners[m.corner].pixel - m.there;
+  std::vector<Eigen::Vector2f> motions;
+  for (const PlaceMatch& m : matches) motions.emplace_back(view.corners[m.corner].pixel - m.there);
+  const auto supports = [&](size_t a, size_t b) {
+    const float squared = (matches[a].there - matches[b].there).squaredNorm();
+    if (squared < kSamePlace * kSamePlace || squared > kNeighbourhood * kNeighbourhood) return false;
+    return (motions[a] - motions[b]).norm() <= kMotionNoise + kMotionChange * std::sqrt(squared);
   };
-  const auto supports = [&](const PlaceMatch& a, const PlaceMatch& b) {
-    const float apart = (a.there - b.there).norm();
-    return apart >= kSamePlace && apart <= kNeighbourhood &&
-           (motion(a) - motion(b)).norm() <= kMotionNoise + kMotionChange * apart;
-  };
-  const auto is_supported = [&](const PlaceMatch& m) {
+  const auto is_supported = [&](size_t m) {
     ptrdiff_t supporters = 0;
-    return std::any_of(matches.begin(), matches.end(), [&](const PlaceMatch& o) {
-      return supports(m, o) && ++supporters == kFewestSupporters;
-    });
+    for (size_t o = 0; o < matches.size() && supporters < kFewestSupporters; ++o)
+      supporters += supports(m, o) ? 1 : 0;
+    return supporters == kFewestSupporters;
   };
   std::vector<PlaceMatch> kept;
-  std::copy_if(matches.begin(), matches.end(), std::back_inserter(kept), is_supported);
+  for (size_t m = 0; m < matches.size(); ++m) {
+    if (is_supported(m)) kept.push_back(matches[m]);
+  }
   return kept;
 }
 

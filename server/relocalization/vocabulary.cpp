@@ -14,18 +14,21 @@ CellId cell_of(const Descriptor& descriptor) {
 CellList nearest_cells(const Descriptor& descriptor) {
   std::array<uint16_t, kVocabularyCells> distances;
   descriptor_distances(descriptor, kCells, distances.data());
-  std::array<uint32_t, kProbedCells> best;  // distance, then index
-  best.fill(std::numeric_limits<uint32_t>::max());
-  for (uint32_t cell = 0; cell < kVocabularyCells; ++cell) {
-    const uint32_t key = uint32_t{distances[cell]} << 8 | cell;
-    if (key >= best.back()) continue;
-    size_t at = kProbedCells - 1;
-    for (; at > 0 && best[at - 1] > key; --at) best[at] = best[at - 1];
-    best[at] = key;
+  // Distance, then index, in 16 bits that compare as signed numbers. Each key goes into its place of the
+  // best without a branch, whose outcome nothing could foretell: pushed down are all that are greater.
+  std::array<int16_t, kProbedCells> best;
+  best.fill(std::numeric_limits<int16_t>::max());
+  for (int cell = 0; cell < static_cast<int>(kVocabularyCells); ++cell) {
+    const int distance = std::min<int>(distances[static_cast<size_t>(cell)], 255);
+    const auto key = static_cast<int16_t>((distance - 128) * 256 + cell);
+    std::array<int16_t, kProbedCells> pushed;
+    pushed[0] = std::numeric_limits<int16_t>::min();
+    for (size_t i = 1; i < kProbedCells; ++i) pushed[i] = best[i - 1];
+    for (size_t i = 0; i < kProbedCells; ++i) best[i] = std::max(pushed[i], std::min(best[i], key));
   }
   CellList cells;
   std::transform(best.begin(), best.end(), cells.begin(),
-                 [](uint32_t key) { return static_cast<CellId>(key & 0xFF); });
+                 [](int16_t key) { return static_cast<CellId>(key & 0xFF); });
   return cells;
 }
 

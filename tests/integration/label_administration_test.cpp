@@ -105,6 +105,7 @@ TEST_F(LabelAdministrationTest, WhatAnOperatorChangesAllSeeAndTheStoreKeeps) {
   EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice", "rude"}; }));
   said = cairnctl("labels map-1 remove " + std::to_string(rude.value));
   EXPECT_EQ(said.exit, 0) << said.text;
+  EXPECT_EQ(said.text, "label " + std::to_string(rude.value) + " of map-1 removed: rude\n");
   EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice"}; }));
 
   service_.reset();

@@ -63,6 +63,7 @@ class Operator(OnTheDesk):
             said = self.say("status", server=server)
             self.assertIn("maps     0 of 3 (--max-maps), 0 of them at rest (--rest-after: never)", said)
             self.assertIn("memory   0.0 of 20.0 MB (--max-memory)", said)
+            self.assertEqual((self.say("maps", server=server), self.say("labels", server=server)), ("no maps\n", "no labels\n"))
         self.assertIn("usage", subprocess.run(command("cairnctl", "--help"), capture_output=True, text=True).stdout.lower())
 
     def test_exit_codes(self):
@@ -117,6 +118,7 @@ class Operator(OnTheDesk):
             self.ctl("map", "bench", "delete")
             self.assertEqual(self.names(), [])
         self.assertEqual([m["name"] for m in self.ctl("maps")["deleted"]], ["bench"])
+        self.assertEqual(self.say("map", "bench", "delete"), "bench deleted; `cairnctl map bench undelete` puts it back\n")
         for _ in range(2):
             back = self.ctl("map", "bench", "undelete")
         self.assertEqual((back["keyframes"], back["points"]), (shown["keyframes"], shown["points"]))
@@ -354,7 +356,8 @@ class Operator(OnTheDesk):
 
     def test_what_is_exported_projects_onto_what_was_measured(self):
         out = self.folder / "formats"
-        self.ctl("maps", "export", "--format", "all", "--out", out)
+        self.assertEqual(self.ctl("maps", "export", "--format", "all", "--out", out),
+                         [str(out / "map-1"), str(out / "map-1.cairnmap")])
         here = self.ctl("map", "map-1", "show")
         header = (out / "map-1/points.ply").read_bytes()[:200].decode(errors="replace")
         self.assertIn(f"element vertex {here['points']}", header)
