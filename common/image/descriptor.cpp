@@ -142,12 +142,15 @@ CAIRN_POPCNT inline int distance_popcnt(const Descriptor& a, const Descriptor& b
          __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]);
 }
 
-CAIRN_POPCNT void find_within_popcnt(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin,
-                                     uint32_t end, int limit, std::vector<NearDescriptor>* out) {
+CAIRN_POPCNT void find_within_popcnt(const Descriptor& query, std::span<const Descriptor> set,
+                                     std::span<const IndexRange> ranges, int limit,
+                                     std::vector<NearDescriptor>* out) {
   const Descriptor q = query;
-  for (uint32_t i = begin; i < end; ++i) {
-    const int distance = distance_popcnt(q, set[i]);
-    if (distance <= limit) out->push_back({i, distance});
+  for (const IndexRange& range : ranges) {
+    for (uint32_t i = range.begin; i < range.end; ++i) {
+      const int distance = distance_popcnt(q, set[i]);
+      if (distance <= limit) out->push_back({i, distance});
+    }
   }
 }
 
@@ -221,12 +224,14 @@ void descriptor_distances(const Descriptor& query, std::span<const Descriptor> s
   for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(descriptor_distance(query, d));
 }
 
-void find_within(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin, uint32_t end,
+void find_within(const Descriptor& query, std::span<const Descriptor> set, std::span<const IndexRange> ranges,
                  int limit, std::vector<NearDescriptor>* out) {
-  if (has_popcnt()) return find_within_popcnt(query, set, begin, end, limit, out);
-  for (uint32_t i = begin; i < end; ++i) {
-    const int distance = descriptor_distance(query, set[i]);
-    if (distance <= limit) out->push_back({i, distance});
+  if (has_popcnt()) return find_within_popcnt(query, set, ranges, limit, out);
+  for (const IndexRange& range : ranges) {
+    for (uint32_t i = range.begin; i < range.end; ++i) {
+      const int distance = descriptor_distance(query, set[i]);
+      if (distance <= limit) out->push_back({i, distance});
+    }
   }
 }
 

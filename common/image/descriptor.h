@@ -38,8 +38,13 @@ struct NearDescriptor {
   uint32_t index = 0;
   int distance = 0;
 };
-/// Appends those of set[begin], ..., set[end - 1] that are at most `limit` away, by index.
-void find_within(const Descriptor& query, std::span<const Descriptor> set, uint32_t begin, uint32_t end,
+/// [begin, end).
+struct IndexRange {
+  uint32_t begin = 0;
+  uint32_t end = 0;
+};
+/// Appends those of some ranges of a set that are at most `limit` away, in the order of the ranges.
+void find_within(const Descriptor& query, std::span<const Descriptor> set, std::span<const IndexRange> ranges,
                  int limit, std::vector<NearDescriptor>* out);
 
 /// The nearest of a set and how near the second nearest is. index -1 for an empty set.

@@ -26,7 +26,7 @@ constexpr int kMaxRivalDistance = static_cast<int>(kMaxDistance / kRatio);
 
 struct Best {
   uint32_t index = 0;
-  int distance = 0;
+  int distance = kMaxRivalDistance + 1;
   int rival = kMaxRivalDistance + 1;
 };
 
@@ -36,26 +36,32 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const IndexedKe
                std::vector<NearDescriptor>* near) {
   const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
   const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
-  near->clear();
-  for (const CellId cell : cells) {
+  std::array<IndexRange, kProbedCells> within;
+  std::ranges::transform(cells, within.begin(), [&](CellId cell) {
     const uint32_t* begin_of = &keyframe.begin_of[cell * size_t{kPlaceScales}];
-    find_within(corner.descriptor, keyframe.descriptors, begin_of[from], begin_of[to + 1], kMaxRivalDistance,
-                near);
-  }
+    return IndexRange{begin_of[from], begin_of[to + 1]};
+  });
+  near->clear();
+  find_within(corner.descriptor, keyframe.descriptors, within, kMaxRivalDistance, near);
 }
 
-/// The nearest, and of those elsewhere the next. Map points made of one corner at several scales look alike
-/// and are not rivals.
-Best choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe) {
+/// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
+/// made of one corner at several scales look alike and are not rivals.
+std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe) {
+  int least = kMaxDistance + 1;
+  for (const NearDescriptor& n : near) least = std::min(least, n.distance);
+  if (least > kMaxDistance) return std::nullopt;
+  const int farthest = static_cast<int>(static_cast<float>(least) / kRatio) + 1;
   const auto is_rival = [&](uint32_t a, uint32_t b) {
     const DescribedPoint& p = keyframe.points[a];
     const DescribedPoint& q = keyframe.points[b];
-    return p.scale == q.scale || (p.pixel - q.pixel).norm() > kSamePlace * static_cast<float>(1 << p.level);
+    const float same_place = kSamePlace * static_cast<float>(1 << p.level);
+    return p.scale == q.scale || (p.pixel - q.pixel).squaredNorm() > same_place * same_place;
   };
-  Best best{near.front().index, near.front().distance};
-  for (const NearDescriptor& n : near.subspan(1)) {
-    if (n.distance >= best.rival) continue;
-    const bool rivals = is_rival(n.index, best.index);
+  Best best;
+  for (const NearDescriptor& n : near) {
+    if (n.distance > farthest || n.distance >= best.rival) continue;
+    const bool rivals = best.distance <= kMaxRivalDistance && is_rival(n.index, best.index);
     if (n.distance < best.distance) {
       if (rivals) best.rival = best.distance;
       best.distance = n.distance;
@@ -153,14 +159,12 @@ std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const Ce
   std::vector<NearDescriptor> near;
   for (size_t i = 0; i < view.corners.size(); ++i) {
     find_near(view.corners[i], cells[i], indexed, &near);
-    if (near.empty()) continue;
-    const Best best = choose(near, indexed);
-    if (best.distance > kMaxDistance) continue;
-    if (static_cast<float>(best.distance) > kRatio * static_cast<float>(best.rival)) continue;
-    const DescribedPoint& point = indexed.points[best.index];
+    const auto best = choose(near, indexed);
+    if (!best || static_cast<float>(best->distance) > kRatio * static_cast<float>(best->rival)) continue;
+    const DescribedPoint& point = indexed.points[best->index];
     const Eigen::Vector3f& position = map.position(keyframe, point);
     if (position.allFinite())
-      matches.push_back({i, point.id, position.cast<double>(), best.distance, point.pixel});
+      matches.push_back({i, point.id, position.cast<double>(), best->distance, point.pixel});
   }
   keep_one_to_one(&matches);
   return matches;

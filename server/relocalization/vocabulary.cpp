@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/relocalization/vocabulary.h"
 
+#include <emmintrin.h>
+
 #include <algorithm>
 #include <limits>
 #include <span>
@@ -14,21 +16,21 @@ CellId cell_of(const Descriptor& descriptor) {
 CellList nearest_cells(const Descriptor& descriptor) {
   std::array<uint16_t, kVocabularyCells> distances;
   descriptor_distances(descriptor, kCells, distances.data());
-  // Distance, then index, in 16 bits that compare as signed numbers. Each key goes into its place of the
-  // best without a branch, whose outcome nothing could foretell: pushed down are all that are greater.
-  std::array<int16_t, kProbedCells> best;
-  best.fill(std::numeric_limits<int16_t>::max());
+  // Keys are distance, then index, in 16 bits that compare as signed numbers. Each goes into its place among
+  // the eight least without a branch, whose outcome nothing could foretell: what is greater moves up by one.
+  static_assert(kProbedCells == 8 && kVocabularyCells == 256, "a vector of keys of 16 bits");
+  const __m128i least = _mm_setr_epi16(std::numeric_limits<int16_t>::min(), 0, 0, 0, 0, 0, 0, 0);
+  __m128i best = _mm_set1_epi16(std::numeric_limits<int16_t>::max());
   for (int cell = 0; cell < static_cast<int>(kVocabularyCells); ++cell) {
     const int distance = std::min<int>(distances[static_cast<size_t>(cell)], 255);
-    const auto key = static_cast<int16_t>((distance - 128) * 256 + cell);
-    std::array<int16_t, kProbedCells> pushed;
-    pushed[0] = std::numeric_limits<int16_t>::min();
-    for (size_t i = 1; i < kProbedCells; ++i) pushed[i] = best[i - 1];
-    for (size_t i = 0; i < kProbedCells; ++i) best[i] = std::max(pushed[i], std::min(best[i], key));
+    const __m128i key = _mm_set1_epi16(static_cast<int16_t>((distance - 128) * 256 + cell));
+    const __m128i moved_up = _mm_or_si128(_mm_slli_si128(best, 2), least);
+    best = _mm_max_epi16(moved_up, _mm_min_epi16(best, key));
   }
+  std::array<int16_t, kProbedCells> keys;
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), best);
   CellList cells;
-  std::transform(best.begin(), best.end(), cells.begin(),
-                 [](int16_t key) { return static_cast<CellId>(key & 0xFF); });
+  std::ranges::transform(keys, cells.begin(), [](int16_t key) { return static_cast<CellId>(key & 0xFF); });
   return cells;
 }
 
