@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "common/image/simd.h"
+
 namespace cairn {
 namespace {
 
@@ -142,15 +144,31 @@ CAIRN_POPCNT inline int distance_popcnt(const Descriptor& a, const Descriptor& b
          __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]);
 }
 
-CAIRN_POPCNT void find_within_popcnt(const Descriptor& query, std::span<const Descriptor> set,
-                                     std::span<const IndexRange> ranges, int limit,
-                                     std::vector<NearDescriptor>* out) {
+/// What may still be of interest to find_nearest_few().
+class Few {
+ public:
+  Few(int limit, float ratio, std::vector<NearDescriptor>* out)
+      : least_(limit), limit_(limit), ratio_(ratio), out_(*out) {}
+  CAIRN_INLINE void offer(uint32_t index, int distance) {
+    if (distance > limit_) return;
+    out_.push_back({index, distance});
+    if (distance >= least_) return;
+    least_ = distance;
+    limit_ = std::min(limit_, static_cast<int>(static_cast<float>(distance) / ratio_) + 1);
+  }
+
+ private:
+  int least_;
+  int limit_;
+  float ratio_;
+  std::vector<NearDescriptor>& out_;
+};
+
+CAIRN_POPCNT void find_nearest_few_popcnt(const Descriptor& query, std::span<const Descriptor> set,
+                                          std::span<const IndexRange> ranges, Few few) {
   const Descriptor q = query;
   for (const IndexRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i) {
-      const int distance = distance_popcnt(q, set[i]);
-      if (distance <= limit) out->push_back({i, distance});
-    }
+    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, distance_popcnt(q, set[i]));
   }
 }
 
@@ -224,14 +242,13 @@ void descriptor_distances(const Descriptor& query, std::span<const Descriptor> s
   for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(descriptor_distance(query, d));
 }
 
-void find_within(const Descriptor& query, std::span<const Descriptor> set, std::span<const IndexRange> ranges,
-                 int limit, std::vector<NearDescriptor>* out) {
-  if (has_popcnt()) return find_within_popcnt(query, set, ranges, limit, out);
+void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
+                      std::span<const IndexRange> ranges, int limit, float ratio,
+                      std::vector<NearDescriptor>* out) {
+  Few few(limit, ratio, out);
+  if (has_popcnt()) return find_nearest_few_popcnt(query, set, ranges, few);
   for (const IndexRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i) {
-      const int distance = descriptor_distance(query, set[i]);
-      if (distance <= limit) out->push_back({i, distance});
-    }
+    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, descriptor_distance(query, set[i]));
   }
 }
 

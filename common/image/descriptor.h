@@ -43,9 +43,12 @@ struct IndexRange {
   uint32_t begin = 0;
   uint32_t end = 0;
 };
-/// Appends those of some ranges of a set that are at most `limit` away, in the order of the ranges.
-void find_within(const Descriptor& query, std::span<const Descriptor> set, std::span<const IndexRange> ranges,
-                 int limit, std::vector<NearDescriptor>* out);
+/// Of some ranges of a set the nearest, if it is at most `limit` away, and all whose distance times `ratio`
+/// is at most that of the nearest and which are within the limit themselves. Among what is found may be
+/// others within it, met before the nearest. Appended in the order of the ranges.
+void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
+                      std::span<const IndexRange> ranges, int limit, float ratio,
+                      std::vector<NearDescriptor>* out);
 
 /// The nearest of a set and how near the second nearest is. index -1 for an empty set.
 struct NearestDescriptor {

@@ -65,24 +65,38 @@ TEST(Descriptor, DistanceCountsDifferentBits) {
   }
 }
 
-TEST(Descriptor, AllThatLieWithinALimitAreFound) {
+TEST(Descriptor, TheNearestFewAreAllFoundAndNoneBeyondTheLimit) {
   const auto set = random_descriptors(300, kSeed);
-  constexpr int kLimit = 125;
-  for (const Descriptor& query : random_descriptors(10, kSeed + 1)) {
-    std::vector<NearDescriptor> found;
-    find_within(query, set, std::array{IndexRange{20, 100}, IndexRange{120, 120}, IndexRange{110, 290}},
-                kLimit, &found);
-    size_t next = 0;
-    for (uint32_t i = 20; i < 290; ++i) {
-      const int distance = descriptor_distance(query, set[i]);
-      if (distance > kLimit || (i >= 100 && i < 110)) continue;
-      ASSERT_LT(next, found.size());
-      EXPECT_EQ(found[next].index, i);
-      EXPECT_EQ(found[next++].distance, distance);
+  const std::array ranges{IndexRange{20, 100}, IndexRange{120, 120}, IndexRange{110, 290}};
+  constexpr int kLimit = 115;
+  constexpr float kRatio = 0.9F;
+  size_t several = 0;
+  for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {
+    std::vector<std::pair<uint32_t, int>> wanted;
+    int least = kLimit;
+    for (const IndexRange& range : ranges) {
+      for (uint32_t i = range.begin; i < range.end; ++i)
+        least = std::min(least, descriptor_distance(query, set[i]));
     }
-    EXPECT_EQ(next, found.size());
-    EXPECT_GT(next, 0U);
+    for (const IndexRange& range : ranges) {
+      for (uint32_t i = range.begin; i < range.end; ++i) {
+        const int distance = descriptor_distance(query, set[i]);
+        if (distance <= kLimit && kRatio * static_cast<float>(distance) <= static_cast<float>(least))
+          wanted.emplace_back(i, distance);
+      }
+    }
+    std::vector<NearDescriptor> found;
+    find_nearest_few(query, set, ranges, kLimit, kRatio, &found);
+    auto next = found.begin();
+    for (const auto& [index, distance] : wanted) {
+      next = std::find_if(next, found.end(), [&](const NearDescriptor& n) { return n.index == index; });
+      ASSERT_NE(next, found.end()) << "in the order of the ranges";
+      EXPECT_EQ(next->distance, distance);
+    }
+    for (const NearDescriptor& n : found) EXPECT_LE(n.distance, kLimit);
+    several += wanted.size() > 1 ? 1 : 0;
   }
+  EXPECT_GT(several, 0U);
 }
 
 TEST(Descriptor, TheNearestIsFoundWithTheSecond) {

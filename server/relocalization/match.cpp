@@ -42,7 +42,7 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const IndexedKe
     return IndexRange{begin_of[from], begin_of[to + 1]};
   });
   near->clear();
-  find_within(corner.descriptor, keyframe.descriptors, within, kMaxRivalDistance, near);
+  find_nearest_few(corner.descriptor, keyframe.descriptors, within, kMaxRivalDistance, kRatio, near);
 }
 
 /// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
