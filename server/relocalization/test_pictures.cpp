@@ -12,6 +12,21 @@ namespace {
 constexpr int kWidth = 80;  // of level 3 of a picture
 constexpr int kHeight = 60;
 
+/// Keyframes 1 to `count`, all in one place.
+std::vector<std::shared_ptr<const KeyframeBlock>> keyframe_blocks(size_t count) {
+  std::vector<std::shared_ptr<const KeyframeBlock>> blocks;
+  for (size_t first = 0; first < count; first += kBlockSlots) {
+    auto block = std::make_shared<KeyframeBlock>();
+    block->index = static_cast<uint32_t>(blocks.size());
+    for (size_t i = first; i < std::min(count, first + kBlockSlots); ++i) {
+      block->live |= uint64_t{1} << (i - first);
+      block->keyframes.push_back({KeyframeId{i + 1}, SE3(), 1});
+    }
+    blocks.push_back(std::move(block));
+  }
+  return blocks;
+}
+
 }  // namespace
 
 LeafPlace::LeafPlace(uint64_t seed) : canvas_(kWidth + 2 * kMargin, kHeight + 2 * kMargin) {
@@ -57,6 +72,7 @@ IndexedMapPtr picture_map(const MapId& id, std::vector<TinyImage> pictures,
   words.resize(pictures.size());
   auto snapshot = std::make_shared<MapSnapshot>();
   snapshot->map = id;
+  snapshot->keyframe_blocks = keyframe_blocks(pictures.size());
   auto map = std::make_shared<IndexedMap>();
   for (size_t i = 0; i < pictures.size(); ++i) {
     auto keyframe = std::make_shared<IndexedKeyframe>();
