@@ -134,7 +134,7 @@ Result<PoseEstimate> summarise(const SE3& pose, const std::vector<Linearised>& l
   return estimate;
 }
 
-/// Rays of the pixels that are drawn: undistorting one takes as long as a trial, and most are drawn often.
+/// Rays of the pixels that are drawn, each undistorted once, however often it is drawn.
 class DrawnRays {
  public:
   DrawnRays(const Camera& camera, std::span<const PointObservation> observations)

@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "common/image/simd.h"
+#include "common/image/kernels.h"
 
 namespace cairn {
 namespace {
@@ -154,7 +154,7 @@ class Few {
     out_.push_back({index, distance});
     if (distance >= least_) return;
     least_ = distance;
-    limit_ = std::min(limit_, static_cast<int>(static_cast<float>(distance) / ratio_) + 1);
+    limit_ = std::min(limit_, farthest_within_ratio(distance, ratio_));
   }
 
  private:
@@ -201,6 +201,16 @@ bool has_popcnt() {
 
 }  // namespace
 
+void kernels::find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
+                               std::span<const IndexRange> ranges, int limit, float ratio,
+                               std::vector<NearDescriptor>* out, Simd simd) {
+  Few few(limit, ratio, out);
+  if (simd != Simd::kScalar && has_popcnt()) return find_nearest_few_popcnt(query, set, ranges, few);
+  for (const IndexRange& range : ranges) {
+    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, descriptor_distance(query, set[i]));
+  }
+}
+
 int descriptor_distance(const Descriptor& a, const Descriptor& b) {
   int distance = 0;
   for (size_t i = 0; i < a.size(); ++i) distance += std::popcount(a[i] ^ b[i]);
@@ -245,11 +255,7 @@ void descriptor_distances(const Descriptor& query, std::span<const Descriptor> s
 void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
                       std::span<const IndexRange> ranges, int limit, float ratio,
                       std::vector<NearDescriptor>* out) {
-  Few few(limit, ratio, out);
-  if (has_popcnt()) return find_nearest_few_popcnt(query, set, ranges, few);
-  for (const IndexRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, descriptor_distance(query, set[i]));
-  }
+  kernels::find_nearest_few(query, set, ranges, limit, ratio, out, best_simd());
 }
 
 NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set) {

@@ -43,9 +43,15 @@ struct IndexRange {
   uint32_t begin = 0;
   uint32_t end = 0;
 };
-/// Of some ranges of a set the nearest, if it is at most `limit` away, and all whose distance times `ratio`
-/// is at most that of the nearest and which are within the limit themselves. Among what is found may be
-/// others within it, met before the nearest. Appended in the order of the ranges.
+/// Beyond it no distance times `ratio` (0 < ratio <= 1) is at most `least`. A step of margin, since the
+/// quotient is rounded: one may be kept that is too far, none is lost.
+[[nodiscard]] constexpr int farthest_within_ratio(int least, float ratio) {
+  return static_cast<int>(static_cast<float>(least) / ratio) + 1;
+}
+/// Of some ranges of a set the nearest, if it is at most `limit` away, and all within the limit whose
+/// distance times `ratio` (0 < ratio <= 1) is at most that of the nearest. May include others within the
+/// limit, but none beyond farthest_within_ratio() of the nearest before it. Appended in the order of the
+/// ranges.
 void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
                       std::span<const IndexRange> ranges, int limit, float ratio,
                       std::vector<NearDescriptor>* out);

@@ -4,12 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <iterator>
 #include <random>
 #include <utility>
 #include <vector>
 
+#include "common/image/kernels.h"
 #include "common/image/place.h"
 #include "common/image/test_textures.h"
 
@@ -65,38 +67,92 @@ TEST(Descriptor, DistanceCountsDifferentBits) {
   }
 }
 
-TEST(Descriptor, TheNearestFewAreAllFoundAndNoneBeyondTheLimit) {
-  const auto set = random_descriptors(300, kSeed);
-  const std::array ranges{IndexRange{20, 100}, IndexRange{120, 120}, IndexRange{110, 290}};
-  constexpr int kLimit = 115;
-  constexpr float kRatio = 0.9F;
-  size_t several = 0;
-  for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {
-    std::vector<std::pair<uint32_t, int>> wanted;
-    int least = kLimit;
-    for (const IndexRange& range : ranges) {
-      for (uint32_t i = range.begin; i < range.end; ++i)
-        least = std::min(least, descriptor_distance(query, set[i]));
-    }
+/// What find_nearest_few() is asked for.
+struct FewTest : ::testing::TestWithParam<Simd> {
+  static constexpr float kRatio = 0.9F;
+  const std::vector<Descriptor> set = random_descriptors(300, kSeed);
+  const std::array<IndexRange, 3> ranges{IndexRange{20, 100}, {120, 120}, {110, 290}};
+
+  [[nodiscard]] std::vector<NearDescriptor> all_within(const Descriptor& query, int limit) const {
+    std::vector<NearDescriptor> near;
     for (const IndexRange& range : ranges) {
       for (uint32_t i = range.begin; i < range.end; ++i) {
         const int distance = descriptor_distance(query, set[i]);
-        if (distance <= kLimit && kRatio * static_cast<float>(distance) <= static_cast<float>(least))
-          wanted.emplace_back(i, distance);
+        if (distance <= limit) near.push_back({i, distance});
       }
     }
+    return near;
+  }
+  void find(const Descriptor& query, int limit, std::vector<NearDescriptor>* out) const {
+    kernels::find_nearest_few(query, set, ranges, limit, kRatio, out, GetParam());
+  }
+};
+
+TEST_P(FewTest, AllThatAreNearAreFoundAndNoMoreThanIsPromised) {
+  constexpr int kLimit = 115;
+  size_t several = 0;
+  size_t left_out = 0;
+  for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {
+    const std::vector<NearDescriptor> near = all_within(query, kLimit);
+    int least = kLimit;
+    for (const NearDescriptor& n : near) least = std::min(least, n.distance);
     std::vector<NearDescriptor> found;
-    find_nearest_few(query, set, ranges, kLimit, kRatio, &found);
+    find(query, kLimit, &found);
+    size_t wanted = 0;
     auto next = found.begin();
-    for (const auto& [index, distance] : wanted) {
-      next = std::find_if(next, found.end(), [&](const NearDescriptor& n) { return n.index == index; });
-      ASSERT_NE(next, found.end()) << "in the order of the ranges";
-      EXPECT_EQ(next->distance, distance);
+    int least_before = kLimit;
+    for (const NearDescriptor& n : near) {
+      const bool is_wanted = kRatio * static_cast<float>(n.distance) <= static_cast<float>(least);
+      wanted += is_wanted ? 1 : 0;
+      if (next != found.end() && next->index == n.index) {
+        EXPECT_EQ(next->distance, n.distance);
+        EXPECT_LE(n.distance, farthest_within_ratio(least_before, kRatio));
+        ++next;
+      } else {
+        EXPECT_FALSE(is_wanted) << n.index;
+        ++left_out;
+      }
+      least_before = std::min(least_before, n.distance);
     }
-    for (const NearDescriptor& n : found) EXPECT_LE(n.distance, kLimit);
-    several += wanted.size() > 1 ? 1 : 0;
+    EXPECT_EQ(next, found.end()) << "in the order of the ranges, and nothing beyond the limit";
+    several += wanted > 1 ? 1 : 0;
   }
   EXPECT_GT(several, 0U);
+  EXPECT_GT(left_out, 0U);
+}
+
+TEST_P(FewTest, WhatIsFoundIsAppended) {
+  const Descriptor query = set[150];
+  std::vector<NearDescriptor> found{{7, 300}};
+  find(query, 0, &found);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_EQ(std::pair(found[0].index, found[0].distance), std::pair(7U, 300)) << "it was there before";
+  EXPECT_EQ(std::pair(found[1].index, found[1].distance), std::pair(150U, 0));
+}
+
+TEST_P(FewTest, WhereNothingIsNearNothingIsFound) {
+  constexpr int kLimit = 60;
+  const Descriptor query = random_descriptors(1, kSeed + 1)[0];
+  ASSERT_TRUE(all_within(query, kLimit).empty());
+  std::vector<NearDescriptor> found{{7, 300}};
+  find(query, kLimit, &found);
+  EXPECT_EQ(found.size(), 1U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Descriptor, FewTest, ::testing::ValuesIn(test::simd_variants()));
+
+TEST(Descriptor, TheNearestFewOfTheBestVariantAreThoseOfTheReference) {
+  const auto set = random_descriptors(300, kSeed);
+  const std::array ranges{IndexRange{0, 300}};
+  for (const Descriptor& query : random_descriptors(30, kSeed + 1)) {
+    std::vector<NearDescriptor> found;
+    std::vector<NearDescriptor> expected;
+    find_nearest_few(query, set, ranges, 115, 0.9F, &found);
+    kernels::find_nearest_few(query, set, ranges, 115, 0.9F, &expected, Simd::kScalar);
+    EXPECT_TRUE(std::ranges::equal(found, expected, [](const NearDescriptor& a, const NearDescriptor& b) {
+      return a.index == b.index && a.distance == b.distance;
+    }));
+  }
 }
 
 TEST(Descriptor, TheNearestIsFoundWithTheSecond) {

@@ -2,15 +2,18 @@
 #pragma once
 
 #include <optional>
+#include <span>
+#include <vector>
 
 #include "common/image/corners.h"
+#include "common/image/descriptor.h"
 #include "common/image/image.h"
 #include "common/image/patch.h"
 #include "common/image/simd.h"
 
-/// Private to common/image and its tests: the public functions of pyramid.h, corners.h and patch.h with the
-/// variant chosen by the caller. A variant that the machine lacks must not be asked for; one that a kernel
-/// lacks falls to the next narrower.
+/// Private to common/image and its tests: the public functions of pyramid.h, corners.h, patch.h and
+/// descriptor.h with the variant chosen by the caller. A variant that the machine lacks must not be asked
+/// for; one that a kernel lacks falls to the next narrower.
 namespace cairn::kernels {
 
 void halve(const GrayView& src, GrayImage* dst, Simd simd);
@@ -30,5 +33,10 @@ void detect_fast10(const GrayView& image, int threshold, CornerList* out, Simd s
                                                           const GrayView& level_image,
                                                           const Eigen::Vector2f& start, int max_iterations,
                                                           float max_shift, int max_zmssd, Simd simd);
+
+/// By population count where the machine has it, whatever the width; kScalar: without.
+void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
+                      std::span<const IndexRange> ranges, int limit, float ratio,
+                      std::vector<NearDescriptor>* out, Simd simd);
 
 }  // namespace cairn::kernels

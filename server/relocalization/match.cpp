@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kMaxDistance = 70;  ///< of 256, of a match without a pose to guide it
 constexpr float kRatio = 0.85F;   ///< of the distance of the best rival (Lowe, IJCV 2004)
+static_assert(kRatio > 0 && kRatio <= 1, "as find_nearest_few() needs it");
 constexpr float kSamePlace =
     6;  ///< [px of level 0 times 2^level] nearer is no rival: the same corner, other level
 constexpr int kMaxGuidedDistance = 60;
@@ -21,7 +22,7 @@ constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
 constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
 constexpr ptrdiff_t kFewestSupporters = 2;
 
-/// What is farther off than the rival of any match that is kept.
+/// The farthest rival that can still refuse a match.
 constexpr int kMaxRivalDistance = static_cast<int>(kMaxDistance / kRatio);
 
 struct Best {
@@ -51,7 +52,7 @@ std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKe
   int least = kMaxDistance + 1;
   for (const NearDescriptor& n : near) least = std::min(least, n.distance);
   if (least > kMaxDistance) return std::nullopt;
-  const int farthest = static_cast<int>(static_cast<float>(least) / kRatio) + 1;
+  const int farthest = farthest_within_ratio(least, kRatio);
   const auto is_rival = [&](uint32_t a, uint32_t b) {
     const DescribedPoint& p = keyframe.points[a];
     const DescribedPoint& q = keyframe.points[b];

@@ -16,8 +16,10 @@ CellId cell_of(const Descriptor& descriptor) {
 CellList nearest_cells(const Descriptor& descriptor) {
   std::array<uint16_t, kVocabularyCells> distances;
   descriptor_distances(descriptor, kCells, distances.data());
-  // Keys are distance, then index, in 16 bits that compare as signed numbers. Each goes into its place among
-  // the eight least without a branch, whose outcome nothing could foretell: what is greater moves up by one.
+  // Keys are distance, then index, in 16 bits that compare as signed numbers: of equal distances the lower
+  // index comes first. A distance of 256, all bits different, would not fit and counts as 255: a tie that
+  // would tell only if nearly all cells were alike. Each goes into its place among the eight least without a
+  // branch, whose outcome nothing could foretell: what is greater moves up by one.
   static_assert(kProbedCells == 8 && kVocabularyCells == 256, "a vector of keys of 16 bits");
   const __m128i least = _mm_setr_epi16(std::numeric_limits<int16_t>::min(), 0, 0, 0, 0, 0, 0, 0);
   __m128i best = _mm_set1_epi16(std::numeric_limits<int16_t>::max());
