@@ -182,7 +182,9 @@ Status list_maps(AdminClient* client, const Options& options) {
   const auto all = client->maps();
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
-    if (all->value("maps", json::array()).empty()) std::printf("no maps\n");
+    const auto is_empty = [&all](const char* list) { return all->value(list, json::array()).empty(); };
+    if (is_empty("maps") && is_empty("deleted") && is_empty("damaged"))
+      std::fprintf(stderr, "cairnctl: no maps\n");
     print_each(*all, "maps", print_map);
     print_each(*all, "deleted", print_deleted);
     print_each(*all, "damaged", print_damaged);
@@ -190,10 +192,26 @@ Status list_maps(AdminClient* client, const Options& options) {
   return {};
 }
 
-void print_just_deleted(const json& map, bool for_good) {
-  const std::string name = text_of(map, "name");
-  std::printf(for_good ? "%s deleted for good\n" : "%s deleted; `cairnctl map %s undelete` puts it back\n",
-              name.c_str(), name.c_str());
+void print_removed_for_good(const json& map) {
+  std::printf("%s removed for good\n", text_of(map, "name").c_str());
+}
+
+/// What a map that was deleted is undeleted by: its name, or its id where another map has that name.
+std::string handle_of(const json& deleted, AdminClient* client) {
+  const std::string id = text_of(deleted, "id");
+  const std::string name = text_of(deleted, "name");
+  const auto all = client->maps();
+  if (!all) return id;
+  for (const char* list : {"maps", "deleted"}) {
+    for (const json& other : all->value(list, json::array()))
+      if (text_of(other, "id") != id && text_of(other, "name") == name) return id;
+  }
+  return name;
+}
+
+void print_deleted_now(const json& map, AdminClient* client) {
+  std::printf("%s deleted; `cairnctl map %s undelete` puts it back\n", text_of(map, "name").c_str(),
+              handle_of(map, client).c_str());
 }
 
 /// A request about one map whose answer is the map.
@@ -205,10 +223,12 @@ Status change_map(AdminClient* client, const Options& options, json request) {
   print(options, map, [&] {
     if (request["verb"] == "show") {
       print_whole_map(map);
-    } else if (request["verb"] == "delete") {
-      print_just_deleted(map, options.for_good);
-    } else {
+    } else if (request["verb"] != "delete") {
       print_map(map);
+    } else if (options.for_good) {
+      print_removed_for_good(map);
+    } else {
+      print_deleted_now(map, client);
     }
   });
   return {};
@@ -237,7 +257,7 @@ Status list_labels(AdminClient* client, const Options& options) {
     labels.insert(labels.end(), of_map->begin(), of_map->end());
   }
   print(options, labels, [&labels] {
-    if (labels.empty()) std::printf("no labels\n");
+    if (labels.empty()) std::fprintf(stderr, "cairnctl: no labels\n");
     for (const json& label : labels) print_label(label);
   });
   return {};
@@ -333,7 +353,7 @@ Status purge_maps(AdminClient* client, const Options& options) {
     purged.push_back(std::move(answer->content));
   }
   print(options, purged, [&purged] {
-    for (const json& map : purged) std::printf("%s removed for good\n", text_of(map, "name").c_str());
+    for (const json& map : purged) print_removed_for_good(map);
   });
   return {};
 }

@@ -45,8 +45,13 @@ class Operator(OnTheDesk):
 
     def say(self, *words, server=None):
         """As a person reads it."""
-        return subprocess.run(command("cairnctl", "--domain", (server or self.server).domain, *words), check=True,
-                              capture_output=True, text=True, timeout=LIMIT).stdout
+        return self.say_both(*words, server=server)[0]
+
+    def say_both(self, *words, server=None):
+        """What goes on to other programs, and what is talk."""
+        done = subprocess.run(command("cairnctl", "--domain", (server or self.server).domain, *words), check=True,
+                              capture_output=True, text=True, timeout=LIMIT)
+        return done.stdout, done.stderr
 
     def names(self, server=None):
         return [m["name"] for m in self.ctl("maps", "list", server=server)["maps"]]
@@ -63,7 +68,8 @@ class Operator(OnTheDesk):
             said = self.say("status", server=server)
             self.assertIn("maps     0 of 3 (--max-maps), 0 of them at rest (--rest-after: never)", said)
             self.assertIn("memory   0.0 of 20.0 MB (--max-memory)", said)
-            self.assertEqual((self.say("maps", server=server), self.say("labels", server=server)), ("no maps\n", "no labels\n"))
+            for what in ("maps", "labels"):
+                self.assertEqual(self.say_both(what, server=server), ("", f"cairnctl: no {what}\n"))
         self.assertIn("usage", subprocess.run(command("cairnctl", "--help"), capture_output=True, text=True).stdout.lower())
 
     def test_exit_codes(self):
@@ -119,6 +125,9 @@ class Operator(OnTheDesk):
             self.assertEqual(self.names(), [])
         self.assertEqual([m["name"] for m in self.ctl("maps")["deleted"]], ["bench"])
         self.assertEqual(self.say("map", "bench", "delete"), "bench deleted; `cairnctl map bench undelete` puts it back\n")
+        listed, talk = self.say_both("maps")
+        self.assertRegex(listed, rf"^bench +{shown['id']}  deleted")
+        self.assertEqual(talk, "", "there is a map, if only a deleted one")
         for _ in range(2):
             back = self.ctl("map", "bench", "undelete")
         self.assertEqual((back["keyframes"], back["points"]), (shown["keyframes"], shown["points"]))
@@ -136,6 +145,9 @@ class Operator(OnTheDesk):
                 ids.append(self.ctl("map", "map-1", "show", server=server)["id"])
                 if name == "first":
                     self.ctl("map", "map-1", "delete", server=server)
+            self.assertEqual(self.say("map", "map-1", "delete", server=server),
+                             f"map-1 deleted; `cairnctl map {ids[1]} undelete` puts it back\n")
+            self.assertEqual(self.ctl("map", ids[1], "undelete", server=server)["name"], "map-1")
             said = self.ctl("map", "map-1", "undelete", expect=REFUSED, server=server)  # one is in use, one deleted
             for name in ids:
                 self.assertIn(name, said)
@@ -145,7 +157,7 @@ class Operator(OnTheDesk):
             deleted = self.ctl("maps", server=server)["deleted"]
             self.assertEqual([m["id"] for m in deleted], [ids[1], ids[0]], "the latest first")
             self.assertTrue(all(m["bytes"] > 0 for m in deleted))
-            self.ctl("maps", "purge", ids[1], server=server)
+            self.assertEqual(self.say("maps", "purge", ids[1], server=server), "map-1 removed for good\n")
             self.assertEqual([m["id"] for m in self.ctl("maps", server=server)["deleted"]], [ids[0]])
             self.assertEqual(list((self.folder / "several/transfer").iterdir()), [])
 
@@ -157,7 +169,7 @@ class Operator(OnTheDesk):
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("--for-good", self.ctl("map", "map-1", "delete", expect=REFUSED, server=server))
             self.assertEqual(self.names(server), ["map-1"])
-            self.ctl("map", "map-1", "delete", "--for-good", server=server)
+            self.assertEqual(self.say("map", "map-1", "delete", "--for-good", server=server), "map-1 removed for good\n")
             self.assertEqual(self.names(server), [])
 
     def test_limits_hold_for_maps_from_elsewhere_too(self):
