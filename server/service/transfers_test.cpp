@@ -3,9 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
+
+#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -15,11 +16,6 @@ using ::testing::HasSubstr;
 
 class TransfersTest : public ::testing::Test {
  protected:
-  TransfersTest()
-      : folder_(std::filesystem::temp_directory_path() / ("cairn-transfers-" + std::to_string(getpid()))) {
-    std::filesystem::create_directories(folder_);
-  }
-  ~TransfersTest() override { std::filesystem::remove_all(folder_); }
   [[nodiscard]] size_t files() const {
     size_t count = 0;
     for (const auto& entry : std::filesystem::directory_iterator(folder_))
@@ -27,7 +23,8 @@ class TransfersTest : public ::testing::Test {
     return count;
   }
 
-  std::filesystem::path folder_;
+  TestDirectory directory_;
+  const std::filesystem::path& folder_ = directory_.path();
   MonotonicTime now_{1h};
 };
 

@@ -1,13 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <unistd.h>
-
-#include <algorithm>
 #include <filesystem>
-#include <string>
 #include <vector>
 
+#include "common/io/test_directory.h"
 #include "server/mapping/map_maker_fixture.h"
 #include "server/mapping/map_record.h"
 #include "server/store/map_file.h"
@@ -37,17 +34,10 @@ namespace cairn::testing {
 class KeptMapFixture : public MapMakerFixture {
  protected:
   KeptMapFixture() {
-    std::string test = ::testing::UnitTest::GetInstance()->current_test_info()->name();
-    std::replace(test.begin(), test.end(), '/', '-');  // of one with a parameter
-    folder_ =
-        std::filesystem::temp_directory_path() / ("cairn-store-" + std::to_string(getpid()) + "-" + test);
-    std::filesystem::remove_all(folder_);
-    std::filesystem::create_directories(folder_);
     header_.id = MapId{{7, 1}};
     header_.name = "desk";
     header_.epoch = Epoch{3};
   }
-  ~KeptMapFixture() override { std::filesystem::remove_all(folder_); }
 
   [[nodiscard]] MapUpdate take_update() { return {maker_->take_changes(), {}, {}, {}}; }
   /// All of the map as it is.
@@ -64,7 +54,8 @@ class KeptMapFixture : public MapMakerFixture {
     return made;
   }
 
-  std::filesystem::path folder_;
+  TestDirectory directory_;
+  const std::filesystem::path& folder_ = directory_.path();
   MapHeader header_;
 };
 

@@ -7,10 +7,10 @@
 #include <map>
 
 #include "common/geometry/camera_guess.h"
+#include "common/io/test_directory.h"
 #include "common/wire/partition.h"
 #include "common/wire/topic.h"
 #include "tests/integration/server_process.h"
-#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -454,7 +454,7 @@ class KeptCamera : public ::testing::Test {
  protected:
   [[nodiscard]] std::vector<std::string> arguments() const { return {"--store", folder_.path().string()}; }
   const testing::Scene scene_{11};
-  const testing::StoreFolder folder_{"kept-camera"};
+  const TestDirectory folder_;
 };
 
 TEST_F(KeptCamera, ASuccessorGoesOnFindingItOut) {

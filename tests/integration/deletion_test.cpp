@@ -8,9 +8,9 @@
 
 #include "client/tracking/frame_images.h"
 #include "common/image/place.h"
+#include "common/io/test_directory.h"
 #include "server/admin/admin_client.h"
 #include "tests/integration/server_process.h"
-#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -71,7 +71,7 @@ class DeletionTest : public ::testing::Test {
   }
 
   const testing::Scene scene_{11};
-  const testing::StoreFolder folder_{"deletion"};
+  const TestDirectory folder_;
   ServerProcess server_;
   std::unique_ptr<Session> session_;
   std::optional<AdminClient> admin_;

@@ -8,9 +8,9 @@
 #include <cmath>
 #include <csignal>
 
+#include "common/io/test_directory.h"
 #include "server/store/store.h"
 #include "tests/integration/server_process.h"
-#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -86,7 +86,7 @@ class KeptMaps : public ::testing::Test {
 
   static constexpr uint64_t kSeed = 11;
   const testing::Scene scene_{kSeed};
-  const testing::StoreFolder folder_{"kept-maps"};
+  const TestDirectory folder_;
   std::unique_ptr<ServerProcess> server_;
   std::unique_ptr<Session> session_;
 };

@@ -15,10 +15,10 @@
 #include <set>
 #include <thread>
 
+#include "common/io/test_directory.h"
 #include "server/admin/admin_client.h"
 #include "server/store/store.h"
 #include "tests/integration/server_process.h"
-#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -173,7 +173,7 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
   unsigned longest_life_ms = kLongestLifeMs;
   for (int cycle = 0; cycle < cycles(); ++folders) {
     const bool rests = folders % 2 == 1;
-    const testing::StoreFolder folder("kill-test");
+    const TestDirectory folder;
     const std::vector<std::string> arguments{"--store", folder.path().string(), "--rest-after",
                                              rests ? "1" : "60"};
     auto server = std::make_unique<ServerProcess>(0, arguments);

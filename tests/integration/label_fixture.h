@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "client/session/label_request.h"
-#include "tests/integration/store_folder.h"
+#include "common/io/test_directory.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -67,7 +67,7 @@ class LabelFixture : public ::testing::Test {
 
   const Eigen::Vector3d kSeen{0.1, 0.05, 1};  ///< by the second keyframe, in its frame
   const Scene scene_{11};
-  const StoreFolder folder_{"labels"};
+  const TestDirectory folder_;
   ServiceOptions service_options_;
   std::unique_ptr<Service> service_;
   std::unique_ptr<Session> anna_;

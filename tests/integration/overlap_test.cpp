@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "common/io/test_directory.h"
 #include "server/admin/admin_client.h"
 #include "server/store/store.h"
-#include "tests/integration/store_folder.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -91,7 +91,7 @@ class OverlapTest : public ::testing::Test {
 
   const testing::Scene desk_{11};
   const testing::Scene elsewhere_{12};
-  const testing::StoreFolder folder_{"overlap"};
+  const TestDirectory folder_;
   ServiceOptions options_;
   std::unique_ptr<Service> service_;
   std::optional<AdminClient> admin_;

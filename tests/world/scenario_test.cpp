@@ -3,7 +3,6 @@
 #include "tests/world/scenario.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +12,7 @@
 #include <optional>
 #include <set>
 
+#include "common/io/test_directory.h"
 #include "tests/world/annotation.h"
 #include "tests/world/simulator.h"
 
@@ -316,13 +316,8 @@ TEST(Disturbance, BlackoutIsBlackAndLaterIsAnotherLight) {
 
 class AnnotationFiles : public ::testing::Test {
  protected:
-  AnnotationFiles() {
-    std::filesystem::remove_all(directory_);
-    std::filesystem::create_directories(directory_);
-  }
-  ~AnnotationFiles() override { std::filesystem::remove_all(directory_); }
-  std::filesystem::path directory_ =
-      std::filesystem::temp_directory_path() / ("annotation_test." + std::to_string(getpid()));
+  TestDirectory folder_;
+  const std::filesystem::path& directory_ = folder_.path();
 };
 
 TEST_F(AnnotationFiles, AreReadAsWritten) {
