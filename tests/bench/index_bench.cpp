@@ -62,8 +62,11 @@ Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, si
                                 testing::map_id(std::numeric_limits<uint32_t>::max()), 1);
   if (!recorded) return tl::unexpected(recorded.error());
   RecordedPlace place{*camera, std::move(recorded->map), {}};
-  const size_t left = (*source)->frame_count().value_or(map_frames + views) - map_frames;
-  const size_t step = std::max<size_t>(1, left / std::max<size_t>(1, views));
+  const size_t frames = (*source)->frame_count().value_or(map_frames + views);
+  if (frames <= map_frames)
+    return fail(ErrorCode::kUsage,
+                fmt::format("{}: the map takes all its {} frames, none is left to ask about", uri, frames));
+  const size_t step = std::max<size_t>(1, (frames - map_frames) / std::max<size_t>(1, views));
   FrameImages images;
   for (;;) {
     const auto next = (*source)->next();
