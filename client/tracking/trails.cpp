@@ -4,8 +4,9 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
-#include "common/geometry/two_view.h"
+#include "common/geometry/affine_map.h"
 
 namespace cairn {
 namespace {
@@ -22,6 +23,12 @@ constexpr float kWayStep = 1.0F;        // [px] of median movement between remem
 constexpr size_t kMostWay = 64;
 constexpr float kMatchSigma = 0.7F;  // [px] of a sub-pixel trail
 constexpr float kMostDrift = 2.0F;   // [px] what matching with the first patch may correct
+constexpr size_t kMostJudged = 300;  // trails whose ways judge the motion
+/// The best motion is decided for when the second costs this many times as much. The noise of trails differs
+/// by ten between sharp and compressed pictures, so the residuals themselves say how large it is; what
+/// calibration leaves unexplained is in both, and so is what neither explains.
+constexpr double kClearRatio = 1.1;
+constexpr double kMaxDirectionSigma = M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
 /// picture.
@@ -140,7 +147,7 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
     return !follow_one(now, previous, expected, &trail);
   });
   movement_ = median_movement();
-  remember_way();
+  remember_way(now);
   const auto fewest =
       std::max(kFewestTrails, static_cast<size_t>(kFewestShare * static_cast<float>(begun_with_)));
   if (trails_.size() < fewest && !undecided_) {
@@ -159,39 +166,79 @@ float TrailFollower::median_movement() const {
   return *middle;
 }
 
-Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, const FrameImages& now) const {
+Warp TrailFollower::warp_from_first() const {
+  std::vector<PixelMatch> ends;
+  ends.reserve(trails_.size());
+  for (const FollowedTrail& t : trails_) ends.push_back({t.first.cast<double>(), t.now.cast<double>()});
+  return fit_affine_map(ends).cast<float>();
+}
+
+Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, const FrameImages& now,
+                                                const Warp& warp) const {
   constexpr int kRefinements = 10;
   PatchTemplate patch;
-  if (!make_template(trail.first_patch, Warp::Identity(), 0, &patch)) return trail.now;
+  if (!make_template(trail.first_patch, warp, 0, &patch)) return trail.now;
   const auto refined = refine_patch(patch, now.pyramid.level(0), trail.now, kRefinements, kMostDrift);
   return refined.value_or(trail.now);
 }
 
 /// Keeps positions about every pixel of movement, so that any number of frames leaves some tens.
-void TrailFollower::remember_way() {
+void TrailFollower::remember_way(const FrameImages& now) {
   if (movement_ < (way_.empty() ? 0.0F : way_.back()) + kWayStep) return;
   if (way_.size() == kMostWay) return;
   way_.push_back(movement_);
-  for (FollowedTrail& t : trails_) t.path.push_back(t.now);
+  const Warp warp = warp_from_first();
+  for (FollowedTrail& t : trails_) t.path.push_back(match_with_first(t, now, warp));
 }
 
-/// Trails drift from frame to frame; matching the second view with the first tells how much, and the drift
-/// grew on the way.
-std::vector<ThirdView> TrailFollower::views_between(const SeedProposal& proposal) const {
-  std::vector<ThirdView> views;
-  for (const float share : {0.25F, 0.5F, 0.75F}) {
-    const auto at = std::lower_bound(way_.begin(), way_.end(), share * movement_);
-    if (at == way_.end() || *at >= movement_) continue;
-    const float way = *at / movement_;
+/// Where some of the trails were in views a fifth of the way apart, and are now.
+FewViews TrailFollower::views_on_the_way(const SeedProposal& proposal) const {
+  std::vector<size_t> judged;
+  const size_t stride = (trails_.size() + kMostJudged - 1) / kMostJudged;
+  for (size_t i = 0; i < trails_.size(); i += stride) judged.push_back(i);
+  FewViews views;
+  for (const size_t i : judged) views.first.push_back(trails_[i].first.cast<double>());
+  auto from = way_.begin();
+  for (const float share : {0.2F, 0.4F, 0.6F, 0.8F}) {
+    const auto at = std::lower_bound(from, way_.end(), share * movement_);
+    if (at == way_.end() || *at >= movement_) break;
     const auto index = static_cast<size_t>(at - way_.begin());
-    ThirdView view{way, {}};
-    for (size_t i = 0; i < trails_.size(); ++i) {
-      const Eigen::Vector2f drift = proposal.trails[i].second - trails_[i].now;
-      view.pixels.push_back((trails_[i].path[index] + way * drift).cast<double>());
-    }
-    views.push_back(std::move(view));
+    FurtherView& view = views.further.emplace_back(FurtherView{*at / movement_, {}});
+    for (const size_t i : judged) view.pixels.push_back(trails_[i].path[index].cast<double>());
+    from = at + 1;
   }
+  FurtherView& last = views.further.emplace_back();
+  for (const size_t i : judged) last.pixels.push_back(proposal.trails[i].second.cast<double>());
   return views;
+}
+
+/// The motion that explains all views best, if noise and the other motions leave no doubt of it.
+tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& motions,
+                                                        const FewViews& views) const {
+  const auto refuse = [](TwoViewRefusal reason, const char* why) {
+    return tl::unexpected<TwoViewFailure>({reason, why});
+  };
+  if (views.further.size() < 2)
+    return refuse(TwoViewRefusal::kAmbiguous, "only two views so far: move the camera on");
+  const MotionsAdjusted adjusted = adjust_motions(*camera_, views, motions.b_from_a);
+  const auto best = std::min_element(adjusted.motions.begin(), adjusted.motions.end(),
+                                     [](const auto& a, const auto& b) { return a.cost < b.cost; });
+  double second = std::numeric_limits<double>::infinity();
+  for (const AdjustedMotion& m : adjusted.motions) {
+    if (!same_motion(m.last_from_first, best->last_from_first)) second = std::min(second, m.cost);
+  }
+  // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
+  const bool contradicted =
+      motions.decided && !same_motion(best->last_from_first, adjusted.motions.front().last_from_first);
+  if (contradicted || second < kClearRatio * std::max(best->cost, adjusted.noise_cost)) {
+    return refuse(TwoViewRefusal::kAmbiguous,
+                  "two motions explain the matches: move the camera on, in another direction");
+  }
+  if (!(best->direction_sigma < kMaxDirectionSigma)) {
+    return refuse(TwoViewRefusal::kNoParallax,
+                  "the direction of the motion is not certain yet: move the camera on");
+  }
+  return best->last_from_first;
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
@@ -201,20 +248,9 @@ tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::ve
   options.seed = options_.seed;
   const auto motions = find_motions(*camera_, *camera_, matches, options);
   if (!motions) return tl::unexpected(motions.error());
-  size_t best = 0;
-  if (motions->b_from_a.size() > 1) {
-    const auto choice =
-        choose_motion(*camera_, matches, motions->b_from_a, views_between(proposal), kMatchSigma);
-    // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
-    const bool contradicted = motions->decided && choice.decided && choice.best != 0;
-    if (contradicted || (!motions->decided && !choice.decided)) {
-      return tl::unexpected<TwoViewFailure>(
-          {TwoViewRefusal::kAmbiguous,
-           "two motions explain the matches: move the camera on, in another direction"});
-    }
-    if (!motions->decided) best = choice.best;
-  }
-  return build_two_view(*camera_, *camera_, matches, motions->model, motions->b_from_a[best], options);
+  const auto motion = choose(*motions, views_on_the_way(proposal));
+  if (!motion) return tl::unexpected(motion.error());
+  return build_two_view(*camera_, *camera_, matches, motions->model, *motion, options);
 }
 
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
@@ -230,10 +266,11 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
+  const Warp warp = warp_from_first();
   proposal.trails.reserve(trails_.size());
   matches.reserve(trails_.size());
   for (const FollowedTrail& t : trails_) {
-    const Eigen::Vector2f second = match_with_first(t, now);
+    const Eigen::Vector2f second = match_with_first(t, now, warp);
     proposal.trails.push_back({t.id, t.first, second});
     matches.push_back({t.first.cast<double>(), second.cast<double>()});
   }

@@ -8,7 +8,8 @@
 #include "client/tracking/frame_images.h"
 #include "client/tracking/tracker.h"
 #include "common/geometry/camera.h"
-#include "common/geometry/third_view.h"
+#include "common/geometry/few_views.h"
+#include "common/geometry/two_view.h"
 #include "common/image/patch.h"
 
 namespace cairn {
@@ -63,10 +64,15 @@ class TrailFollower {
   void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
   [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
                                 const Eigen::Vector2f& expected, FollowedTrail* trail) const;
-  [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now) const;
+  [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now,
+                                                 const Warp& warp) const;
+  /// How the picture around the trails has turned and stretched since their first frame.
+  [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
-  void remember_way();
-  [[nodiscard]] std::vector<ThirdView> views_between(const SeedProposal& proposal) const;
+  void remember_way(const FrameImages& now);
+  [[nodiscard]] FewViews views_on_the_way(const SeedProposal& proposal) const;
+  [[nodiscard]] tl::expected<SE3, TwoViewFailure> choose(const TwoViewMotions& motions,
+                                                         const FewViews& views) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
                                                                     const SeedProposal& proposal) const;
 

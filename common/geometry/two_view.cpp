@@ -264,13 +264,6 @@ std::vector<Candidate> candidates_of(NormalisedMatches matches, const Models& mo
   return candidates;
 }
 
-bool same_motion(const SE3& x, const SE3& y) {
-  constexpr double kSameRotation = 2 / kDegrees;
-  constexpr double kSameDirection = 10 / kDegrees;
-  return x.rotation().angularDistance(y.rotation()) < kSameRotation &&
-         parallax(Eigen::Vector3d::Zero(), x.translation(), y.translation()) < kSameDirection;
-}
-
 /// What a match costs a candidate because its point lies behind a camera, in units of sigma^2.
 double cost_of_side(const Candidate& candidate, size_t i) {
   return candidate.frontal[i] - std::min(candidate.epipolar[i], kEpipolarCutoff);
@@ -411,6 +404,13 @@ TwoViewFailure rotation_failure(const Eigen::Matrix3d& rotation, double sigma_an
 }
 
 }  // namespace
+
+bool same_motion(const SE3& x, const SE3& y) {
+  constexpr double kSameRotation = 2 / kDegrees;
+  constexpr double kSameDirection = 10 / kDegrees;
+  return x.rotation().angularDistance(y.rotation()) < kSameRotation &&
+         parallax(Eigen::Vector3d::Zero(), x.translation(), y.translation()) < kSameDirection;
+}
 
 tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a, const Camera& camera_b,
                                                           std::span<const PixelMatch> matches,

@@ -46,12 +46,15 @@ struct TwoViewFailure {
 };
 
 /// Motions that explain most of the matches of two views, best first: a plane seen from two places near each
-/// other has two, and a third view may tell them apart (choose_motion).
+/// other has two, and a third view may tell them apart (adjust_motions).
 struct TwoViewMotions {
   TwoViewModel model = TwoViewModel::kEssential;
   std::vector<SE3> b_from_a;  ///< |translation| = 1; at least one
   bool decided = true;        ///< the matches speak for the first, by more than independent noise explains
 };
+
+/// Whether two motions of |translation| = 1 are one: within 2 degrees of rotation and 10 of direction.
+[[nodiscard]] bool same_motion(const SE3& x, const SE3& y);
 
 /// Relative pose of two calibrated views from matches: homography and essential matrix side by side by MSAC
 /// on pixels, compared by Torr's criterion (GRIC, CVPR 1997), homography decomposed after Faugeras and

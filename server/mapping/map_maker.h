@@ -53,8 +53,7 @@ struct SeedInput {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
-  SE3 second_from_first;  ///< the tracker's, |translation| = 1: of several motions that fit the two views,
-                          ///< the one meant
+  SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
   std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
 };
 

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "common/geometry/triangulation.h"
+#include "common/geometry/two_view.h"
 #include "common/image/corners.h"
 #include "common/image/patch.h"
 #include "common/image/pyramid.h"
@@ -33,6 +35,23 @@ std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first, const
     trails.push_back({TrailId{trails.size() + 1}, a.cast<float>(), b.cast<float>()});
   }
   return trails;
+}
+
+SE3 motion_between(const SeedInput& input, const SE3& true_motion) {
+  std::vector<PixelMatch> matches;
+  for (const Trail& t : input.trails) matches.push_back({t.first.cast<double>(), t.second.cast<double>()});
+  const auto motions = find_motions(*input.camera, *input.camera, matches, {});
+  if (!motions) {
+    ADD_FAILURE() << motions.error().message;
+    return {};
+  }
+  const auto difference = [&true_motion](const SE3& motion) {
+    return motion.rotation().angularDistance(true_motion.rotation()) +
+           parallax(Eigen::Vector3d::Zero(), motion.translation(), true_motion.translation());
+  };
+  return *std::min_element(
+      motions->b_from_a.begin(), motions->b_from_a.end(),
+      [&difference](const SE3& a, const SE3& b) { return difference(a) < difference(b); });
 }
 
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {

@@ -19,6 +19,8 @@ inline const auto kNeverYield = [] { return false; };
 /// pixel's rounding, one in ten wrong.
 [[nodiscard]] std::vector<Trail> make_trails(const Scene& scene, const GrayImage& first,
                                              const SE3& first_pose, const SE3& second_pose);
+/// The motion that a tracker finds from its trails: of those that explain them, the one nearest to the truth.
+[[nodiscard]] SE3 motion_between(const SeedInput& input, const SE3& true_motion);
 /// A frame of the scene as a tracker offers it: points of the snapshot measured to a pixel around where they
 /// should be.
 [[nodiscard]] KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step);
@@ -36,6 +38,7 @@ class MapMakerFixture : public ::testing::Test {
     input_.first_image = scene_.render(Scene::pose(0), 0);
     input_.second_image = scene_.render(Scene::pose(kSecondStep), kSecondStep);
     input_.trails = make_trails(scene_, *input_.first_image, Scene::pose(0), Scene::pose(kSecondStep));
+    input_.second_from_first = motion_between(input_, Scene::pose(kSecondStep) * Scene::pose(0).inverse());
   }
 
   void start() {
@@ -58,6 +61,7 @@ class MapMakerFixture : public ::testing::Test {
     parameters.values.resize(kDoubtfulValues, 0.0);
     for (const size_t i : {0, 1}) parameters.values[i] *= focal_factor;
     input_.camera = *make_camera(parameters);
+    input_.second_from_first = motion_between(input_, input_.second_from_first);
     input_.doubt = CameraDoubt{{ClientId{{1}}, 0, 1}, {0.1, 0.05}};
   }
 

@@ -116,6 +116,12 @@ TEST_F(MapMakerTest, RefusesInputThatIsNoPairOfViews) {
   SeedInput wild = input_;
   for (Trail& t : wild.trails) t.second = {std::nanf(""), 1e30F};
   EXPECT_EQ(MapMaker::start(wild, {}).error().code, ErrorCode::kDegenerate);
+  SeedInput standing = input_;
+  standing.second_from_first = SE3();
+  EXPECT_EQ(MapMaker::start(standing, {}).error().code, ErrorCode::kDamaged);
+  SeedInput elsewhere = input_;
+  elsewhere.second_from_first = input_.second_from_first.inverse();
+  EXPECT_EQ(MapMaker::start(elsewhere, {}).error().code, ErrorCode::kDegenerate);
 }
 
 TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {

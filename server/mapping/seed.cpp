@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/geometry/affine_map.h"
 #include "common/geometry/plane.h"
 #include "common/geometry/triangulation.h"
 #include "common/geometry/two_view.h"
@@ -40,12 +41,29 @@ Status check_input(const SeedInput& input) {
       return fail(ErrorCode::kDamaged, "image size is not the camera's");
     }
   }
+  if (std::abs(input.second_from_first.translation().norm() - 1) > 1e-6) {
+    return fail(ErrorCode::kDamaged, "the motion between the views is not of length 1");
+  }
   return {};
+}
+
+/// How the patches look in the second image, as far as the trails' ends tell: unwarped ones would be found a
+/// fraction of a pixel off, all to the same side.
+Warp warp_of(const std::vector<Trail>& trails) {
+  std::vector<PixelMatch> ends;
+  ends.reserve(trails.size());
+  for (const Trail& t : trails) {
+    if (t.first.allFinite() && t.second.allFinite())
+      ends.push_back({t.first.cast<double>(), t.second.cast<double>()});
+  }
+  return fit_affine_map(ends).cast<float>();
 }
 
 /// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
 std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first,
                                      const MapKeyframe& second) {
+  PatchView view;
+  view.warp = warp_of(input.trails);
   std::vector<SeedMatch> matches;
   for (const Trail& trail : input.trails) {
     const Eigen::Vector2d a = trail.first.cast<double>();
@@ -57,22 +75,11 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
     if (!source) continue;
     const Eigen::Vector2f from_corner = Eigen::Vector2f(m.corner.x, m.corner.y) - trail.first;
     const auto refined =
-        refine_from(*source, PatchView{}, *second.images, trail.second + from_corner, kTrailShift);
+        refine_from(*source, view, *second.images, trail.second + view.warp * from_corner, kTrailShift);
     if (refined) m.match = {{m.corner.x, m.corner.y}, refined->pixel.cast<double>()};
     matches.push_back(m);
   }
   return matches;
-}
-
-/// Which of the motions that explain the two views it was, the tracker knows from the views between.
-SE3 nearest_motion(const std::vector<SE3>& motions, const SE3& wanted) {
-  const auto difference = [&wanted](const SE3& motion) {
-    return motion.rotation().angularDistance(wanted.rotation()) +
-           parallax(Eigen::Vector3d::Zero(), motion.translation(), wanted.translation());
-  };
-  return *std::min_element(motions.begin(), motions.end(), [&difference](const SE3& a, const SE3& b) {
-    return difference(a) < difference(b);
-  });
 }
 
 /// A point for each inlier whose patch is found where the geometry puts it.
@@ -160,15 +167,12 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   std::vector<PixelMatch> matches;
   for (const SeedMatch& m : trails) matches.push_back(m.match);
   TwoViewOptions two_view;
-  two_view.seed = options.seed;
   // The tracker asked the same of its own matches; re-measured ones differ a little, and a bare pass there
   // should not fail here.
   constexpr double kTolerance = 0.8;
   two_view.min_median_parallax *= kTolerance;
-  const auto motions = find_motions(*input.camera, *input.camera, matches, two_view);
-  if (!motions) return fail(ErrorCode::kDegenerate, motions.error().message);
-  const auto geometry = build_two_view(*input.camera, *input.camera, matches, motions->model,
-                                       nearest_motion(motions->b_from_a, input.second_from_first), two_view);
+  const auto geometry = build_two_view(*input.camera, *input.camera, matches, TwoViewModel::kEssential,
+                                       input.second_from_first, two_view);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   map.keyframe(second).camera_from_map =
       SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);

@@ -1,0 +1,260 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/few_views.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "common/geometry/robust.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kIterations = 30;
+constexpr double kLeastNoise = 0.05;  ///< [px] residuals below are taken for chance
+constexpr double kTukey = 4.6851;     ///< cut-off in standard deviations: 95 % efficient for normal noise
+
+/// Poses of the further views in the first, and each point's inverse distance along its first ray.
+struct Structure {
+  std::vector<SE3> view_from_first;
+  Eigen::VectorXd inverse_distance;  ///< >= 0, in units of 1 / |last translation|
+};
+
+struct Problem {
+  const Camera& camera;
+  const FewViews& views;
+  std::vector<Eigen::Vector3d> rays;  ///< unit, of the first view
+
+  [[nodiscard]] size_t points() const { return rays.size(); }
+  [[nodiscard]] size_t poses() const { return views.further.size(); }
+};
+
+/// Squared residuals [px^2], view by view; infinite where a point does not project.
+std::vector<double> squared_residuals(const Problem& problem, const Structure& s) {
+  std::vector<double> squared;
+  squared.reserve(problem.points() * problem.poses());
+  for (size_t v = 0; v < problem.poses(); ++v) {
+    const Eigen::Matrix3d rotation = s.view_from_first[v].rotation_matrix();
+    const Eigen::Vector3d& t = s.view_from_first[v].translation();
+    for (size_t i = 0; i < problem.points(); ++i) {
+      const Eigen::Vector3d p =
+          rotation * problem.rays[i] + s.inverse_distance[static_cast<Eigen::Index>(i)] * t;
+      const auto pixel = problem.camera.project(p);
+      squared.push_back(pixel ? (*pixel - problem.views.further[v].pixels[i]).squaredNorm()
+                              : std::numeric_limits<double>::infinity());
+    }
+  }
+  return squared;
+}
+
+double robust_cost(const std::vector<double>& squared, double squared_cutoff) {
+  double sum = 0;
+  for (const double s : squared) sum += tukey_cost(s, squared_cutoff);
+  return sum;
+}
+
+/// That of the view which fits worst: one for all views would let the others leave it out.
+double cutoff_of(std::vector<double> squared, size_t points) {
+  double cutoff = std::pow(kTukey * kLeastNoise, 2);
+  for (size_t at = 0; at < squared.size(); at += points)
+    cutoff = std::max(cutoff, tukey_squared_cutoff(std::span(squared).subspan(at, points)));
+  return cutoff;
+}
+
+/// A point in a further view, linearised.
+struct Sighting {
+  double weight = 0;
+  Eigen::Vector2d residual;             ///< [px]
+  Eigen::Matrix<double, 2, 6> by_pose;  ///< left tangent (translation, rotation)
+  Eigen::Vector2d by_point;             ///< by inverse distance
+};
+
+/// `rotation` is that of view v. Weight 0 for an outlier and where the point does not project.
+Sighting linearise(const Problem& problem, const Structure& s, size_t v, const Eigen::Matrix3d& rotation,
+                   size_t i, double squared_cutoff) {
+  const double inverse_distance = s.inverse_distance[static_cast<Eigen::Index>(i)];
+  const Eigen::Vector3d& t = s.view_from_first[v].translation();
+  const Eigen::Vector3d p = rotation * problem.rays[i] + inverse_distance * t;
+  Sighting o;
+  Matrix23d by_p;
+  const auto pixel = problem.camera.project(p, &by_p);
+  if (!pixel) return o;
+  o.residual = *pixel - problem.views.further[v].pixels[i];
+  o.weight = tukey_weight(o.residual.squaredNorm(), squared_cutoff);
+  o.by_pose.leftCols<3>() = inverse_distance * by_p;
+  for (int row = 0; row < 2; ++row)
+    o.by_pose.row(row).tail<3>() = p.cross(by_p.row(row).transpose()).transpose();
+  o.by_point = by_p * t;
+  return o;
+}
+
+/// Normal equations of all poses and points; a point has one value, so its block is a number.
+struct NormalEquations {
+  Eigen::MatrixXd poses;
+  Eigen::VectorXd pose_gradient;
+  Eigen::MatrixXd pose_by_point;
+  Eigen::VectorXd points;
+  Eigen::VectorXd point_gradient;
+};
+
+NormalEquations build(const Problem& problem, const Structure& s, double squared_cutoff) {
+  const auto n = static_cast<Eigen::Index>(problem.points());
+  const auto size = static_cast<Eigen::Index>(6 * problem.poses());
+  NormalEquations e{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size),
+                    Eigen::MatrixXd::Zero(size, n), Eigen::VectorXd::Zero(n), Eigen::VectorXd::Zero(n)};
+  for (size_t v = 0; v < problem.poses(); ++v) {
+    const Eigen::Matrix3d rotation = s.view_from_first[v].rotation_matrix();
+    const auto at = static_cast<Eigen::Index>(6 * v);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Sighting o = linearise(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
+      if (o.weight == 0) continue;
+      e.poses.block<6, 6>(at, at).noalias() += o.weight * o.by_pose.transpose() * o.by_pose;
+      e.pose_gradient.segment<6>(at).noalias() += o.weight * o.by_pose.transpose() * o.residual;
+      e.pose_by_point.block<6, 1>(at, i).noalias() = o.weight * o.by_pose.transpose() * o.by_point;
+      e.points[i] += o.weight * o.by_point.squaredNorm();
+      e.point_gradient[i] += o.weight * o.by_point.dot(o.residual);
+    }
+  }
+  return e;
+}
+
+/// The equations of the poses once the points are eliminated (Schur complement), and what gives their steps
+/// back.
+struct Reduced {
+  Eigen::MatrixXd information;
+  Eigen::VectorXd gradient;
+  Eigen::MatrixXd pose_by_point;  ///< divided by the point's information
+  Eigen::VectorXd point_steps;    ///< if the poses stood still
+};
+
+Reduced reduce(const NormalEquations& e, const Structure& s, double damping) {
+  Reduced r{e.poses, e.pose_gradient, e.pose_by_point, Eigen::VectorXd::Zero(e.points.size())};
+  r.information.diagonal() *= 1 + damping;
+  for (Eigen::Index i = 0; i < e.points.size(); ++i) {
+    const bool would_go_behind = s.inverse_distance[i] == 0 && e.point_gradient[i] > 0;
+    if (would_go_behind || !(e.points[i] > 0)) {
+      r.pose_by_point.col(i).setZero();
+      continue;
+    }
+    const double information = e.points[i] * (1 + damping);
+    r.point_steps[i] = e.point_gradient[i] / information;
+    r.gradient.noalias() -= e.pose_by_point.col(i) * r.point_steps[i];
+    r.pose_by_point.col(i) /= information;
+  }
+  r.information.noalias() -= r.pose_by_point * e.pose_by_point.transpose();
+  // The scale is free: the last baseline keeps its length.
+  const Eigen::Index last = r.information.rows() - 6;
+  const Eigen::Vector3d along = s.view_from_first.back().translation().normalized();
+  r.information.block<3, 3>(last, last) += r.information.trace() * along * along.transpose();
+  return r;
+}
+
+Structure moved(const Structure& s, const Reduced& r, const Eigen::VectorXd& step) {
+  Structure next = s;
+  for (size_t v = 0; v < s.view_from_first.size(); ++v)
+    next.view_from_first[v] =
+        SE3::exp(step.segment<6>(static_cast<Eigen::Index>(6 * v))) * s.view_from_first[v];
+  next.inverse_distance =
+      (s.inverse_distance - r.point_steps - r.pose_by_point.transpose() * step).cwiseMax(0.0);
+  return next;
+}
+
+/// Levenberg-Marquardt; the cut-off follows the residuals unless it is given. Returns the last cut-off.
+double adjust(const Problem& problem, std::optional<double> given_cutoff, Structure* s) {
+  double damping = 1e-4;
+  std::vector<double> squared = squared_residuals(problem, *s);
+  double cutoff = 0;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    cutoff = given_cutoff ? *given_cutoff : cutoff_of(squared, problem.points());
+    const double cost = robust_cost(squared, cutoff);
+    const NormalEquations equations = build(problem, *s, cutoff);
+    double gain = 0;
+    for (int attempt = 0; attempt < 4 && gain <= 0; ++attempt) {
+      const Reduced r = reduce(equations, *s, damping);
+      const Eigen::VectorXd step = -r.information.ldlt().solve(r.gradient);
+      if (!step.allFinite()) return cutoff;
+      const Structure next = moved(*s, r, step);
+      std::vector<double> next_squared = squared_residuals(problem, next);
+      gain = cost - robust_cost(next_squared, cutoff);
+      damping *= gain > 0 ? 0.1 : 20;
+      if (gain > 0) {
+        *s = next;
+        squared = std::move(next_squared);
+      }
+    }
+    if (gain < 1e-4 * cost) break;
+  }
+  return cutoff;
+}
+
+/// Inverse distances that explain the last view best, for poses of the views as far on the way as they are.
+Structure begin_with(const Problem& problem, const SE3& motion) {
+  Structure s;
+  const Vector6d whole = motion.log();
+  for (const FurtherView& view : problem.views.further)
+    s.view_from_first.push_back(view.way < 1 ? SE3::exp(view.way * whole) : motion);
+  const Eigen::Matrix3d rotation = motion.rotation_matrix();
+  s.inverse_distance = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.points()));
+  for (size_t i = 0; i < problem.points(); ++i) {
+    // b ~ R a + rho t: both sides crossed with b.
+    const Eigen::Vector3d b = problem.camera.unproject(problem.views.further.back().pixels[i]);
+    const Eigen::Vector3d from_turn = b.cross(rotation * problem.rays[i]);
+    const Eigen::Vector3d from_shift = b.cross(motion.translation());
+    const double scale = from_shift.squaredNorm();
+    if (scale > 1e-12)
+      s.inverse_distance[static_cast<Eigen::Index>(i)] = std::max(0.0, -from_turn.dot(from_shift) / scale);
+  }
+  return s;
+}
+
+double direction_sigma(const Problem& problem, const Structure& s, const std::vector<double>& squared,
+                       double squared_cutoff) {
+  double sum = 0;
+  double weights = 0;
+  for (const double q : squared) {
+    const double w = tukey_weight(q, squared_cutoff);
+    if (w == 0) continue;
+    sum += w * q;
+    weights += 2 * w;
+  }
+  if (weights == 0) return std::numeric_limits<double>::infinity();
+  const double variance = std::max(sum / weights, kLeastNoise * kLeastNoise);
+  const Reduced r = reduce(build(problem, s, squared_cutoff), s, 0);
+  const Eigen::Index size = r.information.rows();
+  const Eigen::MatrixXd covariance =
+      r.information.ldlt().solve(Eigen::MatrixXd::Identity(size, size).rightCols<6>().leftCols<3>().eval());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spectrum(covariance.block<3, 3>(size - 6, 0));
+  const double largest = spectrum.eigenvalues()(2);
+  if (!(spectrum.eigenvalues()(0) > -1e-9 * largest) || !std::isfinite(largest))
+    return std::numeric_limits<double>::infinity();
+  return std::sqrt(variance * largest) / s.view_from_first.back().translation().norm();
+}
+
+}  // namespace
+
+MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
+                               std::span<const SE3> last_from_first) {
+  Problem problem{camera, views, {}};
+  for (const Eigen::Vector2d& pixel : views.first) problem.rays.push_back(camera.unproject(pixel));
+  std::vector<Structure> structures;
+  double cutoff = std::numeric_limits<double>::infinity();
+  for (const SE3& motion : last_from_first) {
+    structures.push_back(begin_with(problem, motion));
+    cutoff = std::min(cutoff, adjust(problem, std::nullopt, &structures.back()));
+  }
+  MotionsAdjusted result;
+  for (Structure& s : structures) {
+    (void)adjust(problem, cutoff, &s);
+    const std::vector<double> squared = squared_residuals(problem, s);
+    const SE3& last = s.view_from_first.back();
+    result.motions.push_back({SE3(last.rotation(), last.translation().normalized()),
+                              robust_cost(squared, cutoff), direction_sigma(problem, s, squared, cutoff)});
+  }
+  result.noise_cost = kLeastNoise * kLeastNoise * static_cast<double>(problem.points() * problem.poses());
+  return result;
+}
+
+}  // namespace cairn
