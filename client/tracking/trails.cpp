@@ -19,16 +19,12 @@ constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left cov
 constexpr float kFewestMovement =
     0.012F;                             // of the image width: median movement before the first two-view test
 constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
-constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions
+constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions, at first
 constexpr size_t kMostWay = 64;
-constexpr float kMatchSigma = 0.7F;  // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;   // [px] what matching with the first patch may correct
-constexpr size_t kMostJudged = 300;  // trails whose ways judge the motion
-/// The best motion is decided for when the second costs this many times as much. The noise of trails differs
-/// by ten between sharp and compressed pictures, so the residuals themselves say how large it is; what
-/// calibration leaves unexplained is in both, and so is what neither explains.
-constexpr double kClearRatio = 1.1;
-constexpr double kMaxDirectionSigma = M_PI / 180;  // [rad] of the baseline: more bends the map
+constexpr float kMatchSigma = 0.7F;                // [px] of a sub-pixel trail
+constexpr float kMostDrift = 2.0F;                 // [px] what matching with the first patch may correct
+constexpr size_t kMostJudged = 300;                // trails whose ways judge the motion
+constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
 /// picture.
@@ -58,6 +54,15 @@ Corner rounded(const Eigen::Vector2f& p) {
   return {static_cast<int16_t>(std::lround(p.x())), static_cast<int16_t>(std::lround(p.y()))};
 }
 
+const Eigen::Vector2f kNowhere = Eigen::Vector2f::Constant(std::numeric_limits<float>::quiet_NaN());
+
+/// Keeps every second.
+template <typename T>
+void thin_out(std::vector<T>* values) {
+  for (size_t i = 1; 2 * i < values->size(); ++i) (*values)[i] = (*values)[2 * i];
+  values->resize((values->size() + 1) / 2, values->front());
+}
+
 Eigen::Vector2f as_vector(const Corner& c) {
   return {static_cast<float>(c.x), static_cast<float>(c.y)};
 }
@@ -75,6 +80,7 @@ void TrailFollower::restart() {
 void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {
   trails_.clear();
   way_.clear();
+  way_step_ = kWayStep;
   first_image_ = image;
   first_time_ = time;
   movement_ = 0;
@@ -173,42 +179,63 @@ Warp TrailFollower::warp_from_first() const {
   return fit_affine_map(ends).cast<float>();
 }
 
-Eigen::Vector2f TrailFollower::match_with_first(const FollowedTrail& trail, const FrameImages& now,
-                                                const Warp& warp) const {
+std::vector<Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now) const {
   constexpr int kRefinements = 10;
-  PatchTemplate patch;
-  if (!make_template(trail.first_patch, warp, 0, &patch)) return trail.now;
-  const auto refined = refine_patch(patch, now.pyramid.level(0), trail.now, kRefinements, kMostDrift);
-  return refined.value_or(trail.now);
-}
-
-/// Keeps positions about every pixel of movement, so that any number of frames leaves some tens.
-void TrailFollower::remember_way(const FrameImages& now) {
-  if (movement_ < (way_.empty() ? 0.0F : way_.back()) + kWayStep) return;
-  if (way_.size() == kMostWay) return;
-  way_.push_back(movement_);
   const Warp warp = warp_from_first();
-  for (FollowedTrail& t : trails_) t.path.push_back(match_with_first(t, now, warp));
+  std::vector<Eigen::Vector2f> found;
+  found.reserve(trails_.size());
+  for (const FollowedTrail& t : trails_) {
+    PatchTemplate patch;
+    const auto refined = make_template(t.first_patch, warp, 0, &patch)
+                             ? refine_patch(patch, now.pyramid.level(0), t.now, kRefinements, kMostDrift)
+                             : std::nullopt;
+    found.push_back(refined.value_or(kNowhere));
+  }
+  return found;
 }
 
-/// Where some of the trails were in views a fifth of the way apart, and are now.
-FewViews TrailFollower::views_on_the_way(const SeedProposal& proposal) const {
-  std::vector<size_t> judged;
-  const size_t stride = (trails_.size() + kMostJudged - 1) / kMostJudged;
-  for (size_t i = 0; i < trails_.size(); i += stride) judged.push_back(i);
-  FewViews views;
-  for (const size_t i : judged) views.first.push_back(trails_[i].first.cast<double>());
+/// Keeps positions about every pixel of movement at first, ever fewer of a long way.
+void TrailFollower::remember_way(const FrameImages& now) {
+  if (movement_ < (way_.empty() ? 0.0F : way_.back()) + way_step_) return;
+  if (way_.size() == kMostWay) {
+    way_step_ *= 2;
+    thin_out(&way_);
+    for (FollowedTrail& t : trails_) thin_out(&t.path);
+  }
+  way_.push_back(movement_);
+  const std::vector<Eigen::Vector2f> found = match_with_first(now);
+  for (size_t i = 0; i < trails_.size(); ++i) trails_[i].path.push_back(found[i]);
+}
+
+/// Where some of the trails were in views a fifth of the way apart, and are now (`last`); of those only which
+/// were found again in all.
+FewViews TrailFollower::views_on_the_way(const std::vector<Eigen::Vector2f>& last) const {
+  std::vector<size_t> on_the_way;
   auto from = way_.begin();
   for (const float share : {0.2F, 0.4F, 0.6F, 0.8F}) {
     const auto at = std::lower_bound(from, way_.end(), share * movement_);
     if (at == way_.end() || *at >= movement_) break;
-    const auto index = static_cast<size_t>(at - way_.begin());
-    FurtherView& view = views.further.emplace_back(FurtherView{*at / movement_, {}});
-    for (const size_t i : judged) view.pixels.push_back(trails_[i].path[index].cast<double>());
+    on_the_way.push_back(static_cast<size_t>(at - way_.begin()));
     from = at + 1;
   }
-  FurtherView& last = views.further.emplace_back();
-  for (const size_t i : judged) last.pixels.push_back(proposal.trails[i].second.cast<double>());
+  std::vector<size_t> judged;
+  for (size_t i = 0; i < trails_.size(); ++i) {
+    const bool everywhere =
+        last[i].allFinite() && std::all_of(on_the_way.begin(), on_the_way.end(),
+                                           [&](size_t view) { return trails_[i].path[view].allFinite(); });
+    if (everywhere) judged.push_back(i);
+  }
+  const size_t stride = std::max<size_t>(1, (judged.size() + kMostJudged - 1) / kMostJudged);
+  FewViews views;
+  for (const size_t view : on_the_way) views.further.push_back({way_[view] / movement_, {}});
+  views.further.emplace_back();
+  for (size_t k = 0; k < judged.size(); k += stride) {
+    const FollowedTrail& trail = trails_[judged[k]];
+    views.first.push_back(trail.first.cast<double>());
+    for (size_t v = 0; v < on_the_way.size(); ++v)
+      views.further[v].pixels.push_back(trail.path[on_the_way[v]].cast<double>());
+    views.further.back().pixels.push_back(last[judged[k]].cast<double>());
+  }
   return views;
 }
 
@@ -221,16 +248,11 @@ tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& mo
   if (views.further.size() < 2)
     return refuse(TwoViewRefusal::kAmbiguous, "only two views so far: move the camera on");
   const MotionsAdjusted adjusted = adjust_motions(*camera_, views, motions.b_from_a);
-  const auto best = std::min_element(adjusted.motions.begin(), adjusted.motions.end(),
-                                     [](const auto& a, const auto& b) { return a.cost < b.cost; });
-  double second = std::numeric_limits<double>::infinity();
-  for (const AdjustedMotion& m : adjusted.motions) {
-    if (!same_motion(m.last_from_first, best->last_from_first)) second = std::min(second, m.cost);
-  }
+  const AdjustedMotion* best = clear_best(adjusted);
   // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
   const bool contradicted =
-      motions.decided && !same_motion(best->last_from_first, adjusted.motions.front().last_from_first);
-  if (contradicted || second < kClearRatio * std::max(best->cost, adjusted.noise_cost)) {
+      best != nullptr && motions.decided && !same_motion(best->last_from_first, motions.b_from_a.front());
+  if (best == nullptr || contradicted) {
     return refuse(TwoViewRefusal::kAmbiguous,
                   "two motions explain the matches: move the camera on, in another direction");
   }
@@ -242,15 +264,15 @@ tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& mo
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
-                                                                   const SeedProposal& proposal) const {
+                                                                   const FewViews& views) const {
   TwoViewOptions options;
   options.sigma = kMatchSigma;
   options.seed = options_.seed;
   const auto motions = find_motions(*camera_, *camera_, matches, options);
   if (!motions) return tl::unexpected(motions.error());
-  const auto motion = choose(*motions, views_on_the_way(proposal));
+  const auto motion = choose(*motions, views);
   if (!motion) return tl::unexpected(motion.error());
-  return build_two_view(*camera_, *camera_, matches, motions->model, *motion, options);
+  return build_two_view(*camera_, *camera_, matches, *motion, options);
 }
 
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,
@@ -266,15 +288,16 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
-  const Warp warp = warp_from_first();
+  const std::vector<Eigen::Vector2f> found = match_with_first(now);
   proposal.trails.reserve(trails_.size());
   matches.reserve(trails_.size());
-  for (const FollowedTrail& t : trails_) {
-    const Eigen::Vector2f second = match_with_first(t, now, warp);
+  for (size_t i = 0; i < trails_.size(); ++i) {
+    const FollowedTrail& t = trails_[i];
+    const Eigen::Vector2f second = found[i].allFinite() ? found[i] : t.now;
     proposal.trails.push_back({t.id, t.first, second});
     matches.push_back({t.first.cast<double>(), second.cast<double>()});
   }
-  const auto geometry = judge(matches, proposal);
+  const auto geometry = judge(matches, views_on_the_way(found));
   if (!geometry) {
     note_ = geometry.error().message;
     return std::nullopt;

@@ -64,17 +64,17 @@ class TrailFollower {
   void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
   [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
                                 const Eigen::Vector2f& expected, FollowedTrail* trail) const;
-  [[nodiscard]] Eigen::Vector2f match_with_first(const FollowedTrail& trail, const FrameImages& now,
-                                                 const Warp& warp) const;
+  /// Each trail's patch of the first frame, found again in this; NaN where it is not.
+  [[nodiscard]] std::vector<Eigen::Vector2f> match_with_first(const FrameImages& now) const;
   /// How the picture around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
   void remember_way(const FrameImages& now);
-  [[nodiscard]] FewViews views_on_the_way(const SeedProposal& proposal) const;
+  [[nodiscard]] FewViews views_on_the_way(const std::vector<Eigen::Vector2f>& last) const;
   [[nodiscard]] tl::expected<SE3, TwoViewFailure> choose(const TwoViewMotions& motions,
                                                          const FewViews& views) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
-                                                                    const SeedProposal& proposal) const;
+                                                                    const FewViews& views) const;
 
   CameraPtr camera_;
   TrackerOptions options_;
@@ -86,6 +86,7 @@ class TrailFollower {
   std::vector<float> way_;       ///< [px] median movement at the frames whose positions the trails keep
   float movement_ = 0;           ///< [px] median of the trails, in the latest frame
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
+  float way_step_ = 0;           ///< [px] between these
   bool undecided_ = false;
   std::string note_;
 };

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <numeric>
+#include <optional>
 #include <vector>
 
 namespace cairn {
@@ -15,7 +16,7 @@ struct AffineFit {
   Eigen::Vector2d to;    ///< and in the second
 };
 
-AffineFit fit(std::span<const PixelMatch> matches, std::span<const size_t> used) {
+std::optional<AffineFit> fit(std::span<const PixelMatch> matches, std::span<const size_t> used) {
   AffineFit f{Eigen::Matrix2d::Zero(), Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
   for (const size_t i : used) {
     f.from += matches[i].a / static_cast<double>(used.size());
@@ -28,6 +29,9 @@ AffineFit fit(std::span<const PixelMatch> matches, std::span<const size_t> used)
     cross += (matches[i].b - f.to) * from.transpose();
     square += from * from.transpose();
   }
+  constexpr double kOnALine = 1e-9;  ///< of the square of the spread
+  const bool spread = square.determinant() > kOnALine * square.trace() * square.trace();
+  if (!spread) return std::nullopt;
   f.linear = cross * square.inverse();
   return f;
 }
@@ -41,18 +45,20 @@ Eigen::Matrix2d fit_affine_map(std::span<const PixelMatch> matches) {
   std::vector<size_t> order(matches.size());
   std::iota(order.begin(), order.end(), size_t{0});
   size_t used = order.size();
-  AffineFit best;
+  Eigen::Matrix2d linear = Eigen::Matrix2d::Identity();
   for (int round = 0; round < kRounds; ++round) {
-    best = fit(matches, std::span(order).first(used));
-    if (!best.linear.allFinite()) return Eigen::Matrix2d::Identity();
+    const auto best = fit(matches, std::span(order).first(used));
+    if (!best || !best->linear.allFinite()) return Eigen::Matrix2d::Identity();
+    linear = best->linear;
+    if (round + 1 == kRounds) break;
     const auto error = [&](size_t i) {
-      return (matches[i].b - best.to - best.linear * (matches[i].a - best.from)).squaredNorm();
+      return (matches[i].b - best->to - best->linear * (matches[i].a - best->from)).squaredNorm();
     };
     used = order.size() * 2 / 3;
     std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(used), order.end(),
                      [&error](size_t i, size_t k) { return error(i) < error(k); });
   }
-  return best.linear;
+  return linear;
 }
 
 }  // namespace cairn

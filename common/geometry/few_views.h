@@ -43,4 +43,8 @@ struct MotionsAdjusted {
 [[nodiscard]] MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
                                              std::span<const SE3> last_from_first);
 
+/// The cheapest of the adjusted motions; null when another one, not the same, costs hardly more, and for
+/// none.
+[[nodiscard]] const AdjustedMotion* clear_best(const MotionsAdjusted& adjusted);
+
 }  // namespace cairn

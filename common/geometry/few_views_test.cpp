@@ -17,7 +17,6 @@ namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kPoints = 250;
-constexpr double kClearRatio = 1.1;  ///< as the tracker asks it
 
 /// A tilted plane seen in a forward motion, which two views explain in two ways, and the same points on the
 /// way.
@@ -48,17 +47,10 @@ class PlaneOnTheWay {
   [[nodiscard]] MotionsAdjusted adjust(const std::vector<SE3>& motions) const {
     return adjust_motions(*camera_, views_, motions);
   }
-  /// The cheapest, if any other costs clearly more.
   [[nodiscard]] std::optional<SE3> choose(const std::vector<SE3>& motions) const {
     const MotionsAdjusted adjusted = adjust(motions);
-    const auto& all = adjusted.motions;
-    const auto cheaper = [](const AdjustedMotion& a, const AdjustedMotion& b) { return a.cost < b.cost; };
-    const auto best = std::min_element(all.begin(), all.end(), cheaper);
-    for (const AdjustedMotion& m : all) {
-      const bool other = !same_motion(m.last_from_first, best->last_from_first);
-      if (other && m.cost < kClearRatio * std::max(best->cost, adjusted.noise_cost)) return std::nullopt;
-    }
-    return best->last_from_first;
+    const AdjustedMotion* best = clear_best(adjusted);
+    return best != nullptr ? std::optional(best->last_from_first) : std::nullopt;
   }
   [[nodiscard]] bool is_true(const SE3& motion) const {
     return motion.translation().dot(b_from_a_.translation().normalized()) > std::cos(20 * kDegree) &&
@@ -204,6 +196,29 @@ TEST(FewViews, TheDirectionIsAsUncertainAsItSays) {
   // direction_sigma is that of the worse of two ways to be off.
   EXPECT_GT(std::sqrt(squares / count), 0.5);
   EXPECT_LT(std::sqrt(squares / count), 2.0);
+}
+
+/// All points at infinity say nothing of where the camera went.
+TEST(FewViews, ATurnAloneLeavesTheDirectionUnknown) {
+  const CameraPtr camera =
+      make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
+  const SE3 turn(so3_exp({0.01, 0.05, 0.02}), Eigen::Vector3d::Zero());
+  FewViews views;
+  views.further = {{0.5, {}}, {1, {}}};
+  for (int y = 40; y < 250; y += 20) {
+    for (int x = 40; x < 350; x += 20) {
+      views.first.emplace_back(x, y);
+      const Eigen::Vector3d ray = camera->unproject(views.first.back());
+      for (FurtherView& view : views.further)
+        view.pixels.push_back(camera->project(SE3::exp(view.way * turn.log()) * ray).value());
+    }
+  }
+  const std::vector<SE3> motion{SE3(turn.rotation(), Eigen::Vector3d::UnitX())};
+  EXPECT_GT(adjust_motions(*camera, views, motion).motions.front().direction_sigma, 20 * kDegree);
+}
+
+TEST(FewViews, OfNoMotionsNoneIsBest) {
+  EXPECT_EQ(clear_best({}), nullptr);
 }
 
 }  // namespace

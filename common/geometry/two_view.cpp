@@ -449,14 +449,13 @@ tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a
 
 tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camera_a, const Camera& camera_b,
                                                              std::span<const PixelMatch> matches,
-                                                             TwoViewModel model, const SE3& b_from_a,
+                                                             const SE3& b_from_a,
                                                              const TwoViewOptions& options) {
   std::vector<size_t> index;
   const std::vector<NormalisedMatch> normalised =
       normalise(camera_a, camera_b, matches, options.sigma, &index);
   const auto count = static_cast<int>(normalised.size());
   Structure structure = build_structure(camera_a, camera_b, matches, index, normalised, b_from_a, options);
-  structure.geometry.model = model;
   const int fitting = count_below(epipolar_residuals(normalised, b_from_a), kEpipolarCutoff);
   if (fitting < options.min_inlier_fraction * count) {
     return refuse(TwoViewRefusal::kNoModel, text("only %d of %d matches fit one motion", fitting, count));
@@ -470,8 +469,7 @@ tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camer
     return refuse(TwoViewRefusal::kNoModel, text("only %.0f %% of the matches lie in front of both cameras",
                                                  100 * structure.good_fraction));
   }
-  if (model == TwoViewModel::kEssential &&
-      direction_uncertainty(normalised, b_from_a) > kMaxDirectionUncertainty) {
+  if (direction_uncertainty(normalised, b_from_a) > kMaxDirectionUncertainty) {
     return refuse(TwoViewRefusal::kNoModel, "the matches do not determine the direction of the motion");
   }
   return std::move(structure.geometry);

@@ -30,7 +30,6 @@ struct TwoViewOptions {
 enum class TwoViewModel : uint8_t { kHomography, kEssential };
 
 struct TwoViewGeometry {
-  TwoViewModel model = TwoViewModel::kEssential;
   SE3 b_from_a;                         ///< |translation| = 1
   std::vector<Eigen::Vector3d> points;  ///< in frame a, one per match; NaN where not an inlier
   std::vector<bool> inlier;             ///< per match: fits the model, triangulates in front, reprojects
@@ -46,7 +45,7 @@ struct TwoViewFailure {
 };
 
 /// Motions that explain most of the matches of two views, best first: a plane seen from two places near each
-/// other has two, and a third view may tell them apart (adjust_motions).
+/// other has two, and views on the way may tell them apart (adjust_motions).
 struct TwoViewMotions {
   TwoViewModel model = TwoViewModel::kEssential;
   std::vector<SE3> b_from_a;  ///< |translation| = 1; at least one
@@ -70,7 +69,7 @@ struct TwoViewMotions {
 /// Points of the matches under a known motion; refused when too few fit it, or parallax or the matches'
 /// spread do not determine them.
 [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(
-    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, TwoViewModel model,
-    const SE3& b_from_a, const TwoViewOptions& options = {});
+    const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, const SE3& b_from_a,
+    const TwoViewOptions& options = {});
 
 }  // namespace cairn

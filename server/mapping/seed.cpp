@@ -41,7 +41,7 @@ Status check_input(const SeedInput& input) {
       return fail(ErrorCode::kDamaged, "image size is not the camera's");
     }
   }
-  if (std::abs(input.second_from_first.translation().norm() - 1) > 1e-6) {
+  if (!(std::abs(input.second_from_first.translation().norm() - 1) <= 1e-6)) {
     return fail(ErrorCode::kDamaged, "the motion between the views is not of length 1");
   }
   return {};
@@ -49,21 +49,22 @@ Status check_input(const SeedInput& input) {
 
 /// How the patches look in the second image, as far as the trails' ends tell: unwarped ones would be found a
 /// fraction of a pixel off, all to the same side.
-Warp warp_of(const std::vector<Trail>& trails) {
+Warp warp_of(const Camera& camera, const std::vector<Trail>& trails) {
   std::vector<PixelMatch> ends;
   ends.reserve(trails.size());
   for (const Trail& t : trails) {
-    if (t.first.allFinite() && t.second.allFinite())
-      ends.push_back({t.first.cast<double>(), t.second.cast<double>()});
+    const PixelMatch m{t.first.cast<double>(), t.second.cast<double>()};
+    if (camera.in_image(m.a) && camera.in_image(m.b)) ends.push_back(m);
   }
-  return fit_affine_map(ends).cast<float>();
+  const Warp warp = fit_affine_map(ends).cast<float>();
+  return warp_level(warp) ? warp : Warp::Identity();
 }
 
 /// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
 std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& first,
                                      const MapKeyframe& second) {
   PatchView view;
-  view.warp = warp_of(input.trails);
+  view.warp = warp_of(*input.camera, input.trails);
   std::vector<SeedMatch> matches;
   for (const Trail& trail : input.trails) {
     const Eigen::Vector2d a = trail.first.cast<double>();
@@ -166,13 +167,14 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));
   std::vector<PixelMatch> matches;
   for (const SeedMatch& m : trails) matches.push_back(m.match);
+  if (matches.size() < kMinSeedPoints) return too_few(matches.size());
   TwoViewOptions two_view;
   // The tracker asked the same of its own matches; re-measured ones differ a little, and a bare pass there
   // should not fail here.
   constexpr double kTolerance = 0.8;
   two_view.min_median_parallax *= kTolerance;
-  const auto geometry = build_two_view(*input.camera, *input.camera, matches, TwoViewModel::kEssential,
-                                       input.second_from_first, two_view);
+  const auto geometry =
+      build_two_view(*input.camera, *input.camera, matches, input.second_from_first, two_view);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   map.keyframe(second).camera_from_map =
       SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);

@@ -5,7 +5,8 @@
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 
-/// The two-view start (PTAM 2007, 6.1, with the two-view tests of common/geometry).
+/// The two-view start (PTAM 2007, 6.1): the tracker says how the camera moved, which it has judged by more
+/// views than these two; here its word is checked on measurements made anew.
 namespace cairn {
 
 struct SeededMap {
