@@ -21,9 +21,9 @@ constexpr float kFewestMovement =
 constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
 constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions, at first
 constexpr size_t kMostWay = 64;
-constexpr float kMatchSigma = 0.7F;                // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;                 // [px] what matching with the first patch may correct
-constexpr size_t kMostJudged = 300;                // trails whose ways judge the motion
+constexpr float kMatchSigma = 0.7F;  // [px] of a sub-pixel trail
+constexpr float kMostDrift = 2.0F;   // [px] what matching with the first patch may correct
+constexpr size_t kMostJudged = 300;  // trails whose ways judge the motion
 constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the

@@ -63,8 +63,8 @@ struct MapSeed {
   ImageMessage first_image;
   ImageMessage second_image;
   std::vector<Trail> trails;  ///< at most kMaxTrails
-  SE3 second_from_first;      ///< |translation| = 1; the server checks it on the images, and searches no other
-  std::string map_name;       ///< wished for; empty = the server names it
+  SE3 second_from_first;  ///< |translation| = 1; the server checks it on the images, and searches no other
+  std::string map_name;   ///< wished for; empty = the server names it
 };
 
 /// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.

@@ -137,6 +137,7 @@ class ProtocolTest : public ::testing::Test {
     seed.first_image = encode_image(*proposal.first_image, wire::ImageEncoding::kRaw);
     seed.second_image = encode_image(*proposal.second_image, wire::ImageEncoding::kJpeg);
     seed.trails = proposal.trails;
+    seed.second_from_first = proposal.second_from_first;
     seed.map_name = "desk";
     return seed;
   }
