@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
 
 #include "common/geometry/affine_map.h"
 
@@ -21,9 +22,10 @@ constexpr float kFewestMovement =
 constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
 constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions, at first
 constexpr size_t kMostWay = 64;
-constexpr float kMatchSigma = 0.7F;  // [px] of a sub-pixel trail
-constexpr float kMostDrift = 2.0F;   // [px] what matching with the first patch may correct
-constexpr size_t kMostJudged = 300;  // trails whose ways judge the motion
+constexpr float kMatchSigma = 0.7F;      // [px] of a sub-pixel trail
+constexpr float kMostDrift = 2.0F;       // [px] what matching with the first patch may correct
+constexpr size_t kMostRemembered = 300;  // trails looked for in views on the way
+constexpr size_t kMostJudged = 200;      // of those found in all of them
 constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
@@ -179,12 +181,13 @@ Warp TrailFollower::warp_from_first() const {
   return fit_affine_map(ends).cast<float>();
 }
 
-std::vector<Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now) const {
+std::vector<Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) const {
   constexpr int kRefinements = 10;
   const Warp warp = warp_from_first();
   std::vector<Eigen::Vector2f> found;
-  found.reserve(trails_.size());
-  for (const FollowedTrail& t : trails_) {
+  const size_t count = std::min(most, trails_.size());
+  found.reserve(count);
+  for (const FollowedTrail& t : std::span(trails_).first(count)) {
     PatchTemplate patch;
     const auto refined = make_template(t.first_patch, warp, 0, &patch)
                              ? refine_patch(patch, now.pyramid.level(0), t.now, kRefinements, kMostDrift)
@@ -203,8 +206,10 @@ void TrailFollower::remember_way(const FrameImages& now) {
     for (FollowedTrail& t : trails_) thin_out(&t.path);
   }
   way_.push_back(movement_);
-  const std::vector<Eigen::Vector2f> found = match_with_first(now);
-  for (size_t i = 0; i < trails_.size(); ++i) trails_[i].path.push_back(found[i]);
+  // Trails stay in the order in which they were chosen, all over the picture: the first ones will do.
+  const std::vector<Eigen::Vector2f> found = match_with_first(now, kMostRemembered);
+  for (size_t i = 0; i < trails_.size(); ++i)
+    trails_[i].path.push_back(i < found.size() ? found[i] : kNowhere);
 }
 
 /// Where some of the trails were in views a fifth of the way apart, and are now (`last`); of those only which
@@ -288,7 +293,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
-  const std::vector<Eigen::Vector2f> found = match_with_first(now);
+  const std::vector<Eigen::Vector2f> found = match_with_first(now, trails_.size());
   proposal.trails.reserve(trails_.size());
   matches.reserve(trails_.size());
   for (size_t i = 0; i < trails_.size(); ++i) {

@@ -64,8 +64,9 @@ class TrailFollower {
   void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
   [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
                                 const Eigen::Vector2f& expected, FollowedTrail* trail) const;
-  /// Each trail's patch of the first frame, found again in this; NaN where it is not.
-  [[nodiscard]] std::vector<Eigen::Vector2f> match_with_first(const FrameImages& now) const;
+  /// The patches of the first `most` trails, as they were in the first frame, found again in this; NaN where
+  /// they are not.
+  [[nodiscard]] std::vector<Eigen::Vector2f> match_with_first(const FrameImages& now, size_t most) const;
   /// How the picture around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
