@@ -7,7 +7,6 @@
 
 #include "common/geometry/affine_map.h"
 #include "common/geometry/plane.h"
-#include "common/geometry/triangulation.h"
 #include "common/geometry/two_view.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/patch_view.h"
