@@ -159,7 +159,7 @@ bool FrameLoop::try_place(const PlaceAnswer& answer) {
   }
   const auto place = best_place(answer);
   const auto suggestion = place ? std::optional(PoseSuggestion{place->map, place->epoch, place->keyframe,
-                                                               place->camera_from_keyframe})
+                                                               place->camera_from_keyframe, place->confirmed})
                                 : std::nullopt;
   const PlaceUse use = tracker_.place_answered(suggestion);
   if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kTried);

@@ -32,6 +32,7 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
 
 bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
   left_open();
+  answered_ = asked_;
   const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
   suggestion_ = is_news ? suggestion : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;

@@ -53,6 +53,10 @@ class PlaceQuestion {
   /// Whether a picture with much to see, asked about since the last prove(), was of no place known: the
   /// camera is elsewhere. Of a hand before the lens, or of blur, that says nothing.
   [[nodiscard]] bool is_elsewhere() const { return is_elsewhere_; }
+  /// Whether a question asked at `begin` or later has been answered.
+  [[nodiscard]] bool is_answered_since(Timestamp begin) const { return answered_ && *answered_ >= begin; }
+  /// The camera is elsewhere: it was confirmed in another map than the one it was looked for in.
+  void contradict() { is_elsewhere_ = true; }
   /// Whether the latest question that could have been answered was not.
   [[nodiscard]] bool nobody_answers() const { return nobody_answers_; }
 
@@ -61,6 +65,7 @@ class PlaceQuestion {
   bool under_way_ = false;
   bool nobody_answers_ = false;
   TinyImage tiny_;                      ///< of the frame asked about
+  std::optional<Timestamp> answered_;   ///< when the frame was taken of which the latest answer is
   std::optional<Timestamp> not_known_;  ///< when the frame was taken of which the latest answer says so
   bool shows_much_ = false;             ///< the frame asked about
   bool is_elsewhere_ = false;

@@ -12,6 +12,7 @@ struct PoseSuggestion {
   Epoch epoch;
   KeyframeId reference;
   SE3 camera_from_reference;  ///< of the frame that was asked about
+  bool confirmed = true;      ///< by geometry, and compared with all maps
 };
 
 /// What a tracker does with the answer to its question.

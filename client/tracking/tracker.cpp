@@ -31,6 +31,14 @@ constexpr double kStillHere = 1.0;
 // Correlation of the tiny images of two frames, the motion between them undone: below, they show different
 // things, most likely; strangers are above now and then, and cost two frames more.
 constexpr float kSameView = 0.5F;
+constexpr double kWitnessPatience = 0.2;  // [s] an answer takes a frame or two
+
+/// Who says where the camera may be.
+enum class Guess : uint8_t { kSuggested, kOwn };
+
+float proof_of(Guess whose) {
+  return whose == Guess::kSuggested ? kSuggestedQuality : kRecoveredQuality;
+}
 
 }  // namespace
 
@@ -82,8 +90,15 @@ struct Tracker::State {
   double mean_depth = 1;
   int bad_frames = 0;
   size_t lost_frames = 0;
-  int unproven = 0;            ///< frames that must still confirm the pose before it is published
-  float quality_to_prove = 0;  ///< in each of them
+  /// A pose that was found by looking for it, to be proven before it is published.
+  struct Trial {
+    int frames_left = 0;  ///< that must still confirm it
+    float quality = 0;    ///< in each of them
+    /// When it began, if the place is the tracker's own guess: that knows one map only, and the server, which
+    /// compares with all, is to be heard about a frame from then on.
+    std::optional<Timestamp> witness_from;
+  };
+  std::optional<Trial> trial;
 
   FrameResult result;
   StageProbe* probe = nullptr;
@@ -97,7 +112,10 @@ struct Tracker::State {
   }
   /// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
   /// first of many.
-  [[nodiscard]] bool is_asking() const { return starting ? is_looking() : bad_frames > 0; }
+  [[nodiscard]] bool is_asking() const { return starting ? is_looking() : bad_frames > 0 || lacks_witness(); }
+  [[nodiscard]] bool lacks_witness() const {
+    return trial && trial->witness_from && !question.is_answered_since(*trial->witness_from);
+  }
   /// The map in use is left for another only when lost, or when the picture changed as no hand can move.
   [[nodiscard]] bool wants(const PoseSuggestion& place) const {
     return is_looking() || (is_asking() && (failed_at_cut || place.map == map->map));
@@ -115,10 +133,13 @@ struct Tracker::State {
   void track_map(Timestamp time);
   [[nodiscard]] bool found_as_suggested(Timestamp time);
   void recover(Timestamp time);
-  [[nodiscard]] bool found_from(const SE3& start, const SearchEffort& effort, float quality, Timestamp time);
-  [[nodiscard]] bool holds_proof() const {
-    return finder.found() >= kFewestRecovered && finder.quality() >= quality_to_prove;
+  [[nodiscard]] bool found_from(const SE3& start, const SearchEffort& effort, Guess whose, Timestamp time);
+  [[nodiscard]] bool holds_proof(float quality) const {
+    return finder.found() >= kFewestRecovered && finder.quality() >= quality;
   }
+  [[nodiscard]] bool stays_on_trial(Timestamp time);
+  [[nodiscard]] bool is_contradicted_by(const PoseSuggestion& place) const;
+  void contradict();
   void accept(const SE3& camera_from_map, Timestamp time, PoseVerdict verdict);
   void publish(Timestamp time, PoseVerdict verdict);
   [[nodiscard]] bool is_sound(PoseVerdict verdict) const;
@@ -201,7 +222,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
   const bool same = map && !is_other_map;  // keyframes keep their ids when a server comes back with the map
   if (is_other_map) {
     bad_frames = options.lost_after_bad_frames;
-    unproven = 0;
+    trial.reset();
     latest = {};
     keyframes.enter_map();
   }
@@ -220,13 +241,33 @@ void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerd
   if (const KeyframePose* nearest = map->nearest_keyframe(camera_from_map.center())) {
     latest = {map->map, nearest->id, camera_from_map * nearest->camera_from_map.inverse()};
   }
-  if (unproven > 0 && --unproven > 0) {
+  if (trial && stays_on_trial(time)) {
     result.state = TrackingState::kLost;
     result.on_trial = true;
     result.note = "proving a pose that was found";
     return;
   }
+  trial.reset();
   publish(time, verdict);
+}
+
+/// One frame more has confirmed it.
+bool Tracker::State::stays_on_trial(Timestamp time) {
+  if (--trial->frames_left > 0) return true;
+  return lacks_witness() && !question.nobody_answers() &&
+         std::abs(seconds_between(time, *trial->witness_from)) < kWitnessPatience;
+}
+
+/// Whether the server knows the camera in another map than the one in which it is on trial by its own guess.
+bool Tracker::State::is_contradicted_by(const PoseSuggestion& place) const {
+  return trial && trial->witness_from && question.is_answered_since(*trial->witness_from) &&
+         place.confirmed && place.map != map->map;
+}
+
+void Tracker::State::contradict() {
+  trial.reset();
+  bad_frames = options.lost_after_bad_frames;
+  question.contradict();
 }
 
 void Tracker::State::publish(Timestamp time, PoseVerdict verdict) {
@@ -269,7 +310,7 @@ void Tracker::State::propose_keyframe() {
 void Tracker::State::track_map(Timestamp time) {
   const SE3 step = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
   SearchEffort effort = normal_effort(options);
-  if (unproven > 0) effort.enough_aligned = 1;  // it is on trial: everything that speaks for it or against it
+  if (trial) effort.enough_aligned = 1;  // it is on trial: everything that speaks for it or against it
   auto pose = finder.locate(now(), step * model.last(), effort, probe);
   PoseVerdict verdict = pose ? finder.judge() : PoseVerdict::kBad;
   if (verdict == PoseVerdict::kBad) {
@@ -288,7 +329,7 @@ void Tracker::State::track_map(Timestamp time) {
   // What leaves the picture is tracked on its last points, centimetres off, and found again on as few.
   const bool looks_right = finder.found() >= kFewestRecovered && finder.quality() >= kRecoveredQuality;
   if (bad_frames > 0 && !looks_right) verdict = PoseVerdict::kBad;
-  const bool is_refuted = unproven > 0 && !(pose && holds_proof());
+  const bool is_refuted = trial && !(pose && holds_proof(trial->quality));
   if (verdict != PoseVerdict::kBad && !is_refuted) {
     accept(*pose, time, verdict);
     return;
@@ -297,8 +338,8 @@ void Tracker::State::track_map(Timestamp time) {
   if (bad_frames++ == 0) failed_at_cut = is_cut;
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
-  if (unproven > 0) {
-    unproven = 0;
+  if (trial) {
+    trial.reset();
     bad_frames = options.lost_after_bad_frames;
     question.refute(time);
   } else {
@@ -310,7 +351,7 @@ void Tracker::State::track_map(Timestamp time) {
 bool Tracker::State::found_as_suggested(Timestamp time) {
   const auto place = question.take(now(), *camera, *map);
   if (!place) return false;
-  if (found_from(*place, wide_effort(options), kSuggestedQuality, time)) return true;
+  if (found_from(*place, wide_effort(options), Guess::kSuggested, time)) return true;
   question.refute(time);
   return false;
 }
@@ -329,28 +370,27 @@ void Tracker::State::recover(Timestamp time) {
   if (found_as_suggested(time)) return;
   if (may_be_elsewhere(time) && !question.nobody_answers()) return;
   if (const auto place = places.recall(now(), *camera, *map, lost_frames++ % kMemoriesTried)) {
-    if (found_from(*place, wide, kRecoveredQuality, time)) return;
+    if (found_from(*place, wide, Guess::kOwn, time)) return;
   }
   if (const KeyframePose* keyframe = proven.map == map->map ? map->find(proven.reference) : nullptr) {
     const SE3 last = proven.camera_from_reference * keyframe->camera_from_map;
-    if (found_from(last, wide, kRecoveredQuality, time)) return;
+    if (found_from(last, wide, Guess::kOwn, time)) return;
   }
   if (!question.nobody_answers()) return;
   SearchEffort quick = wide;
   quick.needs_coarse = true;
   for (size_t i = 0; i < KeyframeRounds::kPerFrame; ++i) {
     const auto start = rounds.next(*map);
-    if (start && found_from(*start, quick, kRecoveredQuality, time)) return;
+    if (start && found_from(*start, quick, Guess::kOwn, time)) return;
   }
 }
 
 /// Whether the camera is found near `start`: it is followed from there on, and published once it has held.
 /// Whoever looks everywhere finds something somewhere.
-bool Tracker::State::found_from(const SE3& start, const SearchEffort& effort, float quality, Timestamp time) {
+bool Tracker::State::found_from(const SE3& start, const SearchEffort& effort, Guess whose, Timestamp time) {
   const auto pose = finder.locate(now(), start, effort, probe);
-  quality_to_prove = quality;
-  if (!pose || !holds_proof()) return false;
-  unproven = kProofFrames;
+  if (!pose || !holds_proof(proof_of(whose))) return false;
+  trial = {kProofFrames, proof_of(whose), whose == Guess::kOwn ? std::optional(time) : std::nullopt};
   model.reset(*pose, time);
   accept(*pose, time, PoseVerdict::kGood);
   return true;
@@ -422,6 +462,7 @@ void Tracker::seed_refused(const std::string& reason) {
 
 PlaceUse Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
   if (!state_->question.answered(suggestion)) return PlaceUse::kNotKnown;
+  if (state_->is_contradicted_by(*suggestion)) state_->contradict();
   if (state_->wants(*suggestion)) return PlaceUse::kTried;
   state_->question.drop_suggestion();
   return PlaceUse::kNotNeeded;
@@ -442,7 +483,7 @@ void Tracker::start_over(NewMap wish) {
   s.latest = s.proven = {};
   s.bad_frames = 0;
   s.lost_frames = 0;
-  s.unproven = 0;
+  s.trial.reset();
 }
 
 }  // namespace cairn

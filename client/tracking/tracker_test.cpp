@@ -133,7 +133,9 @@ class OnMap : public ::testing::Test {
     answer.map = map->map;
     answer.second_keyframe = KeyframeId{1};
     tracker.seed_accepted(answer);
-    for (int i = 0; i < 3; ++i) step(looking_down(0, 0));  // found from the keyframe, and proven
+    for (int i = 0; i < 3; ++i) {  // found from the keyframe, and proven
+      if (step(looking_down(0, 0)).place_question) tracker.place_answered(std::nullopt);
+    }
   }
   static TrackerOptions options() {
     TrackerOptions o;
@@ -227,6 +229,38 @@ TEST_F(OnMap, MemoryIsTheOnlyWitnessWhenNobodyAnswersAnyMore) {
   bool found = false;
   for (int i = 0; i < 30 && !found; ++i) found = step(truth).pose_measured;
   EXPECT_TRUE(found);
+}
+
+/// Desks look alike to who knows one of them: what memory finds waits for the word of who compares with all
+/// maps, and gives way to a place that is confirmed elsewhere.
+TEST_F(OnMap, WhatMemoryFindsGivesWayToAPlaceConfirmedInAnotherMap) {
+  MapId other;
+  other.bytes[0] = 99;
+  const SE3 truth = looking_down(0.02, 0);
+  for (const bool confirmed : {true, false}) {
+    for (int i = 0; i < 3; ++i) {
+      if (step(looking_down(0.01 * i, 0)).place_question) tracker.place_answered(std::nullopt);
+    }
+    for (int i = 0; i < 4; ++i) {
+      if (blank().place_question) tracker.place_answered(std::nullopt);
+    }
+    bool asked = false;
+    bool published = false;
+    for (int i = 0; i < 5; ++i) {
+      const FrameResult& result = step(truth);
+      published |= result.pose_measured;
+      if (!result.place_question) continue;
+      EXPECT_TRUE(result.on_trial || asked) << "frame " << i;
+      asked = true;
+      EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, SE3(), confirmed}),
+                confirmed ? PlaceUse::kTried : PlaceUse::kNotNeeded);
+    }
+    EXPECT_TRUE(asked);
+    EXPECT_EQ(published, !confirmed);
+    const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
+    tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there});
+    for (int i = 0; i < 3; ++i) step(truth);
+  }
 }
 
 /// A tracker that knows nothing but what it is told of where it may be.
@@ -450,8 +484,10 @@ TEST_F(OnMap, SameFramesSameBytes) {
   answer.map = map->map;
   answer.second_keyframe = KeyframeId{1};
   other.seed_accepted(answer);
-  for (int i = 0; i < 3; ++i)
-    static_cast<void>(other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map));
+  for (int i = 0; i < 3; ++i) {
+    if (other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map).place_question)
+      other.place_answered(std::nullopt);
+  }
   for (int i = 3; i < 8; ++i) {
     const auto image = scene.render(looking_down(0.01 * i, 0.005 * i));
     const SE3 a = tracker.track(image, {i * kFrame}, map).camera_from_map;
