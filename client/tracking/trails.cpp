@@ -25,7 +25,8 @@ constexpr size_t kMostWay = 64;
 constexpr float kMatchSigma = 0.7F;      // [px] of a sub-pixel trail
 constexpr float kMostDrift = 2.0F;       // [px] what matching with the first patch may correct
 constexpr size_t kMostRemembered = 300;  // trails looked for in views on the way
-constexpr size_t kMostJudged = 200;      // of those found in all of them
+constexpr size_t kMostJudged = 200;      // of those found in all of them,
+constexpr size_t kFewestJudged = 40;     // as of the matches of a pair (TwoViewOptions)
 constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
@@ -81,6 +82,7 @@ void TrailFollower::restart() {
 
 void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {
   trails_.clear();
+  matched_.clear();
   way_.clear();
   way_step_ = kWayStep;
   first_image_ = image;
@@ -150,6 +152,7 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
   const Eigen::Vector2f center((static_cast<float>(image->width()) - 1) / 2,
                                (static_cast<float>(image->height()) - 1) / 2);
   const Eigen::Matrix2f turn = Eigen::Rotation2Df(motion.angle).toRotationMatrix();
+  matched_.clear();
   std::erase_if(trails_, [&](FollowedTrail& trail) {
     const Eigen::Vector2f expected = center + turn * (trail.now - center) + scale * motion.shift;
     return !follow_one(now, previous, expected, &trail);
@@ -181,20 +184,20 @@ Warp TrailFollower::warp_from_first() const {
   return fit_affine_map(ends).cast<float>();
 }
 
-std::vector<Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) const {
+std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) {
   constexpr int kRefinements = 10;
-  const Warp warp = warp_from_first();
-  std::vector<Eigen::Vector2f> found;
   const size_t count = std::min(most, trails_.size());
-  found.reserve(count);
-  for (const FollowedTrail& t : std::span(trails_).first(count)) {
-    PatchTemplate patch;
-    const auto refined = make_template(t.first_patch, warp, 0, &patch)
-                             ? refine_patch(patch, now.pyramid.level(0), t.now, kRefinements, kMostDrift)
-                             : std::nullopt;
-    found.push_back(refined.value_or(kNowhere));
+  if (matched_.size() < count) {
+    const Warp warp = warp_from_first();
+    for (const FollowedTrail& t : std::span(trails_).subspan(matched_.size(), count - matched_.size())) {
+      PatchTemplate patch;
+      const auto refined = make_template(t.first_patch, warp, 0, &patch)
+                               ? refine_patch(patch, now.pyramid.level(0), t.now, kRefinements, kMostDrift)
+                               : std::nullopt;
+      matched_.push_back(refined.value_or(kNowhere));
+    }
   }
-  return found;
+  return std::span(matched_).first(count);
 }
 
 /// Keeps positions about every pixel of movement at first, ever fewer of a long way.
@@ -207,14 +210,14 @@ void TrailFollower::remember_way(const FrameImages& now) {
   }
   way_.push_back(movement_);
   // Trails stay in the order in which they were chosen, all over the picture: the first ones will do.
-  const std::vector<Eigen::Vector2f> found = match_with_first(now, kMostRemembered);
+  const auto found = match_with_first(now, kMostRemembered);
   for (size_t i = 0; i < trails_.size(); ++i)
     trails_[i].path.push_back(i < found.size() ? found[i] : kNowhere);
 }
 
 /// Where some of the trails were in views a fifth of the way apart, and are now (`last`); of those only which
 /// were found again in all.
-FewViews TrailFollower::views_on_the_way(const std::vector<Eigen::Vector2f>& last) const {
+FewViews TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) const {
   std::vector<size_t> on_the_way;
   auto from = way_.begin();
   for (const float share : {0.2F, 0.4F, 0.6F, 0.8F}) {
@@ -230,16 +233,17 @@ FewViews TrailFollower::views_on_the_way(const std::vector<Eigen::Vector2f>& las
                                            [&](size_t view) { return trails_[i].path[view].allFinite(); });
     if (everywhere) judged.push_back(i);
   }
-  const size_t stride = std::max<size_t>(1, (judged.size() + kMostJudged - 1) / kMostJudged);
+  const size_t count = std::min(judged.size(), kMostJudged);
   FewViews views;
   for (const size_t view : on_the_way) views.further.push_back({way_[view] / movement_, {}});
   views.further.emplace_back();
-  for (size_t k = 0; k < judged.size(); k += stride) {
-    const FollowedTrail& trail = trails_[judged[k]];
+  for (size_t k = 0; k < count; ++k) {
+    const size_t i = judged[k * judged.size() / count];
+    const FollowedTrail& trail = trails_[i];
     views.first.push_back(trail.first.cast<double>());
     for (size_t v = 0; v < on_the_way.size(); ++v)
       views.further[v].pixels.push_back(trail.path[on_the_way[v]].cast<double>());
-    views.further.back().pixels.push_back(last[judged[k]].cast<double>());
+    views.further.back().pixels.push_back(last[i].cast<double>());
   }
   return views;
 }
@@ -252,6 +256,8 @@ tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& mo
   };
   if (views.further.size() < 2)
     return refuse(TwoViewRefusal::kAmbiguous, "only two views so far: move the camera on");
+  if (views.first.size() < kFewestJudged)
+    return refuse(TwoViewRefusal::kTooFewMatches, "too few trails are seen all the way: move more slowly");
   const MotionsAdjusted adjusted = adjust_motions(*camera_, views, motions.b_from_a);
   const AdjustedMotion* best = clear_best(adjusted);
   // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
@@ -293,7 +299,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
 
   SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
   std::vector<PixelMatch> matches;
-  const std::vector<Eigen::Vector2f> found = match_with_first(now, trails_.size());
+  const auto found = match_with_first(now, trails_.size());
   proposal.trails.reserve(trails_.size());
   matches.reserve(trails_.size());
   for (size_t i = 0; i < trails_.size(); ++i) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -65,13 +66,13 @@ class TrailFollower {
   [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
                                 const Eigen::Vector2f& expected, FollowedTrail* trail) const;
   /// The patches of the first `most` trails, as they were in the first frame, found again in this; NaN where
-  /// they are not.
-  [[nodiscard]] std::vector<Eigen::Vector2f> match_with_first(const FrameImages& now, size_t most) const;
+  /// they are not. Looked for once a frame.
+  [[nodiscard]] std::span<const Eigen::Vector2f> match_with_first(const FrameImages& now, size_t most);
   /// How the picture around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
   void remember_way(const FrameImages& now);
-  [[nodiscard]] FewViews views_on_the_way(const std::vector<Eigen::Vector2f>& last) const;
+  [[nodiscard]] FewViews views_on_the_way(std::span<const Eigen::Vector2f> last) const;
   [[nodiscard]] tl::expected<SE3, TwoViewFailure> choose(const TwoViewMotions& motions,
                                                          const FewViews& views) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
@@ -84,6 +85,7 @@ class TrailFollower {
   uint64_t next_id_ = 1;
   GrayImagePtr first_image_;
   Timestamp first_time_;
+  std::vector<Eigen::Vector2f> matched_;  ///< of this frame, as far as they have been looked for
   std::vector<float> way_;       ///< [px] median movement at the frames whose positions the trails keep
   float movement_ = 0;           ///< [px] median of the trails, in the latest frame
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
