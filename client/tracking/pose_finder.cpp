@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "client/tracking/tracker.h"
+#include "common/geometry/scene_depth.h"
 
 namespace cairn {
 namespace {
@@ -83,16 +84,13 @@ float PoseFinder::quality() const {
   return in_sight == 0 ? 0 : static_cast<float>(seen_.found) / static_cast<float>(in_sight);
 }
 
-std::optional<double> PoseFinder::mean_depth() const {
-  double sum = 0;
-  int count = 0;
+std::optional<double> PoseFinder::mean_depth() {
+  depths_.clear();
   for (const VisiblePoint& p : seen_.points) {
-    if (!p.found) continue;
-    sum += p.depth;
-    ++count;
+    if (p.found) depths_.push_back(p.depth);
   }
-  if (count == 0) return std::nullopt;
-  return sum / count;
+  if (depths_.empty()) return std::nullopt;
+  return scene_depth(&depths_);
 }
 
 std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff, StageProbe* probe) {

@@ -68,7 +68,7 @@ class PoseFinder {
     return seen_.rms;
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
   /// [map unit] of the points found; nothing without any.
-  [[nodiscard]] std::optional<double> mean_depth() const;
+  [[nodiscard]] std::optional<double> mean_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.
   [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }
 
@@ -103,6 +103,7 @@ class PoseFinder {
   Seen other_;  ///< its other look, or an older one
   DepthOrder order_;
   std::vector<PointObservation> observations_;
+  std::vector<float> depths_;
   std::vector<size_t> observed_;  ///< index into seen_.points of each observation
 };
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "common/geometry/pose.h"
+#include "common/geometry/scene_depth.h"
 #include "server/mapping/patch_view.h"
 #include "server/mapping/refind.h"
 
@@ -60,12 +61,13 @@ std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input
   if (!estimate || !estimate->camera_from_map.is_finite()) return std::nullopt;
   Judged judged;
   judged.camera_from_map = estimate->camera_from_map;
+  std::vector<double> depths;
   for (size_t i = 0; i < known.size(); ++i) {
     if (estimate->weights[i] <= 0) continue;
     judged.inliers.push_back(known[i]);
-    judged.mean_depth += (judged.camera_from_map * observations[i].point_in_map).z();
+    depths.push_back((judged.camera_from_map * observations[i].point_in_map).z());
   }
-  if (!judged.inliers.empty()) judged.mean_depth /= static_cast<double>(judged.inliers.size());
+  judged.mean_depth = scene_depth(&depths);
   return judged;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "common/geometry/scene_depth.h"
 #include "common/map/limits.h"
 #include "server/mapping/patch_view.h"
 
@@ -241,16 +242,13 @@ void MapState::update_depths(KeyframeId id) {
   MapKeyframe& k = keyframe(id);
   std::vector<double> depths;
   depths.reserve(k.measurements.size());
-  double sum = 0;
   for (const Measurement& m : k.measurements) {
     const double z = (k.camera_from_map * point(m.point).position).z();
-    if (z <= 0) continue;
-    depths.push_back(z);
-    sum += z;
+    if (z > 0) depths.push_back(z);
   }
   if (depths.empty()) return;
+  k.mean_depth = scene_depth(&depths);
   std::sort(depths.begin(), depths.end());
-  k.mean_depth = sum / static_cast<double>(depths.size());
   k.near_depth = depths[depths.size() / 20];
   k.far_depth = depths[depths.size() - 1 - depths.size() / 20];
 }
