@@ -177,6 +177,37 @@ void append_row_scalar(const uint8_t* row, int width, int y, ptrdiff_t stride, i
   }
 }
 
+/// Of what best_arc() found on both sides of the centre.
+int score_of(int brightest, int darkest, int center) {
+  return std::max({brightest - center, center - darkest, 1}) - 1;
+}
+
+/// fast10_score() of each corner, sixteen at a time.
+std::vector<int> fast10_scores(const GrayView& image, const std::vector<Corner>& corners) {
+  constexpr size_t kLanes = sizeof(Bytes16);
+  std::vector<int> scores(corners.size());
+  std::array<std::array<uint8_t, kLanes>, kRing> gathered{};
+  for (size_t first = 0; first < corners.size(); first += kLanes) {
+    const size_t count = std::min(kLanes, corners.size() - first);
+    for (size_t lane = 0; lane < count; ++lane) {
+      const Corner c = corners[first + lane];
+      const uint8_t* center = image.row(c.y) + c.x;
+      for (size_t k = 0; k < kRing; ++k) gathered[k][lane] = *ring_pixel(center, image.stride, k);
+    }
+    std::array<Bytes16, kRing> ring;
+    for (size_t k = 0; k < kRing; ++k) load_bytes(gathered[k].data(), &ring[k]);
+    Bytes16 brightest;
+    Bytes16 darkest;
+    best_arc<true>(ring, &brightest);
+    best_arc<false>(ring, &darkest);
+    for (size_t lane = 0; lane < count; ++lane) {
+      const Corner c = corners[first + lane];
+      scores[first + lane] = score_of(brightest[lane], darkest[lane], image.row(c.y)[c.x]);
+    }
+  }
+  return scores;
+}
+
 /// Strictly above each of its 8 neighbours, or equal to one that comes later in row-major order: a plateau
 /// keeps one. `scores` are those of corners.corners.
 class NonMaximumSuppression {
@@ -243,7 +274,7 @@ int fast10_score(const GrayView& image, int x, int y) {
   int darkest = 0;
   best_arc<true>(ring, &brightest);
   best_arc<false>(ring, &darkest);
-  return std::max({brightest - *center, *center - darkest, 1}) - 1;
+  return score_of(brightest, darkest, *center);
 }
 
 float shi_tomasi(const GrayView& image, int x, int y, int half_size) {
@@ -273,10 +304,7 @@ std::vector<Candidate> find_candidates(const GrayView& image, const CornerList& 
                                        int border, float min_shi_tomasi) {
   constexpr int kHalfSize = 3;
   const int margin = std::max(border, kHalfSize + 1);
-  std::vector<int> scores(corners.corners.size());
-  for (size_t i = 0; i < scores.size(); ++i) {
-    scores[i] = fast10_score(image, corners.corners[i].x, corners.corners[i].y);
-  }
+  const std::vector<int> scores = fast10_scores(image, corners.corners);
   const NonMaximumSuppression suppression(corners, scores);
   std::vector<Candidate> candidates;
   for (size_t i = 0; i < scores.size(); ++i) {
