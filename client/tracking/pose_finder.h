@@ -104,6 +104,8 @@ class PoseFinder {
   DepthOrder order_;
   std::vector<PointObservation> observations_;
   std::vector<size_t> observed_;  ///< index into seen_.points of each observation
+  PoseWorkspace workspace_;
+  PoseEstimate estimate_;  ///< from them
 };
 
 }  // namespace cairn
