@@ -30,6 +30,13 @@ Json percentiles(const Histogram& times) {
           {"p99", rounded_ms(times.percentile(0.99))}};
 }
 
+/// Of times that there may be none of.
+Json counted_percentiles(const Histogram& times) {
+  Json json = percentiles(times);
+  json["count"] = times.count();
+  return json;
+}
+
 /// Points that are looked through, newest first, for one of a new keyframe: those of the last few keyframes.
 constexpr int kBlocksLookedThrough = 32;
 /// A keyframe without new points (all that it shows was known) is not waited for longer than this [s].
@@ -91,6 +98,8 @@ void RunStats::on_frame(const FrameReport& report) {
   FrameRow row{report.frame.time, report.state,      {}, result.found, result.attempted,
                to_ms(report.cpu), to_ms(report.wall)};
   if (!first_map_frame_ && report.state != FrameState::kStarting) first_map_frame_ = frames_total_;
+  if (report.state == FrameState::kStarting) starting_ms_.add(row.cpu_ms);
+  if (report.state == FrameState::kLost) lost_ms_.add(row.cpu_ms);
   if (is_tracked(report.state)) {
     row.map = result.map;
     if (current_map_ && current_map_ != result.map) {
@@ -178,8 +187,9 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
   stages["total"] = percentiles(stage_ms_[kStageCount]);
   for (size_t s = 0; s < kStageCount; ++s)
     stages[to_string(static_cast<Stage>(s))] = percentiles(stage_ms_[s]);
-  json["keyframe_to_points_ms"] = percentiles(points_after_ms_);
-  json["keyframe_to_points_ms"]["count"] = points_after_ms_.count();
+  json["starting_ms"] = counted_percentiles(starting_ms_);
+  json["lost_ms"] = counted_percentiles(lost_ms_);
+  json["keyframe_to_points_ms"] = counted_percentiles(points_after_ms_);
   json["summary"] = {
       {"tracked_share", tracked_share()},
       {"on_time_share", on_time_share()},

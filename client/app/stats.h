@@ -51,7 +51,8 @@ class RunStats final : public FrameObserver {
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_place_answer(const PlaceReport& report) override;
 
-  /// The JSON of client/app/README.md. Percentiles are over tracked frames. `first_map_frame`, of all frames
+  /// The JSON of client/app/README.md. Percentiles of stages are over tracked frames; those
+  /// of starting and lost ones stand beside them. `first_map_frame`, of all frames
   /// of the source from 0, is the first that had a map to be tracked in, whether it was or not; null without
   /// a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not
   /// known). `summary` has what the contract does not ask for.
@@ -97,6 +98,8 @@ class RunStats final : public FrameObserver {
   size_t on_time_ = 0;
   Timestamp last_time_;
   std::array<Histogram, kStageCount + 1> stage_ms_;  ///< of tracked frames; the last is the whole frame
+  Histogram starting_ms_;                            ///< processor time of frames without a map,
+  Histogram lost_ms_;                                ///< and of those lost in one
   std::optional<size_t> first_map_frame_;
   MapId current_map_;
   size_t switches_ = 0;

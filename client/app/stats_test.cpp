@@ -143,6 +143,21 @@ TEST_F(StatsTest, PercentilesAreOverTrackedFramesOnly) {
   EXPECT_EQ(stages.size(), kStageCount + 1);
 }
 
+TEST_F(StatsTest, StartingAndLostFramesHaveFiguresOfTheirOwn) {
+  EXPECT_EQ(json()["starting_ms"]["count"], 0);
+  for (int i = 1; i <= 100; ++i) {
+    add(FrameState::kStarting, {}, milliseconds(i));
+    add(FrameState::kTracking, desk_, milliseconds(900));
+    add(FrameState::kLost, desk_, milliseconds(2 * i));
+  }
+  drop();
+  const auto j = json();
+  EXPECT_NEAR(j["starting_ms"]["p95"].get<double>(), 95, 0.5);
+  EXPECT_NEAR(j["lost_ms"]["p95"].get<double>(), 190, 1);
+  EXPECT_EQ(j["starting_ms"]["count"], 100);
+  EXPECT_EQ(j["lost_ms"]["count"], 100);
+}
+
 TEST_F(StatsTest, DroppedFramesAreLate) {
   add(FrameState::kStarting, {}, milliseconds(5), milliseconds(33));
   add(FrameState::kTracking, desk_, milliseconds(5), milliseconds(34));

@@ -25,7 +25,7 @@ class FrameImages {
   }
   void build_tiny() {
     constexpr float kPriorBlur = 0.75F;  // PTAM r114
-    tiny = TinyImage(pyramid.level(kPyramidLevels - 1), kPriorBlur);
+    tiny.assign(pyramid.level(kPyramidLevels - 1), kPriorBlur);
   }
   /// Of one level: looked for when first asked, since those of the large levels cost a fifth of a frame's
   /// time and most frames never need them. One thread.

@@ -106,13 +106,13 @@ std::optional<SE3> PoseFinder::solve(const SE3& start, double max_squared_cutoff
   PoseOptions pose_options;
   pose_options.min_squared_cutoff = kMinSquaredCutoff;
   pose_options.max_squared_cutoff = max_squared_cutoff;
-  const auto estimate = optimize_pose(*camera_, start, observations_, pose_options);
-  if (!estimate) return std::nullopt;
-  seen_.found = estimate->inliers;
-  seen_.rms = estimate->rms;
+  if (!optimize_pose(*camera_, start, observations_, pose_options, &workspace_, &estimate_))
+    return std::nullopt;
+  seen_.found = estimate_.inliers;
+  seen_.rms = estimate_.rms;
   // Only what agrees with the pose counts as found.
-  for (size_t i = 0; i < observed_.size(); ++i) seen_.points[observed_[i]].found = estimate->weights[i] > 0;
-  return estimate->camera_from_map;
+  for (size_t i = 0; i < observed_.size(); ++i) seen_.points[observed_[i]].found = estimate_.weights[i] > 0;
+  return estimate_.camera_from_map;
 }
 
 std::optional<SE3> PoseFinder::coarse_stage(const FrameImages& frame, const SE3& start,

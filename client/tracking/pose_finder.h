@@ -105,6 +105,8 @@ class PoseFinder {
   std::vector<PointObservation> observations_;
   std::vector<float> depths_;
   std::vector<size_t> observed_;  ///< index into seen_.points of each observation
+  PoseWorkspace workspace_;
+  PoseEstimate estimate_;  ///< from them
 };
 
 }  // namespace cairn

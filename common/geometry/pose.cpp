@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "common/geometry/robust.h"
 #include "common/geometry/sampling.h"
@@ -16,14 +17,7 @@ namespace {
 
 constexpr size_t kMinObservations = 4;
 
-/// One observation linearised at the present pose, whitened by its sigma.
-struct Linearised {
-  Eigen::Vector2d residual;  ///< (projected - measured) / sigma
-  std::array<std::array<double, 6>, 2>
-      d_residual_d_xi{};  ///< rows x, y; left tangent (translation, rotation)
-  double squared = 0;
-  bool in_view = false;
-};
+using Linearised = PoseWorkspace::Linearised;
 
 /// Upper triangle, row by row, of sum w J^T J; and sum w J^T r.
 struct NormalEquations {
@@ -75,14 +69,14 @@ void linearise(const Camera& camera, const SE3& camera_from_map,
 }
 
 /// Tukey's cut-off for an iteration: from the median of what is in view, never below the floor.
-double cutoff_for(const std::vector<Linearised>& linearised, int iteration, const PoseOptions& options,
-                  std::vector<double>& scratch) {
+double cutoff_for(int iteration, const PoseOptions& options, PoseWorkspace* workspace) {
   if (iteration >= options.fixed_cutoff_after) return options.late_squared_cutoff;
-  scratch.clear();
-  for (const auto& o : linearised) {
-    if (o.in_view) scratch.push_back(o.squared);
+  std::vector<double>& squared = workspace->squared;
+  squared.clear();
+  for (const auto& o : workspace->linearised) {
+    if (o.in_view) squared.push_back(o.squared);
   }
-  return std::clamp(tukey_squared_cutoff(scratch), options.min_squared_cutoff, options.max_squared_cutoff);
+  return std::clamp(tukey_squared_cutoff(squared), options.min_squared_cutoff, options.max_squared_cutoff);
 }
 
 NormalEquations accumulate(const std::vector<Linearised>& linearised, double cutoff) {
@@ -110,28 +104,29 @@ tl::unexpected<Error> singular() {
 
 /// Weights, inliers, rms and covariance (inverse information, for the sigmas as given, without the prior) at
 /// the end.
-Result<PoseEstimate> summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff) {
-  PoseEstimate estimate;
-  estimate.camera_from_map = pose;
-  estimate.weights.resize(linearised.size());
+Status summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff,
+                 PoseEstimate* estimate) {
+  estimate->camera_from_map = pose;
+  estimate->weights.resize(linearised.size());
+  estimate->inliers = 0;
   NormalEquations sum;
   double total_weight = 0;
   double total_squared = 0;
   for (size_t i = 0; i < linearised.size(); ++i) {
     const Linearised& o = linearised[i];
     const double weight = o.in_view ? tukey_weight(o.squared, cutoff) : 0.0;
-    estimate.weights[i] = weight;
+    estimate->weights[i] = weight;
     if (!(weight > 0)) continue;
     sum.add(o, weight);
-    ++estimate.inliers;
+    ++estimate->inliers;
     total_weight += weight;
     total_squared += weight * o.squared;
   }
   const auto factor = factorise(sum.information());
-  if (!factor || static_cast<size_t>(estimate.inliers) < kMinObservations) return singular();
-  estimate.rms = std::sqrt(total_squared / total_weight);
-  estimate.covariance = factor->solve(Matrix6d::Identity());
-  return estimate;
+  if (!factor || static_cast<size_t>(estimate->inliers) < kMinObservations) return singular();
+  estimate->rms = std::sqrt(total_squared / total_weight);
+  estimate->covariance = factor->solve(Matrix6d::Identity());
+  return {};
 }
 
 /// Rays of the pixels that are drawn, each undistorted once, however often it is drawn.
@@ -170,17 +165,27 @@ double msac_cost(const Camera& camera, const SE3& pose, std::span<const PointObs
 Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                    std::span<const PointObservation> observations,
                                    const PoseOptions& options) {
+  PoseWorkspace workspace;
+  PoseEstimate estimate;
+  return optimize_pose(camera, camera_from_map_start, observations, options, &workspace, &estimate).map([&] {
+    return std::move(estimate);
+  });
+}
+
+Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
+                     std::span<const PointObservation> observations, const PoseOptions& options,
+                     PoseWorkspace* workspace, PoseEstimate* estimate) {
   if (observations.size() < kMinObservations) {
     return fail(ErrorCode::kDegenerate, "pose: fewer than 4 observations");
   }
   constexpr double kConverged = 1e-18;  // squared step [m^2, rad^2]: nothing left but rounding
-  std::vector<Linearised> linearised(observations.size());
-  std::vector<double> scratch;
-  scratch.reserve(observations.size());
+  std::vector<Linearised>& linearised = workspace->linearised;
+  linearised.resize(observations.size());
+  workspace->squared.reserve(observations.size());
   SE3 pose = camera_from_map_start;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     linearise(camera, pose, observations, linearised);
-    const NormalEquations sum = accumulate(linearised, cutoff_for(linearised, iteration, options, scratch));
+    const NormalEquations sum = accumulate(linearised, cutoff_for(iteration, options, workspace));
     const auto factor = factorise(sum.information() + options.prior * Matrix6d::Identity());
     if (!factor) return singular();
     const Vector6d step = -factor->solve(Vector6d(Eigen::Map<const Vector6d>(sum.gradient.data())));
@@ -192,7 +197,7 @@ Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_
     if (cutoff_settled && step.squaredNorm() < kConverged) break;
   }
   linearise(camera, pose, observations, linearised);
-  return summarise(pose, linearised, cutoff_for(linearised, options.iterations, options, scratch));
+  return summarise(pose, linearised, cutoff_for(options.iterations, options, workspace), estimate);
 }
 
 Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObservation> observations,

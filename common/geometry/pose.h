@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <limits>
 #include <span>
 #include <vector>
@@ -36,12 +37,32 @@ struct PoseEstimate {
   Matrix6d covariance = Matrix6d::Identity();
 };
 
+/// What optimize_pose computes with, kept from call to call by who has no time to allocate. What is in it
+/// means nothing to others. One thread.
+struct PoseWorkspace {
+  /// One observation linearised at the present pose, whitened by its sigma.
+  struct Linearised {
+    Eigen::Vector2d residual;  ///< (projected - measured) / sigma
+    std::array<std::array<double, 6>, 2>
+        d_residual_d_xi{};  ///< rows x, y; left tangent (translation, rotation)
+    double squared = 0;
+    bool in_view = false;
+  };
+  std::vector<Linearised> linearised;
+  std::vector<double> squared;  ///< of those in view, in any order
+};
+
 /// Robust pose from 2-D/3-D matches by Gauss-Newton on SE3 (PTAM 2007, eq. 5-7) with analytic Jacobians and
 /// Tukey weights re-scaled by the median each iteration. An error when fewer than 4 observations or the
 /// normal equations are singular.
 [[nodiscard]] Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                                  std::span<const PointObservation> observations,
                                                  const PoseOptions& options = {});
+/// As above, in memory that is there: no allocation where as many observations were before. On an error
+/// `estimate` is left with nothing of use.
+[[nodiscard]] Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
+                                   std::span<const PointObservation> observations, const PoseOptions& options,
+                                   PoseWorkspace* workspace, PoseEstimate* estimate);
 
 /// Unit rays in the camera and points in the map; up to four camera_from_map (P3P, Lambda Twist or
 /// equivalent).

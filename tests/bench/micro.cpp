@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hot functions one by one, on a frame of the simulated desk, with yardsticks in the same run: a copy of the
-// frame, OpenCV's FAST and pyramid. README.md has the figures.
+// frame, OpenCV's FAST, pyramid and ORB. README.md has the figures. Poses and motions: micro_geometry.cpp;
+// the server: micro_server.cpp.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -13,9 +14,8 @@
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/point_search.h"
-#include "common/geometry/pose.h"
-#include "common/geometry/two_view.h"
 #include "common/image/patch.h"
+#include "common/image/place.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -198,20 +198,45 @@ void BM_TinyImage(benchmark::State& state) {
 }
 BENCHMARK(BM_TinyImage);
 
-void BM_PoseOfPoints(benchmark::State& state) {
-  Simulator simulator = desk();
-  const Camera& camera = simulator.camera();
-  std::vector<PointObservation> observations;
-  for (int i = 0; i < static_cast<int>(state.range(0)); ++i) {
-    const Eigen::Vector2d pixel((i * 97) % camera.width(), (i * 61) % camera.height());
-    const double depth = 1.0 + 0.1 * (i % 7);
-    const Eigen::Vector2d noise(0.3 * ((i % 5) - 2), 0.3 * ((i % 3) - 1));
-    observations.push_back({camera.unproject(pixel) * depth, pixel + noise, 1.0});
-  }
-  const SE3 start(so3_exp({0.01, -0.01, 0.005}), {0.01, 0.02, -0.01});
-  for (auto _ : state) benchmark::DoNotOptimize(optimize_pose(camera, start, observations));
+/// Of this frame and one a tenth of a second later.
+void BM_AlignTiny(benchmark::State& state) {
+  constexpr int kLater = 3;
+  FrameImages later;
+  const GrayImage image = desk().frame(kFrame + kLater).image;
+  later.build_pyramid(image.view());
+  later.build_tiny();
+  for (auto _ : state) benchmark::DoNotOptimize(align_tiny(prepared().tiny, later.tiny));
 }
-BENCHMARK(BM_PoseOfPoints)->Arg(100)->Arg(500)->Arg(1000);
+BENCHMARK(BM_AlignTiny);
+
+/// With the corners found.
+void BM_DescribePlace(benchmark::State& state) {
+  const auto& corners = prepared().all_corners();
+  size_t described = 0;
+  for (auto _ : state) described = describe_place(prepared().pyramid, corners).corners.size();
+  state.counters["corners"] = static_cast<double>(described);
+}
+BENCHMARK(BM_DescribePlace);
+
+/// Of the same corners.
+void BM_OrbOfOpenCv(benchmark::State& state) {
+  cv::setNumThreads(1);
+  const cv::Mat image = as_mat(frame().view());
+  const auto orb = cv::ORB::create(1000, 2.0F, kPyramidLevels);
+  std::vector<cv::KeyPoint> corners;
+  for (const PlaceCorner& c : describe_place(prepared().pyramid, prepared().all_corners()).corners) {
+    const float size = 31.0F * static_cast<float>(1 << c.level);
+    corners.emplace_back(c.pixel.x(), c.pixel.y(), size, 0.0F, 0.0F, c.level);
+  }
+  cv::Mat descriptors;
+  std::vector<cv::KeyPoint> described;
+  for (auto _ : state) {
+    described = corners;
+    orb->compute(image, described, descriptors);
+  }
+  state.counters["corners"] = static_cast<double>(described.size());
+}
+BENCHMARK(BM_OrbOfOpenCv);
 
 void BM_SimulatedFrame(benchmark::State& state) {
   Simulator simulator = desk();

@@ -58,6 +58,17 @@ def render(sequence, binaries, folder):
     sequence.truth = folder / "sequence" / "groundtruth.txt"
 
 
+def memory_mb(process_id, kind):
+    """Of a process that runs: VmRSS (resident) or VmHWM (the most there was) [MB]. None: not known."""
+    try:
+        for line in pathlib.Path(f"/proc/{process_id}/status").read_text().splitlines():
+            if line.startswith(f"{kind}:"):
+                return int(line.split()[1]) * 1024 / 1e6
+    except OSError:
+        pass
+    return None
+
+
 class Server:
     """A cairn-server of its own; its words go to server.log in the folder, at its end its figures to server.json."""
 
@@ -75,14 +86,12 @@ class Server:
             self.process.wait()
         self.log.close()
 
+    def memory_mb(self):
+        """Resident now."""
+        return memory_mb(self.process.pid, "VmRSS")
+
     def peak_memory_mb(self):
-        try:
-            for line in pathlib.Path(f"/proc/{self.process.pid}/status").read_text().splitlines():
-                if line.startswith("VmHWM:"):
-                    return int(line.split()[1]) / 1024
-        except OSError:
-            pass
-        return None
+        return memory_mb(self.process.pid, "VmHWM")
 
     def stop(self):
         """Its exit code."""
@@ -106,8 +115,9 @@ def is_tracked(frame):
 
 
 def is_on_time(frame):
-    """Likewise: what came of it came within 33 ms of when the frame was due."""
-    return frame["state"] != "dropped" and frame["wall_ms"] <= 33.0
+    """Likewise: what came of it came within 33 ms of when the frame was due. A lost frame has no pose: it is late. Before there is
+    a map none can have one, so these count by their time alone (as `on_time_share` of the stats' summary)."""
+    return frame["state"] not in ("dropped", "lost") and frame["wall_ms"] <= 33.0
 
 
 def rows_of(path):

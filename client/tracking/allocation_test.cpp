@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// A program of its own: it counts what is taken from the heap, by whatever name (Eigen does not ask operator
+// new). Sanitizers have a heap of theirs; with them it is not built.
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+
+#include "client/tracking/plane_scene.h"
+#include "client/tracking/tracker.h"
+
+namespace {
+std::atomic<size_t> allocations{0};
+}  // namespace
+
+// glibc's own names for what stands behind the functions replaced here.
+// NOLINTBEGIN(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
+extern "C" {
+void* __libc_malloc(size_t size);
+void* __libc_calloc(size_t count, size_t size);
+void* __libc_realloc(void* memory, size_t size);
+void* __libc_memalign(size_t alignment, size_t size);
+
+void* malloc(size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+void* calloc(size_t count, size_t size) {
+  ++allocations;
+  return __libc_calloc(count, size);
+}
+void* realloc(void* memory, size_t size) {
+  ++allocations;
+  return __libc_realloc(memory, size);
+}
+void* aligned_alloc(size_t alignment, size_t size) {
+  ++allocations;
+  return __libc_memalign(alignment, size);
+}
+}
+// NOLINTEND(bugprone-reserved-identifier,cert-dcl37-c,cert-dcl51-cpp)
+
+namespace cairn {
+namespace {
+
+/// A camera one metre above the plane, looking down at (x, y).
+SE3 looking_down(double x, double y) {
+  const Eigen::Quaterniond camera_from_map(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()));
+  return {camera_from_map, -(camera_from_map * Eigen::Vector3d(x, y, 1.0))};
+}
+
+TEST(Allocations, AreSeenHere) {
+  const size_t before = allocations;
+  const auto number = std::make_unique<int>(1);
+  const Eigen::VectorXd vector = Eigen::VectorXd::Constant(100, *number);
+  const auto pixels = std::make_unique<GrayImage>(64, 64);
+  EXPECT_EQ(allocations - before, 4U) << vector.size() << " numbers, " << pixels->width() << " columns";
+}
+
+/// Round and round: what the first rounds had to learn (templates, places, how much memory a picture takes)
+/// the later ones know. The way is too short for a keyframe.
+TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
+  constexpr int kRound = 24;  // frames
+  constexpr int kRoundsToLearn = 3;
+  const CameraPtr camera = *make_camera(
+      {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
+  const test::PlaneScene scene(3, camera);
+  const MapSnapshotPtr map = scene.make_map(looking_down(0, 0));
+  std::vector<GrayImagePtr> pictures;
+  for (int i = 0; i < kRound; ++i) {
+    const double angle = 2 * M_PI * i / kRound;
+    pictures.push_back(scene.render(looking_down(0.04 * std::cos(angle), 0.04 * std::sin(angle))));
+  }
+  Tracker tracker(camera, {});
+  static_cast<void>(
+      tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, looking_down(0, 0)}));
+  for (int i = 0; i < 2 * kRoundsToLearn * kRound; ++i) {
+    const GrayImagePtr& picture = pictures[static_cast<size_t>(i % kRound)];
+    const size_t before = allocations;
+    const FrameResult& result = tracker.track(picture, {int64_t{33'333'333} * i}, map);
+    const size_t taken = allocations - before;
+    if (i < kRoundsToLearn * kRound) continue;
+    ASSERT_TRUE(result.pose_measured) << "frame " << i << " " << result.note;
+    ASSERT_FALSE(result.keyframe) << "frame " << i;
+    EXPECT_EQ(taken, 0U) << "frame " << i << ", " << result.found << " of " << result.attempted;
+  }
+}
+
+}  // namespace
+}  // namespace cairn
