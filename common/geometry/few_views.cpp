@@ -20,7 +20,20 @@ constexpr double kLeastNoise = 0.05;  ///< [px] residuals below are taken for ch
 /// between sharp and compressed pictures, so the residuals themselves say how large it is; what calibration
 /// leaves unexplained is in both, and so is what neither explains.
 constexpr double kClearRatio = 1.1;
-constexpr double kTukey = 4.6851;  ///< cut-off in standard deviations: 95 % efficient for normal noise
+
+// Levenberg-Marquardt: damping at first, what a step that is kept and one that is not make of it, how many
+// are tried in one iteration, and the share of the cost below which a gain ends it.
+constexpr double kFirstDamping = 1e-4;
+constexpr double kDampingKept = 0.1;
+constexpr double kDampingRefused = 20;
+constexpr int kAttempts = 4;
+constexpr double kLeastGain = 1e-4;
+
+/// Of the squared sine between a ray and the motion, which has length 1: a point seen along it has no
+/// depth.
+constexpr double kAlongMotion = 1e-12;
+/// Of the smallest pivot to the largest: below, the views do not determine their poses.
+constexpr double kSingular = 1e-12;
 
 /// Poses of the further views in the first, and each point's inverse distance along its first ray.
 struct Structure {
@@ -63,7 +76,7 @@ double robust_cost(const std::vector<double>& squared, double squared_cutoff) {
 
 /// That of the view which fits worst: one for all views would let the others leave it out.
 double cutoff_of(std::vector<double> squared, size_t points) {
-  double cutoff = std::pow(kTukey * kLeastNoise, 2);
+  double cutoff = std::pow(kTukeyCutoffPerSigma * kLeastNoise, 2);
   for (size_t at = 0; at < squared.size(); at += points) {
     const double of_view = tukey_squared_cutoff(std::span(squared).subspan(at, points));
     if (std::isfinite(of_view)) cutoff = std::max(cutoff, of_view);
@@ -171,7 +184,7 @@ Structure moved(const Structure& s, const Reduced& r, const Eigen::VectorXd& ste
 
 /// Levenberg-Marquardt; the cut-off follows the residuals unless it is given. Returns the last cut-off.
 double adjust(const Problem& problem, std::optional<double> given_cutoff, Structure* s) {
-  double damping = 1e-4;
+  double damping = kFirstDamping;
   std::vector<double> squared = squared_residuals(problem, *s);
   double cutoff = 0;
   for (int iteration = 0; iteration < kIterations; ++iteration) {
@@ -179,20 +192,20 @@ double adjust(const Problem& problem, std::optional<double> given_cutoff, Struct
     const double cost = robust_cost(squared, cutoff);
     const NormalEquations equations = build(problem, *s, cutoff);
     double gain = 0;
-    for (int attempt = 0; attempt < 4 && gain <= 0; ++attempt) {
+    for (int attempt = 0; attempt < kAttempts && gain <= 0; ++attempt) {
       const Reduced r = reduce(equations, *s, damping);
       const Eigen::VectorXd step = -r.information.ldlt().solve(r.gradient);
       if (!step.allFinite()) return cutoff;
       const Structure next = moved(*s, r, step);
       std::vector<double> next_squared = squared_residuals(problem, next);
       gain = cost - robust_cost(next_squared, cutoff);
-      damping *= gain > 0 ? 0.1 : 20;
+      damping *= gain > 0 ? kDampingKept : kDampingRefused;
       if (gain > 0) {
         *s = next;
         squared = std::move(next_squared);
       }
     }
-    if (gain < 1e-4 * cost) break;
+    if (gain < kLeastGain * cost) break;
   }
   return cutoff;
 }
@@ -211,7 +224,7 @@ Structure begin_with(const Problem& problem, const SE3& motion) {
     const Eigen::Vector3d from_turn = b.cross(rotation * problem.rays[i]);
     const Eigen::Vector3d from_shift = b.cross(motion.translation());
     const double scale = from_shift.squaredNorm();
-    if (!(scale > 1e-12)) continue;
+    if (!(scale > kAlongMotion)) continue;
     const double inverse_distance = std::max(0.0, -from_turn.dot(from_shift) / scale);
     const bool in_front = b.dot(rotation * problem.rays[i] + inverse_distance * motion.translation()) > 0;
     if (in_front) s.inverse_distance[static_cast<Eigen::Index>(i)] = inverse_distance;
@@ -235,7 +248,7 @@ double direction_sigma(const Problem& problem, const Structure& s, const std::ve
   const Reduced r = reduce(build(problem, s, squared_cutoff), s, 0);
   const Eigen::LDLT<Eigen::MatrixXd> factors(r.information);
   const auto pivots = factors.vectorD();
-  if (!(pivots.minCoeff() > 1e-12 * pivots.maxCoeff())) return std::numeric_limits<double>::infinity();
+  if (!(pivots.minCoeff() > kSingular * pivots.maxCoeff())) return std::numeric_limits<double>::infinity();
   const Eigen::Index size = r.information.rows();
   const Eigen::MatrixXd covariance =
       factors.solve(Eigen::MatrixXd::Identity(size, size).rightCols<6>().leftCols<3>().eval());

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 
+#include "common/base/median.h"
+
 namespace cairn {
 
 double tukey_cost(double squared_residual, double squared_cutoff) {
@@ -14,12 +16,11 @@ double tukey_cost(double squared_residual, double squared_cutoff) {
 
 double tukey_squared_cutoff(std::span<double> squared_residuals) {
   if (squared_residuals.empty()) return 0;
-  const auto middle = squared_residuals.begin() + static_cast<std::ptrdiff_t>(squared_residuals.size() / 2);
-  std::nth_element(squared_residuals.begin(), middle, squared_residuals.end());
+  const double median = reorder_to_median(squared_residuals);
   // 2n - 6 vanishes at n = 3; below six residuals the factor of six is as good as any.
   const double n = std::max<double>(static_cast<double>(squared_residuals.size()), 6);
-  const double cutoff_per_sigma = 4.6851 * 1.4826 * (1 + 5 / (2 * n - 6));
-  return cutoff_per_sigma * cutoff_per_sigma * *middle;
+  const double cutoff_per_sigma = kTukeyCutoffPerSigma * kDeviationPerMedian * (1 + 5 / (2 * n - 6));
+  return cutoff_per_sigma * cutoff_per_sigma * median;
 }
 
 }  // namespace cairn

@@ -6,6 +6,11 @@
 
 namespace cairn {
 
+/// Tukey's cut-off in standard deviations: 95 % as efficient as least squares for normal noise.
+inline constexpr double kTukeyCutoffPerSigma = 4.6851;
+/// Standard deviation of normal noise over the median of its absolute values.
+inline constexpr double kDeviationPerMedian = 1.4826;
+
 /// Tukey's biweight of a squared residual for a squared cut-off: (1 - e^2/c^2)^2 inside, 0 outside.
 [[nodiscard]] inline double tukey_weight(double squared_residual, double squared_cutoff) {
   if (squared_residual >= squared_cutoff) return 0.0;
@@ -16,8 +21,9 @@ namespace cairn {
 /// = weight/2.
 [[nodiscard]] double tukey_cost(double squared_residual, double squared_cutoff);
 
-/// Squared cut-off by the median of the squared residuals (PTAM r114): (4.6851 * 1.4826 * (1 + 5/(2n - 6)))^2
-/// * median, the small-sample factor capped for n < 6. Reorders `squared_residuals`; 0 for none.
+/// Squared cut-off by the median of the squared residuals (PTAM r114): (kTukeyCutoffPerSigma *
+/// kDeviationPerMedian * (1 + 5/(2n - 6)))^2 * median, the small-sample factor capped for n < 6. Reorders
+/// `squared_residuals`; 0 for none.
 [[nodiscard]] double tukey_squared_cutoff(std::span<double> squared_residuals);
 
 }  // namespace cairn

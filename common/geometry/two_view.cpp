@@ -10,7 +10,9 @@
 #include <optional>
 #include <utility>
 
+#include "common/base/median.h"
 #include "common/geometry/epipolar.h"
+#include "common/geometry/robust.h"
 #include "common/geometry/sampling.h"
 #include "common/geometry/triangulation.h"
 
@@ -311,8 +313,8 @@ struct Structure {
 
 Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches,
                           std::span<const size_t> index, NormalisedMatches normalised, const SE3& pose,
-                          const TwoViewOptions& options) {
-  const double limit = 16 * options.sigma * options.sigma;
+                          double sigma) {
+  const double limit = 16 * sigma * sigma;
   Structure result;
   TwoViewGeometry& geometry = result.geometry;
   geometry.b_from_a = pose;
@@ -344,9 +346,7 @@ Structure build_structure(const Camera& camera_a, const Camera& camera_b, std::s
     parallaxes.push_back(parallax(*point, Eigen::Vector3d::Zero(), center_b));
   }
   if (!parallaxes.empty()) {
-    const auto middle = parallaxes.begin() + static_cast<std::ptrdiff_t>(parallaxes.size() / 2);
-    std::nth_element(parallaxes.begin(), middle, parallaxes.end());
-    geometry.median_parallax = *middle;
+    geometry.median_parallax = reorder_to_median(std::span(parallaxes));
   }
   result.good_fraction = fitting > 0 ? static_cast<double>(geometry.inliers) / fitting : 0;
   return result;
@@ -390,9 +390,7 @@ std::vector<NormalisedMatch> normalise(const Camera& camera_a, const Camera& cam
 /// leaves.
 double measured_sigma(NormalisedMatches matches, const SE3& pose) {
   Residuals residuals = epipolar_residuals(matches, pose);
-  const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
-  std::nth_element(residuals.begin(), middle, residuals.end());
-  return 1.4826 * std::sqrt(*middle);
+  return kDeviationPerMedian * std::sqrt(reorder_to_median(std::span(residuals)));
 }
 
 /// The camera turned or stood: which of the two, in words.
@@ -450,22 +448,23 @@ tl::expected<TwoViewMotions, TwoViewFailure> find_motions(const Camera& camera_a
 tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(const Camera& camera_a, const Camera& camera_b,
                                                              std::span<const PixelMatch> matches,
                                                              const SE3& b_from_a,
-                                                             const TwoViewOptions& options) {
+                                                             const TwoViewCriteria& criteria) {
   std::vector<size_t> index;
   const std::vector<NormalisedMatch> normalised =
-      normalise(camera_a, camera_b, matches, options.sigma, &index);
+      normalise(camera_a, camera_b, matches, criteria.sigma, &index);
   const auto count = static_cast<int>(normalised.size());
-  Structure structure = build_structure(camera_a, camera_b, matches, index, normalised, b_from_a, options);
+  Structure structure =
+      build_structure(camera_a, camera_b, matches, index, normalised, b_from_a, criteria.sigma);
   const int fitting = count_below(epipolar_residuals(normalised, b_from_a), kEpipolarCutoff);
-  if (fitting < options.min_inlier_fraction * count) {
+  if (fitting < criteria.min_inlier_fraction * count) {
     return refuse(TwoViewRefusal::kNoModel, text("only %d of %d matches fit one motion", fitting, count));
   }
-  if (const double angle = structure.geometry.median_parallax; angle < options.min_median_parallax) {
+  if (const double angle = structure.geometry.median_parallax; angle < criteria.min_median_parallax) {
     return refuse(TwoViewRefusal::kNoParallax,
                   text("no parallax: %.1f degrees, %.1f needed", angle * kDegrees,
-                       options.min_median_parallax * kDegrees));
+                       criteria.min_median_parallax * kDegrees));
   }
-  if (structure.good_fraction < options.min_good_fraction) {
+  if (structure.good_fraction < criteria.min_good_fraction) {
     return refuse(TwoViewRefusal::kNoModel, text("only %.0f %% of the matches lie in front of both cameras",
                                                  100 * structure.good_fraction));
   }

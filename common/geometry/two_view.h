@@ -16,14 +16,19 @@ struct PixelMatch {
   Eigen::Vector2d b = Eigen::Vector2d::Zero();  ///< pixel in the second image
 };
 
-struct TwoViewOptions {
-  double sigma = 1.0;    ///< standard deviation of a match [px]
-  int iterations = 300;  ///< RANSAC trials of each model
-  int min_matches = 40;
+/// What a motion must hold to.
+struct TwoViewCriteria {
+  double sigma = 1.0;                                         ///< standard deviation of a match [px]
   double min_median_parallax = 1.2 * 3.14159265358979 / 180;  ///< [rad], over the inliers that triangulate
   double min_inlier_fraction = 0.6;
   double min_good_fraction =
       0.7;  ///< of the inliers: in front of both cameras and reprojected within 4 sigma
+};
+
+/// And how it is searched for.
+struct TwoViewOptions : TwoViewCriteria {
+  int iterations = 300;  ///< RANSAC trials of each model
+  int min_matches = 40;
   uint64_t seed = 1;
 };
 
@@ -70,6 +75,6 @@ struct TwoViewMotions {
 /// spread do not determine them.
 [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> build_two_view(
     const Camera& camera_a, const Camera& camera_b, std::span<const PixelMatch> matches, const SE3& b_from_a,
-    const TwoViewOptions& options = {});
+    const TwoViewCriteria& criteria = {});
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "common/image/fit_warp.h"
 #include "common/image/kernels.h"
 #include "common/image/test_textures.h"
 
@@ -374,6 +375,26 @@ TEST(SampleBilinearTest, IsExactOnAPlane) {
   for (float y = 0; y < 29; y += 0.31F) {
     for (float x = 0; x < 29; x += 0.17F) EXPECT_NEAR(sample_bilinear(plane, x, y), 3 * x + 4 * y, 1e-4);
   }
+}
+
+/// Where the pixels of a grid go under a linear map.
+std::vector<PixelMatch> moved_by(const Warp& warp) {
+  std::vector<PixelMatch> matches;
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector2d a(17 * (i % 8), 23 * (i / 8));
+    matches.push_back({a, warp.cast<double>() * a + Eigen::Vector2d(30, -20)});
+  }
+  return matches;
+}
+
+TEST(FitWarpTest, IsTheMapOfTheMatchesIfATemplateCanHaveIt) {
+  std::mt19937 rng(13);
+  for (int i = 0; i < 200; ++i) {
+    const Warp warp = random_warp(&rng, 1.5F);
+    const Warp expected = warp_level(warp) ? warp : Warp::Identity();
+    EXPECT_LT((fit_warp(moved_by(warp)) - expected).norm(), 1e-4F) << warp;
+  }
+  EXPECT_EQ(fit_warp(moved_by(0.1F * Warp::Identity())), Warp::Identity()) << "too small for a template";
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/geometry/camera_guess.h"
+#include "common/geometry/robust.h"
 
 namespace cairn {
 namespace {
@@ -55,7 +56,7 @@ bool is_held_by_prior(const FreeCamera& camera) {
 }
 
 double noise_variance(double squared_cutoff) {
-  constexpr double kCutoffPerLength = 4.6851 * 1.4826;
+  constexpr double kCutoffPerLength = kTukeyCutoffPerSigma * kDeviationPerMedian;
   constexpr double kMedianPerVariance = 1.386;  // of chi^2 with two degrees of freedom
   return squared_cutoff / (kCutoffPerLength * kCutoffPerLength * kMedianPerVariance);
 }

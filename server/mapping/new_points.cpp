@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <span>
 
+#include "common/base/median.h"
 #include "common/geometry/triangulation.h"
 #include "server/mapping/patch_view.h"
 
@@ -286,9 +288,7 @@ std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe
       if (pixel && other.camera->in_image(*pixel)) angles.push_back(parallax(point, center, other_center));
     }
     if (angles.empty()) continue;
-    std::nth_element(angles.begin(), angles.begin() + static_cast<ptrdiff_t>(angles.size() / 2),
-                     angles.end());
-    const double angle = angles[angles.size() / 2];
+    const double angle = reorder_to_median(std::span(angles));
     if (angle < kMinParallax) continue;
     const double usefulness = std::min({1.0, angle / kGoodParallax, kWideParallax / angle});
     ranked.emplace_back(-usefulness * static_cast<double>(angles.size()), other.id);

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/mapping/seed.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
 
-#include "common/geometry/affine_map.h"
 #include "common/geometry/plane.h"
 #include "common/geometry/two_view.h"
+#include "common/image/fit_warp.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/patch_view.h"
 
@@ -17,7 +19,12 @@ namespace {
 constexpr size_t kMinSeedPoints = 30;
 constexpr double kMaxRms = 2.0;      ///< [sigma] of the adjusted pair: above, the two-view geometry was wrong
 constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
-constexpr double kPlaneInlierDistance = 0.03;                           ///< of the mean depth
+constexpr double kPlaneInlierDistance = 0.03;  ///< of the mean depth
+constexpr int kPlaneTrials = 200;
+constexpr double kUnitTolerance = 1e-6;  ///< of the length of the motion
+/// The tracker asked its own matches for as much parallax; re-measured ones differ a little, and a bare pass
+/// there should not fail here.
+constexpr double kParallaxTolerance = 0.8;
 constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
@@ -40,14 +47,12 @@ Status check_input(const SeedInput& input) {
       return fail(ErrorCode::kDamaged, "image size is not the camera's");
     }
   }
-  if (!(std::abs(input.second_from_first.translation().norm() - 1) <= 1e-6)) {
+  if (!(std::abs(input.second_from_first.translation().norm() - 1) <= kUnitTolerance)) {
     return fail(ErrorCode::kDamaged, "the motion between the views is not of length 1");
   }
   return {};
 }
 
-/// How the patches look in the second image, as far as the trails' ends tell: unwarped ones would be found a
-/// fraction of a pixel off, all to the same side.
 Warp warp_of(const Camera& camera, const std::vector<Trail>& trails) {
   std::vector<PixelMatch> ends;
   ends.reserve(trails.size());
@@ -55,8 +60,7 @@ Warp warp_of(const Camera& camera, const std::vector<Trail>& trails) {
     const PixelMatch m{t.first.cast<double>(), t.second.cast<double>()};
     if (camera.in_image(m.a) && camera.in_image(m.b)) ends.push_back(m);
   }
-  const Warp warp = fit_affine_map(ends).cast<float>();
-  return warp_level(warp) ? warp : Warp::Identity();
+  return fit_warp(ends);
 }
 
 /// Trails that lie in both images, their second ends at sub-pixel where the patch is still like itself.
@@ -124,8 +128,8 @@ bool align_plane(MapState* map, KeyframeId first, uint64_t seed) {
     if (p.live) points.push_back(p.position);
   }
   const MapKeyframe& k = map->keyframe(first);
-  const auto fit =
-      fit_dominant_plane(points, k.camera_from_map.center(), kPlaneInlierDistance * k.mean_depth, 200, seed);
+  const auto fit = fit_dominant_plane(points, k.camera_from_map.center(), kPlaneInlierDistance * k.mean_depth,
+                                      kPlaneTrials, seed);
   if (fit) map->transform(Similarity3(fit->plane_from_map));
   return fit.has_value();
 }
@@ -150,58 +154,85 @@ tl::unexpected<Error> too_few(size_t points) {
                                           " needed");
 }
 
+/// The two keyframes, without poses and points yet.
+void add_keyframes(const SeedInput& input, SeededMap* seeded) {
+  MapState& map = seeded->map;
+  const int camera = input.doubt ? map.add_camera(input.camera, *input.doubt) : -1;
+  SeedResult& result = seeded->result;
+  result.first_keyframe =
+      map.add_keyframe(make_keyframe(input, camera, *input.first_image, input.first_time));
+  result.second_keyframe =
+      map.add_keyframe(make_keyframe(input, camera, *input.second_image, input.second_time));
+  map.keyframe(result.second_keyframe).reference = result.first_keyframe;
+}
+
+/// The points of the matches if the tracker's motion holds for them.
+Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<SeedMatch>& trails) {
+  std::vector<PixelMatch> matches;
+  matches.reserve(trails.size());
+  for (const SeedMatch& m : trails) matches.push_back(m.match);
+  if (matches.size() < kMinSeedPoints) return too_few(matches.size());
+  TwoViewCriteria criteria;
+  criteria.min_median_parallax *= kParallaxTolerance;
+  auto geometry = build_two_view(*input.camera, *input.camera, matches, input.second_from_first, criteria);
+  if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
+  return *std::move(geometry);
+}
+
+Status adjust(MapState* map, Adjuster adjuster) {
+  if (adjust_whole(map, adjuster).usable) return {};
+  return fail(ErrorCode::kDegenerate, "the two views do not adjust");
+}
+
+/// Measures the trails anew; the second keyframe's pose and a point for each of those that agree, adjusted.
+Status measure_trails(const SeedInput& input, const MapMakerOptions& options, SeededMap* seeded) {
+  MapState& map = seeded->map;
+  const KeyframeId first = seeded->result.first_keyframe;
+  const KeyframeId second = seeded->result.second_keyframe;
+  const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));
+  const auto geometry = check_motion(input, trails);
+  if (!geometry) return tl::unexpected(geometry.error());
+  map.keyframe(second).camera_from_map =
+      SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);
+  add_trail_points(trails, *geometry, options.baseline, first, second, seeded);
+  if (seeded->result.points.size() < kMinSeedPoints) return too_few(seeded->result.points.size());
+  update_all_depths(&map);
+  return adjust(&map, options.adjuster);
+}
+
+/// More points by epipolar search; all of them have to fit the two views.
+Status fill_in_points(const MapMakerOptions& options, SeededMap* seeded) {
+  MapState& map = seeded->map;
+  NewPointsOptions new_points;
+  new_points.max_points = options.max_points_per_keyframe / 2;
+  for (const int level : kSeedLevelOrder) {
+    (void)make_new_points(&map, seeded->result.second_keyframe, level, new_points, [] { return false; });
+  }
+  if (auto status = adjust(&map, options.adjuster); !status) return status;
+  if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
+  if (const double rms = whitened_rms(map); rms > kMaxRms) {
+    return fail(ErrorCode::kDegenerate,
+                fmt::format("the two views do not fit: {:.1f} sigma after adjustment, at most {:.1f} allowed",
+                            rms, kMaxRms));
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options) {
   if (auto status = check_input(input); !status) return tl::unexpected(status.error());
   SeededMap seeded;
+  add_keyframes(input, &seeded);
+  if (auto status = measure_trails(input, options, &seeded); !status) return tl::unexpected(status.error());
+  if (auto status = fill_in_points(options, &seeded); !status) return tl::unexpected(status.error());
+
   MapState& map = seeded.map;
-  const int camera = input.doubt ? map.add_camera(input.camera, *input.doubt) : -1;
-  const KeyframeId first =
-      map.add_keyframe(make_keyframe(input, camera, *input.first_image, input.first_time));
-  const KeyframeId second =
-      map.add_keyframe(make_keyframe(input, camera, *input.second_image, input.second_time));
-  map.keyframe(second).reference = first;
-
-  const std::vector<SeedMatch> trails = usable_trails(input, map.keyframe(first), map.keyframe(second));
-  std::vector<PixelMatch> matches;
-  for (const SeedMatch& m : trails) matches.push_back(m.match);
-  if (matches.size() < kMinSeedPoints) return too_few(matches.size());
-  TwoViewOptions two_view;
-  // The tracker asked the same of its own matches; re-measured ones differ a little, and a bare pass there
-  // should not fail here.
-  constexpr double kTolerance = 0.8;
-  two_view.min_median_parallax *= kTolerance;
-  const auto geometry =
-      build_two_view(*input.camera, *input.camera, matches, input.second_from_first, two_view);
-  if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
-  map.keyframe(second).camera_from_map =
-      SE3(geometry->b_from_a.rotation(), geometry->b_from_a.translation() * options.baseline);
-
-  add_trail_points(trails, *geometry, options.baseline, first, second, &seeded);
-  if (seeded.result.points.size() < kMinSeedPoints) return too_few(seeded.result.points.size());
+  SeedResult& result = seeded.result;
+  scale_baseline(&map, result.first_keyframe, result.second_keyframe, options.baseline);
+  result.plane_aligned = align_plane(&map, result.first_keyframe, options.seed);
   update_all_depths(&map);
-  if (!adjust_whole(&map, options.adjuster).usable)
-    return fail(ErrorCode::kDegenerate, "the two views do not adjust");
-  NewPointsOptions new_points;
-  for (const int level : kSeedLevelOrder) {
-    new_points.max_points = options.max_points_per_keyframe / 2;
-    (void)make_new_points(&map, second, level, new_points, [] { return false; });
-  }
-  if (!adjust_whole(&map, options.adjuster).usable)
-    return fail(ErrorCode::kDegenerate, "the two views do not adjust");
-  if (map.live_points() < kMinSeedPoints) return too_few(map.live_points());
-  if (const double rms = whitened_rms(map); rms > kMaxRms) {
-    return fail(ErrorCode::kDegenerate,
-                "the two views do not fit: " + std::to_string(rms) + " px after adjustment");
-  }
-
-  scale_baseline(&map, first, second, options.baseline);
-  seeded.result.plane_aligned = align_plane(&map, first, options.seed);
-  update_all_depths(&map);
-  std::erase_if(seeded.result.points, [&map](const auto& p) { return !map.is_live(p.second); });
-  seeded.result.first_keyframe = first;
-  seeded.result.second_keyframe = second;
+  std::erase_if(result.points, [&map](const auto& p) { return !map.is_live(p.second); });
   return seeded;
 }
 

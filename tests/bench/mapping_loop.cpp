@@ -32,6 +32,12 @@ void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer) {
   }
 }
 
+std::optional<PoseSuggestion> suggestion_of(const PlaceAnswer& answer) {
+  if (answer.verdict != PlaceVerdict::kConfirmed) return std::nullopt;
+  const PlaceCandidate& best = answer.candidates.front();
+  return PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
+}
+
 MappingLoop::MappingLoop(CameraPtr camera, const MappingOptions& options)
     : camera_(std::move(camera)),
       options_(options),
@@ -61,12 +67,7 @@ MapRecord MappingLoop::record() {
 void MappingLoop::answer(const PlaceView& view) {
   const PlaceAnswer said = relocalize(index_, *camera_, view);
   observer_.on_answer(said);
-  std::optional<PoseSuggestion> place;
-  if (said.verdict == PlaceVerdict::kConfirmed) {
-    const PlaceCandidate& best = said.candidates.front();
-    place = PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe};
-  }
-  static_cast<void>(tracker_->place_answered(place));
+  static_cast<void>(tracker_->place_answered(suggestion_of(said)));
 }
 
 void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {

@@ -31,6 +31,9 @@ class MappingObserver {
 /// All work that a map has left, to its end; nothing stops or yields.
 void finish_work(MapMaker* maker, bool local_only, MappingObserver* observer);
 
+/// What a tracker is told of an answer: the best place, if it is confirmed.
+[[nodiscard]] std::optional<PoseSuggestion> suggestion_of(const PlaceAnswer& answer);
+
 struct MappingOptions {
   MapId map;
   uint64_t seed = 1;  ///< of every random choice
