@@ -116,7 +116,7 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
       const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
       log_->error("map {} cannot be used: {}; {}", name, error.message,
                   aside ? "kept as " + aside->string() : aside.error().message);
-    } else if (error.code != ErrorCode::kNotFound) {  // that one was never made
+    } else {
       log_->error("map {} is left alone: {}", name, error.message);
     }
     return std::move(loaded.restored);

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <future>
 
 #include "server/store/kept_map_fixture.h"
@@ -126,6 +127,21 @@ INSTANTIATE_TEST_SUITE_P(EveryTable, FatalRowTest,
                          [](const auto& info) {
                            return std::string(info.param.table) + std::to_string(info.param.row);
                          });
+
+TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
+  keep_a_map();
+  std::filesystem::resize_file(file(), 0);
+  std::ofstream(file().string() + "-wal") << "perhaps all of it";
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  const std::vector<DamagedFile> damaged = store->damaged_files();
+  ASSERT_THAT(damaged, SizeIs(1));
+  EXPECT_EQ(damaged[0].map, header_.id);
+  ASSERT_THAT(damaged[0].reasons, SizeIs(1));
+  EXPECT_THAT(damaged[0].reasons[0], HasSubstr("0 bytes"));
+  EXPECT_TRUE(std::filesystem::exists(damaged[0].path.string() + "-wal"));
+  EXPECT_FALSE(std::filesystem::exists(file()));
+}
 
 TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   keep_a_map();

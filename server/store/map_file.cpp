@@ -72,11 +72,15 @@ Result<MapFile> MapFile::create(const std::filesystem::path& path, const MapHead
 }
 
 Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin origin) {
+  // To SQLite it would be a new database, whose log goes.
+  std::error_code ignored;
+  if (std::filesystem::file_size(path, ignored) == 0)
+    return fail(ErrorCode::kDamaged, path.string() + ": cut to 0 bytes");
   auto database = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
   if (!database) return tl::unexpected(database.error());
   const auto version = schema_version(&*database, map_schema());
   if (!version) return tl::unexpected(version.error());
-  if (*version == 0) return fail(ErrorCode::kNotFound, path.string() + ": empty: its map was never made");
+  if (*version == 0) return fail(ErrorCode::kDamaged, path.string() + ": holds no table of a map");
   if (origin == FileOrigin::kElsewhere) {
     if (Status sound = check_schema(&*database, map_schema(), *version); !sound)
       return tl::unexpected(sound.error());
@@ -250,7 +254,7 @@ Status MapFile::copy_to(const std::filesystem::path& path) {
 }
 
 void MapFile::tidy() {
-  if (database_.log_pages() > kLongLog) database_.checkpoint();
+  if (database_.log_pages() > kLongLog) (void)write_back();
 }
 
 // ---- reading

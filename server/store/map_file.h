@@ -100,8 +100,8 @@ class MapFile {
   /// Makes the file with its first content, or nothing.
   [[nodiscard]] static Result<MapFile> create(const std::filesystem::path& path, const MapHeader& header,
                                               const MapUpdate& content);
-  /// Opens a file and brings it to the present schema. Errors: kNotFound (no file, or one whose creation was
-  /// cut short), kDamaged, kConfiguration (written by a newer version), kIo.
+  /// Opens a file and brings it to the present schema. Errors: kNotFound (no file), kDamaged (an empty one,
+  /// too: it is left as it is, with its log), kConfiguration (written by a newer version), kIo.
   [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path,
                                             FileOrigin origin = FileOrigin::kOwn);
 
@@ -120,7 +120,9 @@ class MapFile {
                                                           size_t enough_bytes);
   /// A copy in one file, consistent and compact. `path` must not exist.
   Status copy_to(const std::filesystem::path& path);
-  /// Writes a long log back to the file. After answers have gone out: it takes some ten milliseconds.
+  /// Writes the log back to the file, so that the file alone is all of it. Error kIo; nothing is lost then.
+  Status write_back() { return database_.checkpoint(); }
+  /// The same once the log is long. After answers have gone out: it takes some ten milliseconds.
   void tidy();
 
  private:

@@ -195,7 +195,7 @@ TEST_F(MapFileTest, WhatIsNoMapFileIsSaidToBeNone) {
                   ->execute("CREATE TABLE t(x); PRAGMA user_version=1"));
   EXPECT_EQ(MapFile::open(folder_ / "other").error().code, ErrorCode::kDamaged);
   (void)sqlite::Database::open(folder_ / "empty", sqlite::OpenMode::kCreate);
-  EXPECT_EQ(MapFile::open(folder_ / "empty").error().code, ErrorCode::kNotFound);
+  EXPECT_EQ(MapFile::open(folder_ / "empty").error().code, ErrorCode::kDamaged);
 }
 
 TEST_F(MapFileTest, ADamagedRowIsNamedAndTheRestIsRead) {

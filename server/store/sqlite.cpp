@@ -155,11 +155,15 @@ Result<int64_t> Database::number(std::string_view sql) {
   return query->integer(0);
 }
 
-void Database::checkpoint() {
-  if (sqlite3_wal_checkpoint_v2(database_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE, nullptr, nullptr) ==
-      SQLITE_OK) {
-    *log_pages_ = 0;
-  }
+Status Database::checkpoint() {
+  int pages = 0;
+  int written = 0;
+  const int code =
+      sqlite3_wal_checkpoint_v2(database_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages, &written);
+  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  *log_pages_ = 0;
+  if (written < pages) return failure(SQLITE_BUSY, *path_, "");  // as far as nobody reads
+  return {};
 }
 
 int Database::log_pages() const {

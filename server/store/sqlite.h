@@ -59,8 +59,9 @@ class Database {
   /// The single number that a query gives.
   [[nodiscard]] Result<int64_t> number(std::string_view sql);
 
-  /// Writes what has been committed from the log to the file, as far as nobody reads; failure is no loss.
-  void checkpoint();
+  /// Writes what has been committed from the log to the file, durably. Error kIo: not all of it, which is no
+  /// loss: it stays in the log.
+  Status checkpoint();
   /// Pages in the log since it was last written back.
   [[nodiscard]] int log_pages() const;
 

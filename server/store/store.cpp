@@ -27,7 +27,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kCatalogue = "catalogue.db";
 constexpr const char* kSuffix = ".cairnmap";
-constexpr const char* kFreshSuffix = ".new";
+constexpr const char* kFreshSuffix = ".new";    ///< being made: nobody has been told of it
+constexpr const char* kSavedSuffix = ".saved";  ///< whole, in place of one that is being set aside
 constexpr const char* kCatalogueSuffix = ".db";
 constexpr size_t kHexDigits = 32;     ///< of an id
 constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
@@ -36,7 +37,8 @@ constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
 /// SQLite's own companions of a database file.
-constexpr const char* kCompanions[] = {"", "-wal", "-shm"};
+constexpr const char* kLogEnd = "-wal";
+constexpr const char* kCompanions[] = {"", kLogEnd, "-shm"};
 
 tl::unexpected<Error> io_failure(const fs::path& path, const std::string& what) {
   return fail(ErrorCode::kIo, path.string() + ": " + what);
@@ -60,7 +62,7 @@ Status move_database(const fs::path& from, const fs::path& to) {
     if (problem) return io_failure(source, "cannot be moved to " + to.string() + ": " + problem.message());
   }
   sync_folder(from.parent_path());
-  sync_folder(to.parent_path());
+  if (to.parent_path() != from.parent_path()) sync_folder(to.parent_path());
   return {};
 }
 
@@ -126,20 +128,22 @@ std::string without_path(std::string message, const fs::path& path) {
   return message;
 }
 
-/// A server that ended within Store::replace() or import_map().
-Status finish_replacements(const fs::path& folder) {
-  const auto entries = entries_of(folder);
-  if (!entries) return tl::unexpected(entries.error());
-  for (const fs::path& path : *entries) {
-    if (path.extension() != kFreshSuffix) continue;
-    const fs::path place = fs::path(path).replace_extension(kSuffix);
-    if (is_there(place)) {
-      remove_database(path);  // the damaged one has not been set aside yet: it will be found again
-    } else {
-      (void)move_database(path, place);
-    }
-  }
-  return {};
+bool is_half_made(const fs::path& path) {
+  return std::any_of(std::begin(kCompanions), std::end(kCompanions), [&](const char* companion) {
+    return path.extension() == std::string(kFreshSuffix) + companion;
+  });
+}
+
+/// A map's file, durable and whole in one file, or nothing.
+Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate& content) {
+  remove_database(path);
+  const auto make = [&]() -> Status {
+    auto file = MapFile::create(path, header, content);
+    return file ? file->write_back() : tl::unexpected(file.error());
+  };
+  Status made = make();
+  if (!made) remove_database(path);
+  return made;
 }
 
 uint64_t wall_clock_ms() {
@@ -202,13 +206,49 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
                 folder.string() + ": in use by another server; give each its own --store");
   }
   std::unique_ptr<Store> store(new Store(folder, std::move(lock), std::move(log)));
-  if (Status finished = finish_replacements(folder / "maps"); !finished)
-    return tl::unexpected(finished.error());
+  for (const char* part : {"maps", "deleted"}) {
+    if (Status parted = store->part_with_lone_logs(part); !parted) return tl::unexpected(parted.error());
+  }
+  if (Status finished = store->finish_replacements(); !finished) return tl::unexpected(finished.error());
   const auto left_over = entries_of(folder / "transfer");
   if (!left_over) return tl::unexpected(left_over.error());
   for (const fs::path& path : *left_over) fs::remove_all(path, problem);
   if (Status opened = store->open_catalogue(); !opened) return tl::unexpected(opened.error());
   return store;
+}
+
+/// What a server left that ended while it moved a file: a log would be taken for that of the next file there.
+Status Store::part_with_lone_logs(const char* part) {
+  const auto entries = entries_of(folder_ / part);
+  if (!entries) return tl::unexpected(entries.error());
+  for (const fs::path& path : *entries) {
+    if (path.extension() != std::string(kSuffix) + kLogEnd) continue;
+    const fs::path file = fs::path(path).replace_extension(kSuffix);
+    if (is_there(file)) continue;
+    const fs::path aside =
+        free_path(folder_ / "damaged", file.stem().string() + "-" + utc_stamp(), path.extension().string());
+    Status moved = move_database(path, aside);
+    if (!moved) return moved;
+    log_->error("{}: a log without its file; kept as {}", path.string(), aside.string());
+  }
+  return {};
+}
+
+Status Store::finish_replacements() {
+  const auto entries = entries_of(folder_ / "maps");
+  if (!entries) return tl::unexpected(entries.error());
+  std::error_code ignored;
+  for (const fs::path& path : *entries) {
+    if (is_half_made(path)) fs::remove(path, ignored);
+    if (path.extension() != kSavedSuffix) continue;
+    const fs::path place = fs::path(path).replace_extension(kSuffix);
+    if (is_there(place)) {
+      fs::remove(path, ignored);  // the damaged one has not been set aside yet: it will be found again
+    } else if (const Status moved = move_database(path, place); !moved) {
+      log_->error("{}", moved.error().message);
+    }
+  }
+  return {};
 }
 
 Status Store::open_catalogue() {
@@ -301,6 +341,10 @@ fs::path Store::path_of(MapId map) const {
   return folder_ / "maps" / (to_hex(map.bytes) + kSuffix);
 }
 
+fs::path Store::fresh_path_of(MapId map) const {
+  return folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
+}
+
 fs::path Store::deleted_path_of(MapId map) const {
   return folder_ / "deleted" / (to_hex(map.bytes) + kSuffix);
 }
@@ -352,7 +396,6 @@ std::vector<DamagedFile> Store::damaged_files() const {
 
 Result<StoredMap> Store::load(MapId map) const {
   auto file = MapFile::open(path_of(map));
-  if (!file && file.error().code == ErrorCode::kNotFound) remove_database(path_of(map));
   if (!file) return tl::unexpected(file.error());
   if (file->header().id != map) {
     return fail(ErrorCode::kDamaged,
@@ -392,13 +435,16 @@ Status Store::create(const MapHeader& header, const MapUpdate& whole) {
     return fail(ErrorCode::kRefused,
                 "map " + to_hex(header.id.bytes) + " is in the store already, or among the deleted ones");
   }
-  auto file = MapFile::create(path_of(header.id), header, whole);
-  if (!file) {
-    remove_database(path_of(header.id));
-    return tl::unexpected(file.error());
-  }
-  keep_open(header.id, std::move(*file));
-  return {};
+  return make(header, whole);
+}
+
+/// In its place the file is whole from the first moment, so that one which is not is known to be damaged.
+Status Store::make(const MapHeader& header, const MapUpdate& whole) const {
+  const fs::path fresh = fresh_path_of(header.id);
+  if (Status made = make_file(fresh, header, whole); !made) return made;
+  Status moved = move_database(fresh, path_of(header.id));
+  if (!moved) remove_database(fresh);
+  return moved;
 }
 
 Status Store::write(MapId map, std::span<const MapUpdate> updates) {
@@ -471,15 +517,14 @@ Result<fs::path> Store::set_aside(MapId map, const std::string& name,
 
 Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
                                 const std::vector<std::string>& reasons) {
-  const fs::path fresh = folder_ / "maps" / (to_hex(header.id.bytes) + kFreshSuffix);
-  remove_database(fresh);
-  if (const auto file = MapFile::create(fresh, header, saved); !file) {
-    remove_database(fresh);
-    return tl::unexpected(file.error());
-  }
+  const fs::path fresh = fresh_path_of(header.id);
+  if (Status made = make_file(fresh, header, saved); !made) return tl::unexpected(made.error());
+  // From here on it comes into its place wherever the server ends.
+  const fs::path whole = fs::path(fresh).replace_extension(kSavedSuffix);
+  if (Status moved = move_database(fresh, whole); !moved) return tl::unexpected(moved.error());
   auto aside = set_aside(header.id, header.name, reasons);
   if (!aside) return aside;
-  if (Status moved = move_database(fresh, path_of(header.id)); !moved) return tl::unexpected(moved.error());
+  if (Status moved = move_database(whole, path_of(header.id)); !moved) return tl::unexpected(moved.error());
   return aside;
 }
 
@@ -501,8 +546,6 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   if (!read) return fail(read.error().code, without_path(read.error().message, copy));
   if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
   const MapId map = read->header.id;
-  const fs::path fresh = folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
-  remove_database(fresh);
   if (is_there(path_of(map)) || is_there(deleted_path_of(map))) {
     return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
                                          ") is in the store already, or among the deleted ones");
@@ -510,11 +553,7 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   // Clients of the same names here are others, with other cameras.
   for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};
   const MapUpdate whole{read->record, read->decisions, read->labels, {}};
-  if (const auto made = MapFile::create(fresh, read->header, whole); !made) {
-    remove_database(fresh);
-    return tl::unexpected(made.error());
-  }
-  if (Status moved = move_database(fresh, path_of(map)); !moved) return tl::unexpected(moved.error());
+  if (Status made = make(read->header, whole); !made) return tl::unexpected(made.error());
   return map;
 }
 

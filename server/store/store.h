@@ -49,8 +49,8 @@ class Store {
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
-  /// Those that are in use, ascending. What is there without ever having been made whole (the server ended in
-  /// between) is removed.
+  /// Those that are in use, ascending. Each was whole once: what a server that ended had begun to make is
+  /// removed at the start.
   [[nodiscard]] std::vector<MapId> maps() const;
   /// Ids of those that were deleted, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
@@ -112,11 +112,15 @@ class Store {
     MapFile file;
   };
   Store(std::filesystem::path folder, std::unique_ptr<Lock> lock, Logger log);
+  [[nodiscard]] Status part_with_lone_logs(const char* part);
+  [[nodiscard]] Status finish_replacements();
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
   void read_overlaps(sqlite::Database* catalogue);
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
+  [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
+  [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
   void keep_open(MapId map, MapFile file);
   void close(MapId map);

@@ -17,6 +17,7 @@ using testing::bytes_of;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::SizeIs;
 
 class StoreTest : public testing::KeptMapFixture {
  protected:
@@ -268,14 +269,69 @@ TEST_F(StoreTest, WhatAnEndLeftHalfDoneIsPutInOrder) {
   }
   const std::filesystem::path maps = folder_ / "maps";
   const std::string name = to_hex(header_.id.bytes);
-  // Ended while a map was being made: no content was ever committed.
-  (void)sqlite::Database::open(maps / (to_hex(MapId{{8}}.bytes) + ".cairnmap"), sqlite::OpenMode::kCreate);
-  // Ended between setting a damaged map aside and putting the saved one in its place.
-  std::filesystem::rename(maps / (name + ".cairnmap"), maps / (name + ".new"));
+  const std::string half = to_hex(MapId{{8}}.bytes);
+  const std::string moved = to_hex(MapId{{9}}.bytes);
+  // Ended while a map was being made: nobody has been told of it.
+  for (const char* end : {"", "-wal", "-shm"}) std::ofstream(maps / (half + ".new" + end)) << "half";
+  // Ended between setting a damaged map aside, but for its log, and putting the saved one in its place.
+  std::filesystem::rename(maps / (name + ".cairnmap"), maps / (name + ".saved"));
+  std::ofstream(maps / (name + ".cairnmap-wal")) << "of another file";
+  // Ended while a deleted map was put back.
+  std::ofstream(folder_ / "deleted" / (moved + ".cairnmap-wal")) << "of a file that has gone";
   const auto store = open();
   EXPECT_TRUE(store->load(header_.id)) << "the saved one is in place";
-  EXPECT_EQ(store->load(MapId{{8}}).error().code, ErrorCode::kNotFound);
   EXPECT_THAT(store->maps(), ElementsAre(header_.id));
+  EXPECT_THAT(files_in("maps"), ElementsAre(name + ".cairnmap"));
+  EXPECT_THAT(files_in("deleted"), IsEmpty());
+  EXPECT_THAT(files_in("damaged"), SizeIs(2)) << "logs are kept, away from files that they do not belong to";
+}
+
+TEST_F(StoreTest, AMapsPlaceTakesWholeFilesOnly) {
+  const auto store = open();
+  keep(store.get());
+  const std::string name = to_hex(header_.id.bytes) + ".cairnmap";
+  EXPECT_THAT(files_in("maps"), ElementsAre(name)) << "in one file, from the first moment";
+  ASSERT_TRUE(store->replace(header_, {whole(), {}, {}, {}}, {"a row"}));
+  EXPECT_THAT(files_in("maps"), ElementsAre(name));
+  EXPECT_TRUE(store->load(header_.id));
+}
+
+TEST_F(StoreTest, AFileThatWasCutIsDamagedWhateverIsLeftOfIt) {
+  const auto store = open();
+  keep(store.get());
+  const std::filesystem::path file = folder_ / "maps" / (to_hex(header_.id.bytes) + ".cairnmap");
+  const std::filesystem::path log(file.string() + "-wal");
+  const std::filesystem::path sound = folder_ / "sound";
+  const std::filesystem::path sound_log = folder_ / "sound-log";
+  ASSERT_TRUE(store->rename(header_.id, "bench"));  // by a connection that stays open: its log is there
+  std::filesystem::copy_file(file, sound);
+  std::filesystem::copy_file(log, sound_log);
+  ASSERT_GT(std::filesystem::file_size(sound_log), 0U);
+  const uintmax_t size = std::filesystem::file_size(sound);
+  for (const uintmax_t left : {uintmax_t{0}, uintmax_t{1}, uintmax_t{100}, uintmax_t{4096}, size / 2}) {
+    for (const bool with_log : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << left << " bytes" << (with_log ? " and a log" : ""));
+      const TestDirectory other_folder;
+      const auto other = Store::open(other_folder.path(), null_logger());
+      ASSERT_TRUE(other);
+      const std::filesystem::path cut = other_folder.path() / "maps" / file.filename();
+      std::filesystem::copy_file(sound, cut);
+      std::filesystem::resize_file(cut, left);
+      if (with_log) std::filesystem::copy_file(sound_log, cut.string() + "-wal");
+      const auto loaded = (*other)->load(header_.id);
+      if (loaded) {
+        EXPECT_FALSE(loaded->damage.empty());
+      } else {
+        EXPECT_EQ(loaded.error().code, ErrorCode::kDamaged) << loaded.error().message;
+      }
+      EXPECT_TRUE(std::filesystem::exists(cut)) << "to be set aside";
+      EXPECT_THAT((*other)->maps(), ElementsAre(header_.id));
+      if (left == 0) {
+        EXPECT_EQ(std::filesystem::file_size(cut), 0U) << "as it was found";
+        EXPECT_EQ(std::filesystem::exists(cut.string() + "-wal"), with_log);
+      }
+    }
+  }
 }
 
 TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {

@@ -128,7 +128,6 @@ void expect_kept(const Store& store, const std::string& client, const std::set<u
   std::set<MapId> maps;
   for (const MapId id : store.maps()) {
     const auto map = store.load(id);
-    if (!map && map.error().code == ErrorCode::kNotFound) continue;  // cut short while it was being made
     ASSERT_TRUE(map) << map.error().message;
     EXPECT_THAT(map->damage, ::testing::IsEmpty());
     maps.insert(id);
@@ -147,6 +146,12 @@ void expect_kept(const Store& store, const std::string& client, const std::set<u
   }
   for (const uint64_t seq : accepted) EXPECT_TRUE(kept.contains(seq)) << "offer " << seq << " is lost";
   for (const MapId map : made) EXPECT_TRUE(maps.contains(map)) << "a map is lost";
+}
+
+/// Of maps that were being made when it was killed, nothing stays.
+void expect_no_litter(const std::filesystem::path& maps) {
+  for (const auto& entry : std::filesystem::directory_iterator(maps))
+    EXPECT_THAT(entry.path().extension().string(), ::testing::StartsWith(".cairnmap")) << entry.path();
 }
 
 /// Maps of the server that are at rest.
@@ -192,6 +197,7 @@ TEST(KillMinus9, LosesNothingThatWasAccepted) {
         const auto store = Store::open(folder.path(), null_logger());
         ASSERT_TRUE(store) << store.error().message;
         for (const Builder& b : builders) expect_kept(**store, b.name(), b.accepted(), b.made());
+        expect_no_litter(folder.path() / "maps");
         if (::testing::Test::HasFailure()) return;
       }
       server = std::make_unique<ServerProcess>(server->domain(), arguments);
