@@ -7,7 +7,8 @@
 #include <limits>
 #include <span>
 
-#include "common/geometry/affine_map.h"
+#include "common/base/median.h"
+#include "common/image/fit_warp.h"
 
 namespace cairn {
 namespace {
@@ -172,16 +173,14 @@ float TrailFollower::median_movement() const {
   std::vector<float> movement;
   movement.reserve(trails_.size());
   for (const FollowedTrail& t : trails_) movement.push_back((t.now - t.first).norm());
-  const auto middle = movement.begin() + static_cast<ptrdiff_t>(movement.size() / 2);
-  std::nth_element(movement.begin(), middle, movement.end());
-  return *middle;
+  return reorder_to_median(std::span(movement));
 }
 
 Warp TrailFollower::warp_from_first() const {
   std::vector<PixelMatch> ends;
   ends.reserve(trails_.size());
   for (const FollowedTrail& t : trails_) ends.push_back({t.first.cast<double>(), t.now.cast<double>()});
-  return fit_affine_map(ends).cast<float>();
+  return fit_warp(ends);
 }
 
 std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) {

@@ -2,6 +2,9 @@
 #include "common/geometry/scene_depth.h"
 
 #include <algorithm>
+#include <span>
+
+#include "common/base/median.h"
 
 namespace cairn {
 
@@ -9,9 +12,7 @@ template <typename T>
 double scene_depth(std::vector<T>* depths) {
   constexpr double kFarthest = 4;  // medians; things on a desk and the wall behind it are nearer
   if (depths->empty()) return 0;
-  const auto middle = depths->begin() + static_cast<std::ptrdiff_t>(depths->size() / 2);
-  std::nth_element(depths->begin(), middle, depths->end());
-  const double most = kFarthest * static_cast<double>(*middle);
+  const double most = kFarthest * static_cast<double>(reorder_to_median(std::span(*depths)));
   double sum = 0;
   for (const T depth : *depths) sum += std::min(static_cast<double>(depth), most);
   return sum / static_cast<double>(depths->size());
