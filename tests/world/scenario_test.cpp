@@ -39,7 +39,8 @@ TEST_P(EveryScenario, LightLeavesGeometryAndRoute) {
   constexpr uint64_t seed = 3;
   const Scenario morning = make({.seed = seed});
   const Scenario later = make({.seed = seed, .daytime = Daytime::kLater});
-  // The sun's patches come on top and belong to no shared face: all others must be there, in order.
+  // The sun's patches, two panes a place at most, come on top and belong to no shared face: all others must
+  // be there, in order.
   size_t next = 0;
   size_t darker_or_brighter = 0;
   for (const Face& face : later.faces) {
@@ -51,7 +52,7 @@ TEST_P(EveryScenario, LightLeavesGeometryAndRoute) {
     }
   }
   EXPECT_EQ(next, morning.faces.size()) << "seed " << seed;
-  EXPECT_LE(later.faces.size() - morning.faces.size(), morning.places.size()) << "seed " << seed;
+  EXPECT_LE(later.faces.size() - morning.faces.size(), 2 * morning.places.size()) << "seed " << seed;
   EXPECT_GT(darker_or_brighter, morning.faces.size() / 2);
   ASSERT_EQ(later.route.size(), morning.route.size());
   for (size_t i = 0; i < later.route.size(); ++i) {
