@@ -291,7 +291,7 @@ class BuildingBuilder {
           kind == PhaseKind::kMap ? survey(to, kScale, random) : glance(to, kScale, random);
       if (here >= 0) {
         route.add(PhaseKind::kWalk, place,
-                  walk(route.last(), way(map_from(here), to), stay.front(), random));
+                  walk(route.last(), way(map_from(here), to), stay.front(), options_.walks, random));
       }
       route.add(kind, place, stay);
       here = place;
