@@ -24,7 +24,8 @@ constexpr double kStairs = 2.5;  // width of the staircase
 constexpr double kCounter = 0.9;
 constexpr double kWallWidth = 2.4;  // of a place
 constexpr double kEye = 1.55;
-constexpr double kScale = 1.5;  // of what a wearer does before a place, to a desk's
+constexpr float kSunBrightness = 0.95F;  // of a white wall that the low sun shines on: twice that beside it
+constexpr double kScale = 1.5;           // of what a wearer does before a place, to a desk's
 
 enum Stream : uint64_t { kSurfaces = 0xB001, kRoute, kThings = 0xB010 };
 enum PlaceIndex : int { kReception, kKitchenette, kLanding, kCopier, kLibrary, kPlaces };
@@ -124,11 +125,15 @@ class BuildingBuilder {
     world_.add_panel({x, 0.398, z}, {width, 0, 0}, {0, 0, height}, world_.add_texture(picture, warmth));
   }
 
-  /// What a low sun throws through a window.
+  /// What a low sun throws through a window of two panes.
   void add_sun(double x, double z, Random& random) {
     const double shift = random.uniform(-0.2, 0.2);  // drawn in any light
     if (!world_.light().sunlit) return;
-    world_.add_panel({x + shift, 0.399, z}, {0.5, 0, -0.12}, {0.1, 0, 0.7}, sunlit_);
+    const Eigen::Vector3d right(0.5, 0, -0.12);
+    for (const double panes : {0.0, 1.12}) {
+      world_.add_panel(Eigen::Vector3d(x + shift, 0.399, z) + panes * right, right, {0.1, 0, 0.7}, sunlit_);
+      world_.scenario().faces.back().brightness = kSunBrightness;
+    }
   }
 
   void furnish_reception(Random& random) {
@@ -285,7 +290,8 @@ class BuildingBuilder {
       const std::vector<Waypoint> stay =
           kind == PhaseKind::kMap ? survey(to, kScale, random) : glance(to, kScale, random);
       if (here >= 0) {
-        route.add(PhaseKind::kWalk, place, walk(route.last(), way(map_from(here), to), stay.front(), random));
+        route.add(PhaseKind::kWalk, place,
+                  walk(route.last(), way(map_from(here), to), stay.front(), options_.walks, random));
       }
       route.add(kind, place, stay);
       here = place;

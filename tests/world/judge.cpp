@@ -276,22 +276,24 @@ class Judge {
   void list_wrong_locks(const JudgedWalk& walk) {
     const JudgedFrame* before = nullptr;
     for (const JudgedFrame& frame : walk.frames) {
-      const bool wrong = frame.map && !frame.right;
-      const bool goes_on = wrong && before != nullptr && before->map == frame.map && !before->right;
-      if (goes_on) {
-        ++verdict_.wrong_locks.back().frames;
-      } else if (wrong) {
-        const bool held = before != nullptr && before->map == frame.map;
-        const Annotation::TimedPhase& phase = walk.phases[frame.phase];
-        const MapVerdict& map = verdict_.maps[*frame.map];
-        verdict_.wrong_locks.push_back(
-            {map.id, map.name, frame.shown, frame.time, static_cast<int>(&walk - walks_.data()), 1,
-             frame.off.value_or(0),
-             phase.kind == PhaseKind::kVisit && !verdict_.places[static_cast<size_t>(phase.place)].to_map,
-             held});
+      if (frame.map && !frame.right) {
+        const bool same_map = before != nullptr && before->map == frame.map;
+        if (!same_map || before->right) {
+          const MapVerdict& map = verdict_.maps[*frame.map];
+          verdict_.wrong_locks.push_back({map.id, map.name, frame.shown, frame.time,
+                                          static_cast<int>(&walk - walks_.data()), 0, frame.off.value_or(0),
+                                          false, same_map});
+        }
+        WrongLock& lock = verdict_.wrong_locks.back();
+        ++lock.frames;
+        lock.at_unmapped |= visits_unmapped(walk.phases[frame.phase]);
       }
       before = &frame;
     }
+  }
+
+  [[nodiscard]] bool visits_unmapped(const Annotation::TimedPhase& phase) const {
+    return phase.kind == PhaseKind::kVisit && !verdict_.places[static_cast<size_t>(phase.place)].to_map;
   }
 
   void judge_label(const LabelTruth& thing, const std::vector<PlacedLabel>& labels) {
@@ -370,8 +372,8 @@ int Verdict::locks_at_unmapped() const {
   return static_cast<int>(std::ranges::count(wrong_locks, true, &WrongLock::at_unmapped));
 }
 
-int Verdict::locks_held() const {
-  return static_cast<int>(std::ranges::count(wrong_locks, true, &WrongLock::held));
+int Verdict::locks_excused() const {
+  return static_cast<int>(std::ranges::count_if(wrong_locks, &WrongLock::excused));
 }
 
 int Verdict::labels_placed() const {
@@ -379,7 +381,8 @@ int Verdict::labels_placed() const {
 }
 
 bool Verdict::passes() const {
-  return places_mapped() == places_to_map() && places_found() == places_to_map() && wrong_locks.empty();
+  return places_mapped() == places_to_map() && places_found() == places_to_map() &&
+         std::ranges::all_of(wrong_locks, &WrongLock::excused);
 }
 
 Verdict judge(const std::vector<WalkRecord>& walks, MapExtent extent,

@@ -75,28 +75,30 @@ std::string verdict_text(const Verdict& verdict) {
     text += '\n';
   }
   for (const WrongLock& lock : verdict.wrong_locks) {
-    text +=
-        fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}{}\n",
-                    lock.walk + 1, lock.begin.seconds(), lock.frames, map_text(lock.map, lock.map_name),
-                    lock.metres, place_name(verdict, lock.shown),
-                    lock.at_unmapped ? " (unmapped place visited)" : "", lock.held ? " (held too long)" : "");
+    text += fmt::format("wrong: walk {} at {:.3f} s, {} frames in map {}, {:.2f} m off, before {}{}{}\n",
+                        lock.walk + 1, lock.begin.seconds(), lock.frames, map_text(lock.map, lock.map_name),
+                        lock.metres, place_name(verdict, lock.shown),
+                        lock.at_unmapped ? " (unmapped place visited)" : "",
+                        lock.excused() ? " (held too long)"
+                        : lock.held    ? " (glided)"
+                                       : "");
   }
   if (!verdict.labels.empty()) text += labels_text(verdict);
+  const auto excused = static_cast<size_t>(verdict.locks_excused());
   text += fmt::format(
-      "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places, {} "
-      "held "
-      "too long\n",
+      "mapped {} of {}, found at every visit {} of {}, wrong locks {}, {} of them at unmapped places, held "
+      "too long {}\n",
       verdict.places_mapped(), verdict.places_to_map(), verdict.places_found(), verdict.places_to_map(),
-      verdict.wrong_locks.size(), verdict.locks_at_unmapped(), verdict.locks_held());
+      verdict.wrong_locks.size() - excused, verdict.locks_at_unmapped(), excused);
   return text;
 }
 
 std::string verdict_json(const Verdict& verdict) {
   nlohmann::json json = {
-      {"to_map", verdict.places_to_map()},  {"mapped", verdict.places_mapped()},
-      {"found", verdict.places_found()},    {"locks_at_unmapped", verdict.locks_at_unmapped()},
-      {"locks_held", verdict.locks_held()}, {"places", nlohmann::json::array()},
-      {"maps", nlohmann::json::array()},    {"wrong_locks", nlohmann::json::array()},
+      {"to_map", verdict.places_to_map()},        {"mapped", verdict.places_mapped()},
+      {"found", verdict.places_found()},          {"locks_at_unmapped", verdict.locks_at_unmapped()},
+      {"locks_excused", verdict.locks_excused()}, {"places", nlohmann::json::array()},
+      {"maps", nlohmann::json::array()},          {"wrong_locks", nlohmann::json::array()},
       {"labels", nlohmann::json::array()}};
   for (const PlaceVerdict& place : verdict.places) {
     auto visits = nlohmann::json::array();
@@ -124,7 +126,8 @@ std::string verdict_json(const Verdict& verdict) {
                                    {"frames", lock.frames},
                                    {"metres", lock.metres},
                                    {"at_unmapped", lock.at_unmapped},
-                                   {"held", lock.held}});
+                                   {"held", lock.held},
+                                   {"excused", lock.excused()}});
   }
   for (const LabelVerdict& label : verdict.labels) {
     json["labels"].push_back(

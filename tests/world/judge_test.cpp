@@ -68,10 +68,10 @@ class WalkBuilder {
   }
   [[nodiscard]] const WalkRecord& get() const { return walk_; }
 
-  /// In the map from frame `from` of the phase on.
-  Claim in(const MapFrame& map, int from = 0, const SE3& off = {}) {
-    return [this, map, from, off](Trajectory* estimate, Timestamp time, const SE3& pose) {
-      if (frame_in_phase_ < from) return;
+  /// In the map from frame `from` of the phase on, before frame `to`.
+  Claim in(const MapFrame& map, int from = 0, const SE3& off = {}, int to = kPhaseFrames) {
+    return [this, map, from, off, to](Trajectory* estimate, Timestamp time, const SE3& pose) {
+      if (frame_in_phase_ < from || frame_in_phase_ >= to) return;
       if (estimate->segments.empty() || estimate->segments.back().map != map.id) {
         estimate->segments.push_back({map.id, "m", {}});
       }
@@ -170,17 +170,53 @@ TEST(Judge, BoundIsAboutTheTruth) {
   }
 }
 
-TEST(Judge, HeldTooLongIsNotTakenForAnotherPlace) {
-  WalkBuilder walk({"a", "b"});
+TEST(Judge, HeldForMomentsIsNotTakenForAnotherPlace) {
+  for (const int frames : {1, kMostHeldFrames, kMostHeldFrames + 1, kPhaseFrames}) {
+    WalkBuilder walk({"a"});
+    walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+        .phase(PhaseKind::kWalk, 0, walk.in(kFirst, 0, shifted(1), frames))
+        .phase(PhaseKind::kVisit, 0, walk.in(kFirst));
+    const Verdict verdict = judge({walk.get()});
+    const bool excused = frames <= kMostHeldFrames;
+    ASSERT_EQ(verdict.wrong_locks.size(), 1U);
+    EXPECT_EQ(verdict.wrong_locks[0].frames, frames);
+    EXPECT_TRUE(verdict.wrong_locks[0].held);
+    EXPECT_EQ(verdict.wrong_locks[0].excused(), excused);
+    EXPECT_EQ(verdict.passes(), excused);
+    EXPECT_EQ(verdict.locks_excused(), excused ? 1 : 0);
+    EXPECT_EQ(nlohmann::json::parse(verdict_json(verdict))["wrong_locks"][0]["excused"], excused);
+    const std::string text = verdict_text(verdict);
+    EXPECT_NE(text.find(excused ? "(held too long)" : "(glided)"), std::string::npos) << text;
+    EXPECT_NE(text.find(excused ? "wrong locks 0," : "wrong locks 1,"), std::string::npos) << text;
+  }
+}
+
+TEST(Judge, AfterBeingLostEvenAMomentIsAWrongLock) {
+  WalkBuilder walk({"a"});
   walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
-      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 0, shifted(1)))  // at once: held
       .phase(PhaseKind::kVisit, 0, walk.in(kFirst))
-      .phase(PhaseKind::kVisit, 0, walk.in(kFirst, 5, shifted(1)));  // after being lost: a lock
+      .phase(PhaseKind::kWalk, 0, walk.in(kFirst, kPhaseFrames - 1, shifted(1)));
   const Verdict verdict = judge({walk.get()});
-  ASSERT_EQ(verdict.wrong_locks.size(), 2u);
+  ASSERT_EQ(verdict.wrong_locks.size(), 1U);
+  EXPECT_FALSE(verdict.wrong_locks[0].held);
+  EXPECT_FALSE(verdict.passes());
+}
+
+TEST(Judge, HeldAtAPlaceWithoutAMapIsNeverExcused) {
+  WalkBuilder walk({"a", "b"});
+  const auto wrong_at_the_end = [&walk](Trajectory* estimate, Timestamp time, const SE3& pose) {
+    walk.in(kFirst, 0, {}, kPhaseFrames - 1)(estimate, time, pose);
+    walk.in(kFirst, kPhaseFrames - 1, shifted(1))(estimate, time, pose);
+  };
+  walk.phase(PhaseKind::kMap, 0, walk.in(kFirst))
+      .phase(PhaseKind::kVisit, 0, wrong_at_the_end)
+      .phase(PhaseKind::kVisit, 1, walk.in(kFirst, 0, shifted(1), 2));
+  const Verdict verdict = judge({walk.get()});
+  ASSERT_EQ(verdict.wrong_locks.size(), 1U);
+  EXPECT_EQ(verdict.wrong_locks[0].frames, 3);
   EXPECT_TRUE(verdict.wrong_locks[0].held);
-  EXPECT_FALSE(verdict.wrong_locks[1].held);
-  EXPECT_EQ(verdict.locks_held(), 1);
+  EXPECT_TRUE(verdict.wrong_locks[0].at_unmapped);
+  EXPECT_FALSE(verdict.wrong_locks[0].excused());
   EXPECT_FALSE(verdict.passes());
 }
 

@@ -60,7 +60,7 @@ TEST(SimulatorThings, APointOfAPlaceShowsWhereTheCameraProjectsItInEveryFrame) {
 
 TEST(SimulatorThings, InTheDarkThereIsNothing) {
   SimulatorOptions options = map_options(1);
-  options.walks = false;
+  options.walks = Walks::kDark;
   const auto simulator = Simulator::make("building", options);
   ASSERT_TRUE(simulator);
   const auto phases = simulator->phases();

@@ -148,7 +148,7 @@ class LaboratoryBuilder {
           kind == PhaseKind::kMap ? survey(to, scale, random) : glance(to, scale, random);
       if (!route.empty()) {
         const std::array<Eigen::Vector3d, 1> back = {Eigen::Vector3d(0.2, -3.3, 0.65)};
-        route.add(PhaseKind::kWalk, place, walk(route.last(), back, stay.front(), random));
+        route.add(PhaseKind::kWalk, place, walk(route.last(), back, stay.front(), options_.walks, random));
       }
       route.add(kind, place, stay);
     };

@@ -287,7 +287,8 @@ class OfficeBuilder {
       const std::vector<Waypoint> stay =
           kind == PhaseKind::kMap ? survey(map_from_desk, 1, random) : glance(map_from_desk, 1, random);
       if (here >= 0)
-        route.add(PhaseKind::kWalk, desk, walk(route.last(), way(here, desk), stay.front(), random));
+        route.add(PhaseKind::kWalk, desk,
+                  walk(route.last(), way(here, desk), stay.front(), options_.walks, random));
       route.add(kind, desk, stay);
       here = desk;
     };

@@ -10,6 +10,7 @@ namespace cairn {
 namespace {
 
 constexpr double kWalkingSpeed = 1.5;  // m/s
+constexpr double kSidlingSpeed = 0.5;
 
 CameraPtr make_carried_camera(Carrier carrier) {
   const CameraParameters hand{
@@ -118,7 +119,7 @@ std::vector<Waypoint> glance(const SE3& map_from_place, double scale, Random& ra
 }
 
 std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d> through, const Waypoint& to,
-                           Random& random) {
+                           Walks how, Random& random) {
   std::vector<Eigen::Vector3d> line = {from.eye};
   line.insert(line.end(), through.begin(), through.end());
   line.push_back(to.eye);
@@ -134,7 +135,8 @@ std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d
     }
     return line.back();
   };
-  const int count = std::max(3, static_cast<int>(std::lround(length / (kWalkingSpeed * kWaypointInterval))));
+  const double step = (how == Walks::kSlow ? kSidlingSpeed : kWalkingSpeed) * kWaypointInterval;
+  const int count = std::max(3, static_cast<int>(std::lround(length / step)));
   std::vector<Waypoint> route;
   for (int i = 1; i < count; ++i) {
     const double distance = length * i / count;
@@ -142,8 +144,13 @@ std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d
     Eigen::Vector3d ahead = view.target - view.eye;
     if (ahead.head<2>().norm() < 0.3) ahead = to.target - view.eye;  // nearly there
     view.eye += Eigen::Vector3d(0.03 * random.normal(), 0.03 * random.normal(), 0.02 * random.normal());
-    view.target = view.eye + 1.5 * ahead.normalized() +
-                  Eigen::Vector3d(0.15 * random.normal(), 0.15 * random.normal(), -0.55);
+    if (how == Walks::kSlow) {
+      const double part = static_cast<double>(i) / count;
+      view.target = view.eye + (1 - part) * (from.target - from.eye) + part * (to.target - to.eye);
+    } else {
+      view.target = view.eye + 1.5 * ahead.normalized() +
+                    Eigen::Vector3d(0.15 * random.normal(), 0.15 * random.normal(), -0.55);
+    }
     route.push_back(view);
   }
   return route;

@@ -36,9 +36,9 @@ class RouteBuilder {
 /// A look at a place by one who comes by.
 [[nodiscard]] std::vector<Waypoint> glance(const SE3& map_from_place, double scale, Random& random);
 
-/// On foot along a line of points (eye height), looking ahead and down; from a waypoint to the first of what
-/// comes next.
+/// On foot along a line of points (eye height), from a waypoint to the first of what comes next; looking
+/// ahead and down, or slowly, turning from the first view to the last only.
 [[nodiscard]] std::vector<Waypoint> walk(const Waypoint& from, std::span<const Eigen::Vector3d> through,
-                                         const Waypoint& to, Random& random);
+                                         const Waypoint& to, Walks how, Random& random);
 
 }  // namespace cairn

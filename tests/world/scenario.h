@@ -71,6 +71,12 @@ struct Phase {
 enum class Carrier : uint8_t { kHand, kShoulder };
 enum class Daytime : uint8_t { kMorning, kLater };
 enum class Session : uint8_t { kAll, kMap, kVisit };
+/// How the wearer gets from place to place.
+enum class Walks : uint8_t {
+  kBrisk,  ///< looking ahead, as one who wants to get there
+  kDark,   ///< likewise, the camera covered
+  kSlow,   ///< the view held on what stands beside the way, as one who wants it on the map
+};
 
 /// Which of the worlds of a name.
 struct ScenarioOptions {
@@ -78,6 +84,7 @@ struct ScenarioOptions {
   Carrier carrier = Carrier::kHand;     ///< which of the wearer's cameras
   Daytime daytime = Daytime::kMorning;  ///< light only; geometry and route stay
   Session session = Session::kAll;      ///< which phases
+  Walks walks = Walks::kBrisk;
 };
 
 /// A part of a texture, in texels.

@@ -66,7 +66,8 @@ const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
       {"camera", "hand or shoulder: which of the wearer's cameras"},
       {"light", "morning or later: geometry and motion stay"},
       {"session", "all, map or visit: both parts of an experiment or one"},
-      {"walks", "yes or dark: whether the camera sees anything on the way between places"},
+      {"walks",
+       "yes, dark (the camera is covered on the way between places) or slow (sidling, the view held)"},
       {"frames", "a number of frames, 1 to 1000000; all of the route if not given"},
       {"noise", "sigma of the pixel noise in grey levels, 0 to 50"},
       {"blur", "shutter as a fraction of the frame time, 0 to 1"},
@@ -101,7 +102,10 @@ Status SimulatorOptions::set_option(std::string_view key, std::string_view value
     return choose(key, value, {{"all", Session::kAll}, {"map", Session::kMap}, {"visit", Session::kVisit}},
                   &session);
   }
-  if (key == "walks") return choose(key, value, {{"yes", true}, {"dark", false}}, &walks);
+  if (key == "walks") {
+    return choose(key, value, {{"yes", Walks::kBrisk}, {"dark", Walks::kDark}, {"slow", Walks::kSlow}},
+                  &walks);
+  }
   std::string message = "simulator option '";
   message.append(key).append("': unknown; there are:");
   for (const Help& option : help()) message.append(" ").append(option.key);
@@ -126,7 +130,8 @@ Simulator::Simulator(Scenario scenario, const SimulatorOptions& options)
 }
 
 Result<Simulator> Simulator::make(std::string_view scenario, const SimulatorOptions& options) {
-  auto made = make_scenario(scenario, {options.seed, options.carrier, options.daytime, options.session});
+  auto made = make_scenario(scenario,
+                            {options.seed, options.carrier, options.daytime, options.session, options.walks});
   if (!made) return tl::unexpected(made.error());
   return Simulator(std::move(*made), options);
 }
@@ -168,10 +173,10 @@ std::vector<Phase> Simulator::phases() const {
 
 bool Simulator::is_dark(double seconds) const {
   if (blackouts_.at(seconds)) return true;
-  return !options_.walks && std::ranges::any_of(scenario_->phases, [&](const Phase& phase) {
-    const double on_route = seconds * options_.speed;
-    return phase.kind == PhaseKind::kWalk && on_route >= phase.begin && on_route < phase.end;
-  });
+  return options_.walks == Walks::kDark && std::ranges::any_of(scenario_->phases, [&](const Phase& phase) {
+           const double on_route = seconds * options_.speed;
+           return phase.kind == PhaseKind::kWalk && on_route >= phase.begin && on_route < phase.end;
+         });
 }
 
 SimView Simulator::view(int index) const {

@@ -29,8 +29,8 @@ struct SimulatorOptions {
   Carrier carrier = Carrier::kHand;
   Daytime daytime = Daytime::kMorning;
   Session session = Session::kAll;
-  int frames = 0;          ///< number of frames; 0: the whole route, or 1800 where it is a closed loop
-  bool walks = true;       ///< false: black on the way between places, as if the camera were covered
+  int frames = 0;  ///< number of frames; 0: the whole route, or 1800 where it is a closed loop
+  Walks walks = Walks::kBrisk;
   double noise = 1.5;      ///< Gaussian noise, grey levels (sigma)
   double blur = 0.25;      ///< shutter: fraction of the frame time that each row is exposed
   double rolling = 0;      ///< read-out: fraction of the frame time from the first row to the last
