@@ -173,7 +173,7 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
   };
   const std::vector<Case> cases = {
       {PlaceVerdict::kConfirmed, PlaceUse::kTried, "try a place", {"use 7 at 5"}},
-      {PlaceVerdict::kUnconfirmed, PlaceUse::kTried, "try a place", {"use 7 at 5"}},
+      {PlaceVerdict::kUnconfirmed, PlaceUse::kTried, "try a place, unconfirmed", {"use 7 at 5"}},
       {PlaceVerdict::kConfirmed, PlaceUse::kNotNeeded, "try a place", {}},
       {PlaceVerdict::kConfirmed, PlaceUse::kNotKnown, "try a place", {}},
       {PlaceVerdict::kNotKnown, PlaceUse::kTried, "place not known", {}},

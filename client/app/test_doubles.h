@@ -84,7 +84,9 @@ class ScriptedTracker final : public TrackingEngine {
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
-    words.emplace_back(suggestion ? "try a place" : "place not known");
+    words.emplace_back(!suggestion             ? "place not known"
+                       : suggestion->confirmed ? "try a place"
+                                               : "try a place, unconfirmed");
     return suggestion ? use_of_places : PlaceUse::kNotKnown;
   }
   void place_left_open() override { words.emplace_back("left open"); }
