@@ -19,27 +19,38 @@ constexpr size_t kMinObservations = 4;
 
 using Linearised = PoseWorkspace::Linearised;
 
-/// Upper triangle, row by row, of sum w J^T J; and sum w J^T r.
+/// Upper triangle, row by row, of sum w J^T J; and sum w J^T r. The rows of x and of y are summed side by
+/// side: two lanes of a register.
 struct NormalEquations {
-  std::array<double, 21> upper{};
-  std::array<double, 6> gradient{};
+  std::array<Eigen::Array2d, 21> upper;
+  std::array<Eigen::Array2d, 6> sums;
+
+  NormalEquations() {
+    upper.fill(Eigen::Array2d::Zero());
+    sums.fill(Eigen::Array2d::Zero());
+  }
 
   void add(const Linearised& o, double weight) {
-    const auto& [jx, jy] = o.d_residual_d_xi;
+    const auto& j = o.d_residual_d_xi;
     size_t k = 0;
-    for (size_t i = 0; i < 6; ++i) {
-      const double wx = weight * jx[i];
-      const double wy = weight * jy[i];
-      gradient[i] += wx * o.residual.x() + wy * o.residual.y();
-      for (size_t j = i; j < 6; ++j) upper[k++] += wx * jx[j] + wy * jy[j];
+    for (size_t row = 0; row < 6; ++row) {
+      const Eigen::Array2d weighted = weight * j[row];
+      sums[row] += weighted * o.residual;
+      for (size_t column = row; column < 6; ++column) upper[k++] += weighted * j[column];
     }
+  }
+
+  [[nodiscard]] Vector6d gradient() const {
+    Vector6d g;
+    for (int i = 0; i < 6; ++i) g[i] = sums[static_cast<size_t>(i)].sum();
+    return g;
   }
 
   [[nodiscard]] Matrix6d information() const {
     Matrix6d m;
     size_t k = 0;
     for (int i = 0; i < 6; ++i) {
-      for (int j = i; j < 6; ++j) m(i, j) = m(j, i) = upper[k++];
+      for (int j = i; j < 6; ++j) m(i, j) = m(j, i) = upper[k++].sum();
     }
     return m;
   }
@@ -58,13 +69,14 @@ void linearise(const Camera& camera, const SE3& camera_from_map,
     o.in_view = pixel.has_value();
     if (!o.in_view) continue;
     const double whitening = 1.0 / observation.sigma;
-    o.residual = whitening * (*pixel - observation.pixel);
-    o.squared = o.residual.squaredNorm();
-    for (int row = 0; row < 2; ++row) {
-      const Eigen::Vector3d a = whitening * d_pixel_d_point.row(row).transpose();
-      const Eigen::Vector3d b = p.cross(a);  // a^T (-[p]x)
-      o.d_residual_d_xi[static_cast<size_t>(row)] = {a.x(), a.y(), a.z(), b.x(), b.y(), b.z()};
-    }
+    o.residual = whitening * (*pixel - observation.pixel).array();
+    o.squared = o.residual.square().sum();
+    const Eigen::Array2d ax = whitening * d_pixel_d_point.col(0).array();
+    const Eigen::Array2d ay = whitening * d_pixel_d_point.col(1).array();
+    const Eigen::Array2d az = whitening * d_pixel_d_point.col(2).array();
+    // The rows a^T (-[p]x) = (p x a)^T.
+    o.d_residual_d_xi = {
+        ax, ay, az, p.y() * az - p.z() * ay, p.z() * ax - p.x() * az, p.x() * ay - p.y() * ax};
   }
 }
 
@@ -178,7 +190,9 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
   if (observations.size() < kMinObservations) {
     return fail(ErrorCode::kDegenerate, "pose: fewer than 4 observations");
   }
-  constexpr double kConverged = 1e-18;  // squared step [m^2, rad^2]: nothing left but rounding
+  // Squared step, in standard deviations of the pose as the sigmas have it: what is left is a hundredth of
+  // what the noise of the best measurements leaves open.
+  constexpr double kConverged = 1e-6;
   std::vector<Linearised>& linearised = workspace->linearised;
   linearised.resize(observations.size());
   workspace->squared.reserve(observations.size());
@@ -188,13 +202,14 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
     const NormalEquations sum = accumulate(linearised, cutoff_for(iteration, options, workspace));
     const auto factor = factorise(sum.information() + options.prior * Matrix6d::Identity());
     if (!factor) return singular();
-    const Vector6d step = -factor->solve(Vector6d(Eigen::Map<const Vector6d>(sum.gradient.data())));
+    const Vector6d gradient = sum.gradient();
+    const Vector6d step = -factor->solve(gradient);
     pose = SE3::exp(step) * pose;
     if (!pose.is_finite()) return singular();
     // While a switch of the cut-off is still to come, a small step does not mean the end.
     const bool cutoff_settled =
         options.fixed_cutoff_after >= options.iterations || iteration >= options.fixed_cutoff_after;
-    if (cutoff_settled && step.squaredNorm() < kConverged) break;
+    if (cutoff_settled && -step.dot(gradient) < kConverged) break;
   }
   linearise(camera, pose, observations, linearised);
   return summarise(pose, linearised, cutoff_for(options.iterations, options, workspace), estimate);

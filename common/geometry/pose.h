@@ -42,9 +42,9 @@ struct PoseEstimate {
 struct PoseWorkspace {
   /// One observation linearised at the present pose, whitened by its sigma.
   struct Linearised {
-    Eigen::Vector2d residual;  ///< (projected - measured) / sigma
-    std::array<std::array<double, 6>, 2>
-        d_residual_d_xi{};  ///< rows x, y; left tangent (translation, rotation)
+    Eigen::Array2d residual;  ///< (projected - measured) / sigma
+    std::array<Eigen::Array2d, 6>
+        d_residual_d_xi;  ///< x and y side by side; left tangent (translation, rotation)
     double squared = 0;
     bool in_view = false;
   };
