@@ -550,9 +550,9 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
     return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
                                          ") is in the store already, or among the deleted ones");
   }
-  // Clients of the same names here are others, with other cameras.
+  // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};
-  const MapUpdate whole{read->record, read->decisions, read->labels, {}};
+  const MapUpdate whole{read->record, {}, read->labels, {}};
   if (Status made = make(read->header, whole); !made) return tl::unexpected(made.error());
   return map;
 }

@@ -339,6 +339,10 @@ TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {
   {
     const auto store = open();
     keep(store.get());
+    MapUpdate said;
+    said.decisions = {decision(1)};
+    said.labels = {{1, "vice", SE3(), "anna", Timestamp{5}}};
+    ASSERT_TRUE(store->write(header_.id, {&said, 1}));
     const Status exported = store->export_map(header_.id, archive);
     ASSERT_TRUE(exported) << exported.error().message;
     const auto again = store->import_map(archive);
@@ -354,6 +358,8 @@ TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {
   ASSERT_TRUE(map);
   EXPECT_EQ(map->header.name, "desk");
   EXPECT_TRUE(bytes_of(map->record) == bytes_of(whole()));
+  EXPECT_THAT(map->labels, SizeIs(1));
+  EXPECT_THAT(map->decisions, IsEmpty()) << "clients of these names here are others";
 
   std::filesystem::resize_file(archive, std::filesystem::file_size(archive) / 2);
   const auto third = Store::open(folder_ / "third", null_logger());
