@@ -64,7 +64,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   if (!is_valid_name(name))
     return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
   if (entry->name == name) return answer(success(describe_map(id, *entry)));
-  if (find_map(name).second != nullptr)
+  if (!maps_.is_free(name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   const std::string before = std::exchange(entry->name, name);
