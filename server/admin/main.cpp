@@ -103,8 +103,14 @@ void print_whole_map(const json& map) {
 }
 
 void print_deleted(const json& map) {
-  std::printf("%-24s %s  deleted, %.1f MB on disk\n", text_of(map, "name").c_str(),
-              text_of(map, "id").c_str(), map.value("bytes", 0.0) * 1e-6);
+  const std::string name = text_of(map, "name");
+  const std::string id = text_of(map, "id");
+  const bool damaged = map.contains("damaged");
+  std::printf("%-24s %s  deleted, %.1f MB on disk%s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
+              map.value("bytes", 0.0) * 1e-6, damaged ? ", damaged" : "");
+  if (damaged)
+    std::printf("%24s %s; `cairnctl maps purge %s` removes it\n", "", text_of(map, "damaged").c_str(),
+                id.c_str());
 }
 
 void print_damaged(const json& file) {
@@ -193,7 +199,7 @@ Status list_maps(AdminClient* client, const Options& options) {
 }
 
 void print_removed_for_good(const json& map) {
-  std::printf("%s removed for good\n", text_of(map, "name").c_str());
+  std::printf("%s removed for good\n", text_of(map, text_of(map, "name").empty() ? "id" : "name").c_str());
 }
 
 /// What a map that was deleted is undeleted by: its name, or its id where another map has that name.

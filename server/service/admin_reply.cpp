@@ -38,10 +38,12 @@ json describe(MapId id, const MapEntry& entry) {
 }
 
 json describe(const DeletedMap& map) {
-  return {{"id", to_hex(map.header.id.bytes)},
-          {"name", map.header.name},
-          {"deleted", map.deleted.nanoseconds},
-          {"bytes", map.bytes}};
+  json told{{"id", to_hex(map.header.id.bytes)},
+            {"name", map.header.name},
+            {"deleted", map.deleted.nanoseconds},
+            {"bytes", map.bytes}};
+  if (map.problem) told["damaged"] = map.problem->message;
+  return told;
 }
 
 json describe(const OverlapList::Neighbour& neighbour, const std::string& name) {

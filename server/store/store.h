@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,7 +19,8 @@ namespace cairn {
 struct DeletedMap {
   MapHeader header;
   Timestamp deleted;
-  uint64_t bytes = 0;  ///< of its file
+  uint64_t bytes = 0;            ///< of its file
+  std::optional<Error> problem;  ///< why its file cannot be used; of the header, the id is known then
 };
 
 /// A file that could not be used as it was, out of the way in the folder `damaged`.
@@ -54,7 +56,7 @@ class Store {
   [[nodiscard]] std::vector<MapId> maps() const;
   /// Ids of those that were deleted, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
-  /// The same with what they were, the latest deleted first. Opens each file.
+  /// The same with what they were, damaged ones among them, the latest deleted first. Opens each file.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
   /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
@@ -98,8 +100,8 @@ class Store {
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use, kDamaged when anything in it is damaged; messages are about "the archive" and name no
-  /// path of ours. Beside the thread that writes maps.
+  /// that is in use (it says by which file), kDamaged when anything in it is damaged; what it says of the
+  /// archive names no path of ours. Beside the thread that writes maps.
   [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.
@@ -120,6 +122,8 @@ class Store {
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
+  /// Error kRefused: it is in use; by which file.
+  [[nodiscard]] Status check_is_free(const MapHeader& header) const;
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
   void keep_open(MapId map, MapFile file);

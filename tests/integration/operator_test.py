@@ -340,6 +340,23 @@ class Operator(OnTheDesk):
             self.assertEqual(self.ctl("maps", server=server)["damaged"], [])
             self.assertEqual(self.ctl("status", server=server)["health"], "ok")
 
+    def test_a_deleted_map_whose_file_is_damaged_is_told_and_can_be_purged(self):
+        archives = self.folder / "before-deletion"
+        self.ctl("maps", "export", "map-1", "--out", archives)
+        with self.server_with_the_map("deleted-spoilt") as server:
+            gone = self.ctl("map", "map-1", "delete", server=server)
+            self.spoil(self.folder / "deleted-spoilt", gone, "UPDATE map SET checksum = checksum + 1 WHERE id = 1", "deleted")
+            (listed,) = self.ctl("maps", server=server)["deleted"]
+            self.assertEqual((listed["id"], listed["name"]), (gone["id"], ""))
+            self.assertIn("table map, row 1", listed["damaged"])
+            self.assertIn(f"cairnctl maps purge {gone['id']}", self.say("maps", server=server))
+            for words, code in ((("map", gone["id"], "undelete"), DAMAGED), (("maps", "import", archives / "map-1.cairnmap"), REFUSED)):
+                self.assertIn(f"maps purge {gone['id']}", self.ctl(*words, expect=code, server=server))
+            self.ctl("map", "", "undelete", expect=REFUSED, server=server)
+            self.assertEqual(self.say("maps", "purge", gone["id"], server=server), f"{gone['id']} removed for good\n")
+            self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
+            self.assertEqual(self.names(server), ["map-1"])
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"
@@ -351,8 +368,8 @@ class Operator(OnTheDesk):
         rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)
         (half / "rgb.txt").write_text("".join(rows[:len(rows) // 2]))
 
-    def spoil(self, store, a_map, sql):
-        with contextlib.closing(sqlite3.connect(store / f"maps/{a_map['id']}.cairnmap")) as file:
+    def spoil(self, store, a_map, sql, part="maps"):
+        with contextlib.closing(sqlite3.connect(store / part / f"{a_map['id']}.cairnmap")) as file:
             file.executescript(sql)
             file.commit()
 
