@@ -125,6 +125,14 @@ void print_damaged(const json& file) {
     std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
 }
 
+void print_unloaded(const json& map) {
+  const std::string name = text_of(map, "name");
+  std::printf("%-24s %s  not served: %s\n%24s %s\n", name.empty() ? "?" : name.c_str(),
+              text_of(map, "id").c_str(), text_of(map, "file").c_str(), "", text_of(map, "reason").c_str());
+  std::printf("%24s see to that and start the server again, or move the file away and import an archive\n",
+              "");
+}
+
 /// All of a list, each by `print_one`.
 void print_each(const json& object, const char* list, void (*print_one)(const json&)) {
   for (const json& item : object.value(list, json::array())) print_one(item);
@@ -180,6 +188,7 @@ Status show_status(AdminClient* client, const Options& options) {
     }
     std::printf("\n");
     print_each(s, "damaged", print_damaged);
+    print_each(s, "unloaded", print_unloaded);
   });
   return {};
 }
@@ -189,11 +198,12 @@ Status list_maps(AdminClient* client, const Options& options) {
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
     const auto is_empty = [&all](const char* list) { return all->value(list, json::array()).empty(); };
-    if (is_empty("maps") && is_empty("deleted") && is_empty("damaged"))
+    if (is_empty("maps") && is_empty("deleted") && is_empty("damaged") && is_empty("unloaded"))
       std::fprintf(stderr, "cairnctl: no maps\n");
     print_each(*all, "maps", print_map);
     print_each(*all, "deleted", print_deleted);
     print_each(*all, "damaged", print_damaged);
+    print_each(*all, "unloaded", print_unloaded);
   });
   return {};
 }
@@ -403,7 +413,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   });
   maps->add_subcommand(
           "list",
-          "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged, and why")
+          "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged or not "
+          "loaded, and why")
       ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
   out->add_option("MAP", options->maps, "names or ids [all]");

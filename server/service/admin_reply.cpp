@@ -100,6 +100,18 @@ std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
          (files == 1 ? "it" : "them") + " out of there";
 }
 
+json describe(const UnloadedMap& map) {
+  return {
+      {"id", to_hex(map.map.bytes)}, {"name", map.name}, {"file", map.file.string()}, {"reason", map.reason}};
+}
+
+std::string word_of_unloaded(std::span<const UnloadedMap> maps) {
+  if (maps.empty()) return {};
+  const std::string how_many = maps.size() == 1 ? "a map is" : std::to_string(maps.size()) + " maps are";
+  return how_many + " not served (`cairnctl maps`): " + maps.front().reason +
+         "; see to that and start the server again, or move the file away and import an archive";
+}
+
 ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more", false}} {
   for (const char* list : lists) content_[list] = json::array();
 }

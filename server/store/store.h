@@ -33,6 +33,15 @@ struct DamagedFile {
   std::vector<std::string> reasons;
 };
 
+/// A map that is not served since its file could not be loaded, which need not be the file's fault: it lies
+/// where it was.
+struct UnloadedMap {
+  MapId map;
+  std::string name;  ///< where it could be read
+  std::filesystem::path file;
+  std::string reason;
+};
+
 /// A folder with all that a server keeps (README.md): a file for each map, and a catalogue of what belongs to
 /// the server itself. A plain class, one thread at a time, but for what is marked.
 class Store {
@@ -61,6 +70,9 @@ class Store {
 
   /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const;
+
+  /// Where the file of a map in use is. By any thread.
+  [[nodiscard]] std::filesystem::path path_of(MapId map) const;
 
   /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
   /// time, by any thread, before anything is written. Errors: as MapFile::open().
@@ -119,7 +131,6 @@ class Store {
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
   void read_overlaps(sqlite::Database* catalogue);
-  [[nodiscard]] std::filesystem::path path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
   /// Error kRefused: it is in use; by which file.

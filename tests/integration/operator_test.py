@@ -340,6 +340,29 @@ class Operator(OnTheDesk):
             self.assertEqual(self.ctl("maps", server=server)["damaged"], [])
             self.assertEqual(self.ctl("status", server=server)["health"], "ok")
 
+    def test_a_map_that_cannot_be_loaded_is_told_and_does_not_stand_in_the_way_for_ever(self):
+        archives = self.folder / "of-this-version"
+        self.ctl("maps", "export", "map-1", "--out", archives)
+        here = self.ctl("map", "map-1", "show")
+        store = self.folder / "newer"
+        shutil.copytree(self.folder / "store/maps", store / "maps")
+        self.spoil(store, here, "PRAGMA user_version=99")
+        file = store / f"maps/{here['id']}.cairnmap"
+        with ServerProcess("--store", store) as server:
+            self.assertEqual(self.names(server), [])
+            (unloaded,) = self.ctl("maps", server=server)["unloaded"]
+            self.assertEqual((unloaded["id"], unloaded["file"]), (here["id"], str(file)))
+            status = self.ctl("status", server=server)
+            self.assertEqual((status["unloaded"], status["unloaded_maps"]), ([unloaded], 1))
+            for words in (status["health"], unloaded["reason"], self.say("maps", server=server), self.say("status", server=server)):
+                self.assertIn("newer version (schema 99", words)
+            self.assertIn(str(file), self.ctl("maps", "import", archives / "map-1.cairnmap", expect=REFUSED, server=server))
+            file.rename(self.folder / "newer.cairnmap")
+            self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
+            self.assertEqual(self.names(server), ["map-1"])
+            self.assertEqual(self.ctl("maps", server=server)["unloaded"], [])
+            self.assertEqual(self.ctl("status", server=server)["health"], "ok")
+
     def test_a_deleted_map_whose_file_is_damaged_is_told_and_can_be_purged(self):
         archives = self.folder / "before-deletion"
         self.ctl("maps", "export", "map-1", "--out", archives)
