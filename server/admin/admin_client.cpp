@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -126,16 +127,19 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
 }
 
 Result<json> AdminClient::maps() {
-  json all{{"maps", json::array()}, {"deleted", json::array()}, {"damaged", json::array()}};
+  constexpr std::array kLists{"maps", "deleted", "damaged", "unloaded"};
+  json all;
+  for (const char* list : kLists) all[list] = json::array();
   while (true) {
     const std::string last = all["maps"].empty() ? "" : all["maps"].back().value("id", "");
     const auto page = ask({{"verb", "maps"},
                            {"after", last},
                            {"deleted_from", all["deleted"].size()},
-                           {"damaged_from", all["damaged"].size()}});
+                           {"damaged_from", all["damaged"].size()},
+                           {"unloaded_from", all["unloaded"].size()}});
     if (!page) return tl::unexpected(page.error());
     size_t more = 0;
-    for (const char* list : {"maps", "deleted", "damaged"}) more += append(page->content, list, &all[list]);
+    for (const char* list : kLists) more += append(page->content, list, &all[list]);
     if (more == 0 || !page->content.value("more", false)) return all;
   }
 }

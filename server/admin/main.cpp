@@ -103,8 +103,14 @@ void print_whole_map(const json& map) {
 }
 
 void print_deleted(const json& map) {
-  std::printf("%-24s %s  deleted, %.1f MB on disk\n", text_of(map, "name").c_str(),
-              text_of(map, "id").c_str(), map.value("bytes", 0.0) * 1e-6);
+  const std::string name = text_of(map, "name");
+  const std::string id = text_of(map, "id");
+  const bool damaged = map.contains("damaged");
+  std::printf("%-24s %s  deleted, %.1f MB on disk%s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
+              map.value("bytes", 0.0) * 1e-6, damaged ? ", damaged" : "");
+  if (damaged)
+    std::printf("%24s %s; `cairnctl maps purge %s` removes it\n", "", text_of(map, "damaged").c_str(),
+                id.c_str());
 }
 
 void print_damaged(const json& file) {
@@ -117,6 +123,14 @@ void print_damaged(const json& file) {
                 file.value("served", false) ? "what could be saved of it is served" : "not served");
   for (const json& reason : file.value("reasons", json::array()))
     std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
+}
+
+void print_unloaded(const json& map) {
+  const std::string name = text_of(map, "name");
+  std::printf("%-24s %s  not served: %s\n%24s %s\n", name.empty() ? "?" : name.c_str(),
+              text_of(map, "id").c_str(), text_of(map, "file").c_str(), "", text_of(map, "reason").c_str());
+  std::printf("%24s see to that and start the server again, or move the file away and import an archive\n",
+              "");
 }
 
 /// All of a list, each by `print_one`.
@@ -174,6 +188,7 @@ Status show_status(AdminClient* client, const Options& options) {
     }
     std::printf("\n");
     print_each(s, "damaged", print_damaged);
+    print_each(s, "unloaded", print_unloaded);
   });
   return {};
 }
@@ -183,17 +198,18 @@ Status list_maps(AdminClient* client, const Options& options) {
   if (!all) return tl::unexpected(all.error());
   print(options, *all, [&all] {
     const auto is_empty = [&all](const char* list) { return all->value(list, json::array()).empty(); };
-    if (is_empty("maps") && is_empty("deleted") && is_empty("damaged"))
+    if (is_empty("maps") && is_empty("deleted") && is_empty("damaged") && is_empty("unloaded"))
       std::fprintf(stderr, "cairnctl: no maps\n");
     print_each(*all, "maps", print_map);
     print_each(*all, "deleted", print_deleted);
     print_each(*all, "damaged", print_damaged);
+    print_each(*all, "unloaded", print_unloaded);
   });
   return {};
 }
 
 void print_removed_for_good(const json& map) {
-  std::printf("%s removed for good\n", text_of(map, "name").c_str());
+  std::printf("%s removed for good\n", text_of(map, text_of(map, "name").empty() ? "id" : "name").c_str());
 }
 
 /// What a map that was deleted is undeleted by: its name, or its id where another map has that name.
@@ -397,7 +413,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   });
   maps->add_subcommand(
           "list",
-          "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged, and why")
+          "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged or not "
+          "loaded, and why")
       ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
   out->add_option("MAP", options->maps, "names or ids [all]");

@@ -38,10 +38,12 @@ json describe(MapId id, const MapEntry& entry) {
 }
 
 json describe(const DeletedMap& map) {
-  return {{"id", to_hex(map.header.id.bytes)},
-          {"name", map.header.name},
-          {"deleted", map.deleted.nanoseconds},
-          {"bytes", map.bytes}};
+  json told{{"id", to_hex(map.header.id.bytes)},
+            {"name", map.header.name},
+            {"deleted", map.deleted.nanoseconds},
+            {"bytes", map.bytes}};
+  if (map.problem) told["damaged"] = map.problem->message;
+  return told;
 }
 
 json describe(const OverlapList::Neighbour& neighbour, const std::string& name) {
@@ -96,6 +98,18 @@ std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
          " set aside in " + folder.string() +
          " (`cairnctl maps` says why); import what is missing from a backup, then move " +
          (files == 1 ? "it" : "them") + " out of there";
+}
+
+json describe(const UnloadedMap& map) {
+  return {
+      {"id", to_hex(map.map.bytes)}, {"name", map.name}, {"file", map.file.string()}, {"reason", map.reason}};
+}
+
+std::string word_of_unloaded(std::span<const UnloadedMap> maps) {
+  if (maps.empty()) return {};
+  const std::string how_many = maps.size() == 1 ? "a map is" : std::to_string(maps.size()) + " maps are";
+  return how_many + " not served (`cairnctl maps`): " + maps.front().reason +
+         "; see to that and start the server again, or move the file away and import an archive";
 }
 
 ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more", false}} {

@@ -29,6 +29,9 @@ namespace cairn {
 [[nodiscard]] nlohmann::json describe(const DamagedFile& file, bool served);
 /// For the server's health: what lies in a folder of damaged files, and the remedy. Empty when nothing does.
 [[nodiscard]] std::string word_of_damage(size_t files, const std::filesystem::path& folder);
+[[nodiscard]] nlohmann::json describe(const UnloadedMap& map);
+/// For the server's health: the first of them, and the remedy. Empty when there is none.
+[[nodiscard]] std::string word_of_unloaded(std::span<const UnloadedMap> maps);
 /// A part of some lists that may be long: as much of them as one reply takes. `more`: there is more.
 class ReplyPage {
  public:

@@ -62,6 +62,17 @@ TEST(AdminReply, TheHealthSaysNothingOfDamageWhereThereIsNone) {
   EXPECT_NE(word_of_damage(3, "store/damaged").find("3 damaged files"), std::string::npos);
 }
 
+TEST(AdminReply, TheHealthNamesTheFirstMapThatIsNotServed) {
+  EXPECT_EQ(word_of_unloaded({}), "");
+  const std::vector<UnloadedMap> maps{{MapId{{1}}, "", "maps/1.cairnmap", "1.cairnmap: of a newer version"},
+                                      {MapId{{2}}, "", "maps/2.cairnmap", "2.cairnmap: in use"}};
+  EXPECT_NE(word_of_unloaded(std::span(maps).first(1)).find("a map is not served"), std::string::npos);
+  const std::string both = word_of_unloaded(maps);
+  EXPECT_NE(both.find("2 maps are not served"), std::string::npos) << both;
+  EXPECT_NE(both.find("of a newer version"), std::string::npos) << both;
+  EXPECT_EQ(both.find("in use"), std::string::npos) << both;
+}
+
 TEST(AdminReply, AnUnknownMapIsNamedWithTheRemedy) {
   const wire::AdminReply reply = unknown_map("attic");
   EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));

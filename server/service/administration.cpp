@@ -43,6 +43,24 @@ bool is_piece(const std::string& verb) {
   return verb == "import-write" || verb == "export-read";
 }
 
+/// Onto a page, from a number on, as many as fit.
+template <typename Item, typename Describe>
+void add_from(size_t begin, const std::vector<Item>& items, const char* list, ReplyPage* page,
+              Describe describe_one) {
+  for (size_t i = begin; i < items.size(); ++i) {
+    if (!page->add(list, describe_one(items[i]))) return;
+  }
+}
+
+/// What stands beside the health; `maps` has all.
+template <typename Item, typename Describe>
+json first_of(const std::vector<Item>& items, Describe describe_one) {
+  constexpr size_t kMostTold = 10;
+  json told = json::array();
+  for (size_t i = 0; i < std::min(items.size(), kMostTold); ++i) told.push_back(describe_one(items[i]));
+  return told;
+}
+
 }  // namespace
 
 void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRequest& message) {
@@ -77,9 +95,9 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
             one_line(message.request.substr(0, kLoggedBytes)));
   if (verb == "status") return describe_server(answer);
   if (verb == "maps") {
-    return list_maps(
-        {text_of(request, "after"), number_of(request, "deleted_from"), number_of(request, "damaged_from")},
-        answer);
+    return list_maps({text_of(request, "after"), number_of(request, "deleted_from"),
+                      number_of(request, "damaged_from"), number_of(request, "unloaded_from")},
+                     answer);
   }
   if (verb == "undelete") return undelete_map(wanted, answer);
   if (verb == "purge") return purge_map(wanted, answer);
@@ -157,10 +175,8 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
     clients.push_back(name);
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
-  constexpr size_t kMostDamagedTold = 10;  // files, beside the health; `maps` has all
-  json damaged = json::array();
-  for (size_t i = 0; i < std::min(damaged_.size(), kMostDamagedTold); ++i)
-    damaged.push_back(describe(damaged_[i], maps_.find(damaged_[i].map) != nullptr));
+  json damaged = first_of(
+      damaged_, [this](const DamagedFile& file) { return describe(file, maps_.find(file.map) != nullptr); });
   answer(success({{"server", to_hex(options_.server.bytes)},
                   {"version", std::string(version())},
                   {"start_count", options_.start_count},
@@ -175,6 +191,8 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                     {"rest_after_s", store_ ? options_.rest_after.count() : 0}}},
                   {"damaged", std::move(damaged)},
                   {"damaged_files", damaged_.size()},
+                  {"unloaded", first_of(unloaded_, [](const UnloadedMap& map) { return describe(map); })},
+                  {"unloaded_maps", unloaded_.size()},
                   {"clients", std::move(clients)},
                   {"wearers", std::move(wearers)}}));
 }
@@ -191,7 +209,7 @@ json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
 }
 
 void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
-  ReplyPage page{"maps", "deleted", "damaged"};
+  ReplyPage page{"maps", "deleted", "damaged", "unloaded"};
   std::set<MapId> served;
   bool has_room = true;
   for (const auto& [id, entry] : maps_.all()) {
@@ -202,24 +220,29 @@ void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
   if (store_ == nullptr || page.content()["more"]) return answer(success(page.content()));
   with_store(answer,
              [this, answer, begin, served, page = std::move(page)](const Store& store) mutable -> Task {
-               const std::vector<DeletedMap> deleted = store.deleted_maps();
-               for (size_t i = begin.deleted_from; i < deleted.size(); ++i) {
-                 if (!page.add("deleted", describe(deleted[i]))) break;
-               }
                const std::vector<DamagedFile> damaged = store.damaged_files();
-               for (size_t i = begin.damaged_from; i < damaged.size(); ++i) {
-                 if (!page.add("damaged", describe(damaged[i], served.contains(damaged[i].map)))) break;
-               }
-               return [this, answer, damaged, page = std::move(page)] {
+               const std::vector<UnloadedMap> unloaded = store_->unloaded();
+               add_from(begin.deleted_from, store.deleted_maps(), "deleted", &page,
+                        [](const DeletedMap& map) { return describe(map); });
+               add_from(begin.damaged_from, damaged, "damaged", &page,
+                        [&](const DamagedFile& file) { return describe(file, served.contains(file.map)); });
+               add_from(begin.unloaded_from, unloaded, "unloaded", &page,
+                        [](const UnloadedMap& map) { return describe(map); });
+               return [this, answer, damaged, unloaded, page = std::move(page)] {
                  damaged_ = damaged;
+                 unloaded_ = unloaded;
                  answer(success(page.content()));
                };
              });
 }
 
 void Switchboard::look_for_damage() {
-  store_->run_beside(
-      [this](const Store& store) { post([this, damaged = store.damaged_files()] { damaged_ = damaged; }); });
+  store_->run_beside([this](const Store& store) {
+    post([this, damaged = store.damaged_files(), unloaded = store_->unloaded()] {
+      damaged_ = damaged;
+      unloaded_ = unloaded;
+    });
+  });
 }
 
 void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {

@@ -23,7 +23,8 @@ constexpr const char* kMadeElsewhere = "this map is made elsewhere";
 std::vector<DeletedMap> deleted_maps_called(const Store& store, const std::string& name_or_id) {
   std::vector<DeletedMap> maps = store.deleted_maps();
   std::erase_if(maps, [&](const DeletedMap& m) {
-    return m.header.name != name_or_id && to_hex(m.header.id.bytes) != name_or_id;
+    const bool is_called_so = !m.problem && m.header.name == name_or_id;
+    return !is_called_so && to_hex(m.header.id.bytes) != name_or_id;
   });
   return maps;
 }
@@ -64,7 +65,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   if (!is_valid_name(name))
     return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
   if (entry->name == name) return answer(success(describe_map(id, *entry)));
-  if (find_map(name).second != nullptr)
+  if (!maps_.is_free(name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   const std::string before = std::exchange(entry->name, name);
@@ -141,6 +142,12 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
     if (maps.size() > 1 || is_live) {
       const std::string in_use = is_live ? fmt::format(" {} (in use)", live.value("id", "")) : std::string();
       return say(refusal(ambiguous(wanted, maps, in_use)));
+    }
+    if (maps[0].problem) {
+      return say(
+          refusal(maps[0].problem->code, maps[0].problem->message + "; `cairnctl maps purge " +
+                                             to_hex(maps[0].header.id.bytes) +
+                                             "` removes it for good, an archive of it can be imported then"));
     }
     if (!full.empty()) return say(refusal(ErrorCode::kRefused, full));
     if (const Status back = store.undelete(maps[0].header.id); !back) return say(refusal(back.error()));

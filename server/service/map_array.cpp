@@ -66,8 +66,9 @@ MapId MapArray::repeatable_id(const wire::MapSeed& seed) {
 }
 
 bool MapArray::is_free(const std::string& name) const {
-  return std::none_of(maps_.begin(), maps_.end(),
-                      [&](const auto& entry) { return entry.second.name == name; });
+  return std::none_of(maps_.begin(), maps_.end(), [&](const auto& entry) {
+    return entry.second.name == name || to_hex(entry.first.bytes) == name;
+  });
 }
 
 std::string MapArray::free_name(const std::string& wish) const {

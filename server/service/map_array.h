@@ -53,6 +53,8 @@ class MapArray {
   /// The wished name if it is valid (is_valid_name) and free, else that with a number, else the first free of
   /// map-1, map-2, ...
   [[nodiscard]] std::string free_name(const std::string& wish) const;
+  /// Whether no map is called so, or has it for its id: also of those that are being made.
+  [[nodiscard]] bool is_free(const std::string& name) const;
 
   MapEntry& add(MapId map, MapEntry entry) {
     return maps_.insert_or_assign(map, std::move(entry)).first->second;
@@ -69,7 +71,6 @@ class MapArray {
   [[nodiscard]] size_t bytes() const;
 
  private:
-  [[nodiscard]] bool is_free(const std::string& name) const;
   [[nodiscard]] MapId draw_unused(std::mt19937_64* generator) const;
 
   const bool seeded_;

@@ -69,6 +69,18 @@ TEST(MapArray, NamesAreUniqueAndAWishIsGrantedWhenItCanBe) {
   EXPECT_TRUE(is_valid_name(take(longest)));
 }
 
+TEST(MapArray, ANameThatIsSomeMapsNameOrIdIsNotFree) {
+  MapArray maps(1);
+  const MapId id = maps.next_id();
+  maps.add(id, MapEntry{"desk", {}, {}, {}, {}}).seeding = true;
+  EXPECT_FALSE(maps.is_free("desk")) << "being made";
+  EXPECT_FALSE(maps.is_free(to_hex(id.bytes))) << "operators call it so, too";
+  EXPECT_NE(maps.free_name(to_hex(id.bytes)), to_hex(id.bytes));
+  EXPECT_TRUE(maps.is_free("bench"));
+  maps.remove(id);
+  EXPECT_TRUE(maps.is_free("desk"));
+}
+
 TEST(MapArray, ARefusedSeedGivesItsNameBack) {
   MapArray maps(1);
   const MapId id = maps.next_id();

@@ -116,11 +116,13 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
       const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
       log_->error("map {} cannot be used: {}; {}", name, error.message,
                   aside ? "kept as " + aside->string() : aside.error().message);
+      if (!aside) leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
     } else {
-      log_->error("map {} is left alone: {}", name, error.message);
+      leave_alone(loaded.map, loaded.name, error.message);
     }
     return std::move(loaded.restored);
   }
+  forget_unloaded(loaded.map);
   RestoredMap& map = *loaded.restored;
   if (!loaded.damage.empty()) {
     const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}};
@@ -129,6 +131,29 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
                 aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
   }
   return std::move(loaded.restored);
+}
+
+std::vector<UnloadedMap> MapPersistence::unloaded() const {
+  std::unique_lock lock(mutex_);
+  std::vector<UnloadedMap> maps = unloaded_;
+  lock.unlock();
+  std::erase_if(maps, [](const UnloadedMap& map) {
+    std::error_code ignored;
+    return !std::filesystem::exists(map.file, ignored);
+  });
+  return maps;
+}
+
+void MapPersistence::leave_alone(MapId map, const std::string& name, const std::string& reason) {
+  log_->error("map {} is left alone: {}", to_hex(map.bytes), reason);
+  forget_unloaded(map);
+  const std::scoped_lock lock(mutex_);
+  unloaded_.push_back({map, name, store_->path_of(map), reason});
+}
+
+void MapPersistence::forget_unloaded(MapId map) {
+  const std::scoped_lock lock(mutex_);
+  std::erase_if(unloaded_, [map](const UnloadedMap& other) { return other.map == map; });
 }
 
 std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads,

@@ -62,6 +62,10 @@ class MapPersistence {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// As Store::damaged_files().
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return store_->damaged_files(); }
+  /// Maps that could not be loaded, while their files lie where they were. Looks at the folder.
+  [[nodiscard]] std::vector<UnloadedMap> unloaded() const;
+  /// Notes, and says in the log, that a map of the store is not served.
+  void leave_alone(MapId map, const std::string& name, const std::string& reason);
   /// Maps that had been deleted before the start: their ids are not given again.
   [[nodiscard]] const std::vector<MapId>& deleted_ids() const { return deleted_ids_; }
 
@@ -70,7 +74,8 @@ class MapPersistence {
 
   /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
   /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
-  /// To be called once, before anything else.
+  /// One that cannot be loaded for other reasons (a newer version, the disk, memory) is left alone: it is one
+  /// of unloaded(). To be called once, before anything else.
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads,
                                                  RestoredImages images = RestoredImages::kStay);
 
@@ -130,6 +135,7 @@ class MapPersistence {
   struct Loaded;
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
+  void forget_unloaded(MapId map);
 
   const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs, but for folders
   const std::filesystem::path folder_;
@@ -144,6 +150,7 @@ class MapPersistence {
   std::vector<Job> jobs_;
   std::vector<Later> later_;  ///< in order of time
   std::string trouble_;
+  std::vector<UnloadedMap> unloaded_;
   Clock::time_point probe_due_;  ///< while there is trouble
   bool stopping_ = false;
 

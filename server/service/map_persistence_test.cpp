@@ -128,6 +128,39 @@ INSTANTIATE_TEST_SUITE_P(EveryTable, FatalRowTest,
                            return std::string(info.param.table) + std::to_string(info.param.row);
                          });
 
+TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesThere) {
+  keep_a_map();
+  const auto set_version = [this](int version) {
+    auto database = sqlite::Database::open(file(), sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(database->execute("PRAGMA user_version=" + std::to_string(version)));
+  };
+  set_version(99);
+  const MapId unreadable{{9}};
+  const std::filesystem::path no_file = folder_ / "maps" / (to_hex(unreadable.bytes) + ".cairnmap");
+  std::filesystem::create_directory(no_file);  // reading it is an I/O error
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_EQ(set_aside(), 0U);
+  const std::vector<UnloadedMap> both = store->unloaded();
+  ASSERT_THAT(both, SizeIs(2));
+  const bool in_order = both[0].map == header_.id;
+  const UnloadedMap& newer = both[in_order ? 0 : 1];
+  EXPECT_EQ(newer.map, header_.id);
+  EXPECT_EQ(newer.file, file());
+  EXPECT_THAT(newer.reason, HasSubstr("install that version"));
+  EXPECT_EQ(both[in_order ? 1 : 0].map, unreadable);
+  EXPECT_TRUE(std::filesystem::exists(file()));
+
+  std::filesystem::remove(no_file);
+  EXPECT_THAT(store->unloaded(), SizeIs(1));
+  set_version(map_schema_version());
+  auto loaded = std::make_shared<std::promise<bool>>();
+  store->restore_one(header_.id, options_, RestoredImages::kStay,
+                     [loaded](const auto& map) { loaded->set_value(map.has_value()); });
+  EXPECT_TRUE(loaded->get_future().get());
+  EXPECT_THAT(store->unloaded(), IsEmpty()) << "it is served";
+}
+
 TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
   keep_a_map();
   std::filesystem::resize_file(file(), 0);

@@ -14,13 +14,15 @@ namespace cairn {
 void Switchboard::resume(std::vector<RestoredMap> restored) {
   resume_clients(restored);
   for (RestoredMap& map : restored) {
-    const std::string name = map.header.name;
+    const auto [id, name] = std::pair(map.header.id, map.header.name);
     try {
       take_up(prepare(std::move(map)));
     } catch (const std::exception& problem) {  // memory: the others are served
-      log_->error("{} is left alone: {}", name, problem.what());
+      store_->leave_alone(id, name, std::string("cannot be served: ") + problem.what());
     }
   }
+  if (store_ != nullptr) unloaded_ = store_->unloaded();
+  for (const UnloadedMap& map : unloaded_) maps_.reserve(map.map);
   // All are served all the same: what is there is wanted more than a limit.
   if (std::string why = why_full(); !why.empty()) log_->warn("{}", why);
 }

@@ -248,6 +248,7 @@ std::string Switchboard::health() const {
     if (!words.empty() && !word.empty()) words += "; ";
     words += word;
   };
+  add(word_of_unloaded(unloaded_));
   if (store_) add(word_of_damage(damaged_.size(), store_->folder() / "damaged"));
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.frozen.empty()) continue;

@@ -123,9 +123,10 @@ class Switchboard {
     std::string after;
     size_t deleted_from = 0;
     size_t damaged_from = 0;
+    size_t unloaded_from = 0;
   };
   void list_maps(const PageBegin& begin, const AdminAnswer& answer);
-  /// Beside the writer: what has been set aside.
+  /// Beside the writer: what has been set aside, and what could not be loaded.
   void look_for_damage();
   void show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
   /// What operators are told of a map that is served.
@@ -230,6 +231,7 @@ class Switchboard {
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
   std::vector<DamagedFile> damaged_;      ///< as they were when last looked for
+  std::vector<UnloadedMap> unloaded_;     ///< likewise
   bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
   MonotonicTime identity_logged_;

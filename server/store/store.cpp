@@ -146,6 +146,15 @@ Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate&
   return made;
 }
 
+/// Error kDamaged also when it is the file of another map.
+Result<MapFile> open_file_of(MapId map, const fs::path& path) {
+  auto file = MapFile::open(path);
+  if (file && file->header().id != map)
+    return fail(ErrorCode::kDamaged,
+                path.string() + ": holds another map, " + to_hex(file->header().id.bytes));
+  return file;
+}
+
 uint64_t wall_clock_ms() {
   const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
   return static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
@@ -363,9 +372,14 @@ std::vector<DeletedMap> Store::deleted_maps() const {
     const fs::path path = deleted_path_of(map);
     struct stat file {};
     if (::stat(path.c_str(), &file) != 0) continue;
-    const auto opened = MapFile::open(path);
-    if (!opened) continue;
-    maps.push_back({opened->header(), changed_at(file), static_cast<uint64_t>(file.st_size)});
+    DeletedMap& deleted =
+        maps.emplace_back(DeletedMap{{}, changed_at(file), static_cast<uint64_t>(file.st_size), {}});
+    deleted.header.id = map;
+    if (const auto opened = open_file_of(map, path)) {
+      deleted.header = opened->header();
+    } else {
+      deleted.problem = opened.error();
+    }
   }
   std::stable_sort(maps.begin(), maps.end(),
                    [](const DeletedMap& a, const DeletedMap& b) { return a.deleted > b.deleted; });
@@ -395,12 +409,8 @@ std::vector<DamagedFile> Store::damaged_files() const {
 }
 
 Result<StoredMap> Store::load(MapId map) const {
-  auto file = MapFile::open(path_of(map));
+  auto file = open_file_of(map, path_of(map));
   if (!file) return tl::unexpected(file.error());
-  if (file->header().id != map) {
-    return fail(ErrorCode::kDamaged,
-                path_of(map).string() + ": holds another map, " + to_hex(file->header().id.bytes));
-  }
   const Epoch epoch{std::max(start_count_, file->header().epoch.value + 1)};
   if (Status begun = file->begin_epoch(epoch); !begun) return tl::unexpected(begun.error());
   return file->load();
@@ -430,12 +440,23 @@ void Store::close(MapId map) {
   open_files_.remove_if([map](const OpenFile& open) { return open.map == map; });
 }
 
-Status Store::create(const MapHeader& header, const MapUpdate& whole) {
-  if (is_there(path_of(header.id)) || is_there(deleted_path_of(header.id))) {
+Status Store::check_is_free(const MapHeader& header) const {
+  const std::string id = to_hex(header.id.bytes);
+  const std::string map = "map " + id + " (" + header.name + ")";
+  if (is_there(path_of(header.id)))
     return fail(ErrorCode::kRefused,
-                "map " + to_hex(header.id.bytes) + " is in the store already, or among the deleted ones");
-  }
-  return make(header, whole);
+                map + " is in the store already, as " + path_of(header.id).string() + " (`cairnctl maps`)");
+  if (is_there(deleted_path_of(header.id)))
+    return fail(ErrorCode::kRefused, map + " is among the deleted ones, as " +
+                                         deleted_path_of(header.id).string() + "; `cairnctl maps purge " +
+                                         id + "` removes it for good");
+  return {};
+}
+
+Status Store::create(const MapHeader& header, const MapUpdate& whole) {
+  Status made = check_is_free(header);
+  if (made) made = make(header, whole);
+  return made;
 }
 
 /// In its place the file is whole from the first moment, so that one which is not is known to be damaged.
@@ -546,13 +567,10 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
   if (!read) return fail(read.error().code, without_path(read.error().message, copy));
   if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
   const MapId map = read->header.id;
-  if (is_there(path_of(map)) || is_there(deleted_path_of(map))) {
-    return fail(ErrorCode::kRefused, "map " + to_hex(map.bytes) + " (" + read->header.name +
-                                         ") is in the store already, or among the deleted ones");
-  }
-  // Clients of the same names here are others, with other cameras.
+  if (const Status is_free = check_is_free(read->header); !is_free) return tl::unexpected(is_free.error());
+  // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};
-  const MapUpdate whole{read->record, read->decisions, read->labels, {}};
+  const MapUpdate whole{read->record, {}, read->labels, {}};
   if (Status made = make(read->header, whole); !made) return tl::unexpected(made.error());
   return map;
 }

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -18,7 +19,8 @@ namespace cairn {
 struct DeletedMap {
   MapHeader header;
   Timestamp deleted;
-  uint64_t bytes = 0;  ///< of its file
+  uint64_t bytes = 0;            ///< of its file
+  std::optional<Error> problem;  ///< why its file cannot be used; of the header, the id is known then
 };
 
 /// A file that could not be used as it was, out of the way in the folder `damaged`.
@@ -29,6 +31,15 @@ struct DamagedFile {
   Timestamp set_aside;
   uint64_t bytes = 0;
   std::vector<std::string> reasons;
+};
+
+/// A map that is not served since its file could not be loaded, which need not be the file's fault: it lies
+/// where it was.
+struct UnloadedMap {
+  MapId map;
+  std::string name;  ///< where it could be read
+  std::filesystem::path file;
+  std::string reason;
 };
 
 /// A folder with all that a server keeps (README.md): a file for each map, and a catalogue of what belongs to
@@ -54,11 +65,14 @@ class Store {
   [[nodiscard]] std::vector<MapId> maps() const;
   /// Ids of those that were deleted, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
-  /// The same with what they were, the latest deleted first. Opens each file.
+  /// The same with what they were, damaged ones among them, the latest deleted first. Opens each file.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
   /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const;
+
+  /// Where the file of a map in use is. By any thread.
+  [[nodiscard]] std::filesystem::path path_of(MapId map) const;
 
   /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
   /// time, by any thread, before anything is written. Errors: as MapFile::open().
@@ -98,8 +112,8 @@ class Store {
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use, kDamaged when anything in it is damaged; messages are about "the archive" and name no
-  /// path of ours. Beside the thread that writes maps.
+  /// that is in use (it says by which file), kDamaged when anything in it is damaged; what it says of the
+  /// archive names no path of ours. Beside the thread that writes maps.
   [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.
@@ -117,9 +131,10 @@ class Store {
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
   void read_overlaps(sqlite::Database* catalogue);
-  [[nodiscard]] std::filesystem::path path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
+  /// Error kRefused: it is in use; by which file.
+  [[nodiscard]] Status check_is_free(const MapHeader& header) const;
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
   void keep_open(MapId map, MapFile file);

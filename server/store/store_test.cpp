@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <fstream>
+#include <set>
 
 #include "server/store/entry_codec.h"
 #include "server/store/kept_map_fixture.h"
@@ -117,6 +118,40 @@ TEST_F(StoreTest, TheMapDeletedLastIsNamedFirst) {
   EXPECT_EQ(deleted[0].header.id, MapId{{1}});
   EXPECT_EQ(deleted[2].header.id, MapId{{2}});
   EXPECT_GT(deleted[0].bytes, 0U);
+}
+
+TEST_F(StoreTest, ADeletedMapWithADamagedFileIsListedAndCanBePurged) {
+  const auto store = open();
+  start();
+  const MapUpdate whole = take_update();
+  for (const uint8_t id : {1, 2, 3, 4}) {
+    header_.id = MapId{{id}};
+    ASSERT_TRUE(store->create(header_, whole));
+    ASSERT_TRUE(store->remove(header_.id));
+  }
+  const auto file = [this](uint8_t id) {
+    return folder_ / "deleted" / (to_hex(MapId{{id}}.bytes) + ".cairnmap");
+  };
+  ASSERT_TRUE(sqlite::Database::open(file(1), sqlite::OpenMode::kReadWrite)
+                  ->execute("UPDATE map SET checksum = checksum + 1 WHERE id = 1"));
+  std::filesystem::resize_file(file(2), 0);
+  std::filesystem::copy_file(file(4), file(3), std::filesystem::copy_options::overwrite_existing);
+  const auto deleted = store->deleted_maps();
+  ASSERT_THAT(deleted, SizeIs(4));
+  std::set<MapId> ids;
+  for (const DeletedMap& map : deleted) {
+    ids.insert(map.header.id);
+    if (map.header.id == MapId{{4}}) {
+      EXPECT_FALSE(map.problem);
+      continue;
+    }
+    ASSERT_TRUE(map.problem);
+    EXPECT_EQ(map.problem->code, ErrorCode::kDamaged);
+    EXPECT_THAT(map.problem->message, HasSubstr(to_hex(map.header.id.bytes)));
+    EXPECT_TRUE(store->purge(map.header.id));
+  }
+  EXPECT_THAT(ids, SizeIs(4)) << "each under its own id";
+  EXPECT_THAT(store->deleted_ids(), ElementsAre(MapId{{4}}));
 }
 
 TEST_F(StoreTest, AnArchiveWithAViewInPlaceOfATableIsRefused) {
@@ -339,11 +374,19 @@ TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {
   {
     const auto store = open();
     keep(store.get());
+    MapUpdate said;
+    said.decisions = {decision(1)};
+    said.labels = {{1, "vice", SE3(), "anna", Timestamp{5}}};
+    ASSERT_TRUE(store->write(header_.id, {&said, 1}));
     const Status exported = store->export_map(header_.id, archive);
     ASSERT_TRUE(exported) << exported.error().message;
     const auto again = store->import_map(archive);
     ASSERT_FALSE(again);
     EXPECT_EQ(again.error().code, ErrorCode::kRefused);
+    const std::string name = to_hex(header_.id.bytes) + ".cairnmap";
+    EXPECT_THAT(again.error().message, HasSubstr((folder_ / "maps" / name).string()));
+    ASSERT_TRUE(store->remove(header_.id));
+    EXPECT_THAT(store->import_map(archive).error().message, HasSubstr((folder_ / "deleted" / name).string()));
   }
   const auto other = Store::open(folder_ / "other", null_logger());
   ASSERT_TRUE(other);
@@ -354,6 +397,8 @@ TEST_F(StoreTest, AnArchiveImportsIntoAnotherStore) {
   ASSERT_TRUE(map);
   EXPECT_EQ(map->header.name, "desk");
   EXPECT_TRUE(bytes_of(map->record) == bytes_of(whole()));
+  EXPECT_THAT(map->labels, SizeIs(1));
+  EXPECT_THAT(map->decisions, IsEmpty()) << "clients of these names here are others";
 
   std::filesystem::resize_file(archive, std::filesystem::file_size(archive) / 2);
   const auto third = Store::open(folder_ / "third", null_logger());

@@ -166,7 +166,7 @@ TEST_F(KeptMaps, AnotherCameraLetsARestoredMapGrow) {
 
 TEST_F(KeptMaps, AFullDiskIsSaidAndOverWhenThereIsRoom) {
   seed();
-  const rlimit tight{200 << 10, RLIM_INFINITY};
+  const rlimit tight{40 << 10, RLIM_INFINITY};  // less than a keyframe takes
   ASSERT_EQ(prlimit(server_->pid(), RLIMIT_FSIZE, &tight, nullptr), 0);
   send_offer(4);
   const auto refused = next_reply();

@@ -340,6 +340,46 @@ class Operator(OnTheDesk):
             self.assertEqual(self.ctl("maps", server=server)["damaged"], [])
             self.assertEqual(self.ctl("status", server=server)["health"], "ok")
 
+    def test_a_map_that_cannot_be_loaded_is_told_and_does_not_stand_in_the_way_for_ever(self):
+        archives = self.folder / "of-this-version"
+        self.ctl("maps", "export", "map-1", "--out", archives)
+        here = self.ctl("map", "map-1", "show")
+        store = self.folder / "newer"
+        shutil.copytree(self.folder / "store/maps", store / "maps")
+        self.spoil(store, here, "PRAGMA user_version=99")
+        file = store / f"maps/{here['id']}.cairnmap"
+        with ServerProcess("--store", store) as server:
+            self.assertEqual(self.names(server), [])
+            (unloaded,) = self.ctl("maps", server=server)["unloaded"]
+            self.assertEqual((unloaded["id"], unloaded["file"]), (here["id"], str(file)))
+            status = self.ctl("status", server=server)
+            self.assertEqual((status["unloaded"], status["unloaded_maps"]), ([unloaded], 1))
+            for words in (status["health"], unloaded["reason"], self.say("maps", server=server), self.say("status", server=server)):
+                self.assertIn("newer version (schema 99", words)
+            self.assertIn(str(file), self.ctl("maps", "import", archives / "map-1.cairnmap", expect=REFUSED, server=server))
+            file.rename(self.folder / "newer.cairnmap")
+            self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
+            self.assertEqual(self.names(server), ["map-1"])
+            self.assertEqual(self.ctl("maps", server=server)["unloaded"], [])
+            self.assertEqual(self.ctl("status", server=server)["health"], "ok")
+
+    def test_a_deleted_map_whose_file_is_damaged_is_told_and_can_be_purged(self):
+        archives = self.folder / "before-deletion"
+        self.ctl("maps", "export", "map-1", "--out", archives)
+        with self.server_with_the_map("deleted-spoilt") as server:
+            gone = self.ctl("map", "map-1", "delete", server=server)
+            self.spoil(self.folder / "deleted-spoilt", gone, "UPDATE map SET checksum = checksum + 1 WHERE id = 1", "deleted")
+            (listed,) = self.ctl("maps", server=server)["deleted"]
+            self.assertEqual((listed["id"], listed["name"]), (gone["id"], ""))
+            self.assertIn("table map, row 1", listed["damaged"])
+            self.assertIn(f"cairnctl maps purge {gone['id']}", self.say("maps", server=server))
+            for words, code in ((("map", gone["id"], "undelete"), DAMAGED), (("maps", "import", archives / "map-1.cairnmap"), REFUSED)):
+                self.assertIn(f"maps purge {gone['id']}", self.ctl(*words, expect=code, server=server))
+            self.ctl("map", "", "undelete", expect=REFUSED, server=server)
+            self.assertEqual(self.say("maps", "purge", gone["id"], server=server), f"{gone['id']} removed for good\n")
+            self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
+            self.assertEqual(self.names(server), ["map-1"])
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"
@@ -351,8 +391,8 @@ class Operator(OnTheDesk):
         rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)
         (half / "rgb.txt").write_text("".join(rows[:len(rows) // 2]))
 
-    def spoil(self, store, a_map, sql):
-        with contextlib.closing(sqlite3.connect(store / f"maps/{a_map['id']}.cairnmap")) as file:
+    def spoil(self, store, a_map, sql, part="maps"):
+        with contextlib.closing(sqlite3.connect(store / part / f"{a_map['id']}.cairnmap")) as file:
             file.executescript(sql)
             file.commit()
 
