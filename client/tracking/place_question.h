@@ -48,6 +48,8 @@ class PlaceQuestion {
   /// tiny images say. Nothing when the map is another or its keyframe has gone.
   [[nodiscard]] std::optional<SE3> take(const FrameImages& frame, const Camera& camera,
                                         const MapSnapshot& map);
+  /// Whether geometry confirms the place taken last.
+  [[nodiscard]] bool took_confirmed() const { return taken_ && taken_->confirmed; }
   /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
   [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
   /// Whether a picture with much to see, asked about since the last prove(), was of no place known: the

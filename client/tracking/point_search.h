@@ -20,7 +20,7 @@ struct VisiblePoint {
   PointSlot slot;
   uint8_t level = 0;  ///< search level
   bool found = false;
-  bool hidden = false;  ///< not found, and nearer points are found all around: its absence says nothing
+  bool hidden = false;  ///< not found, and nearer points are found beside it: its absence says nothing
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   Eigen::Vector2f expected = Eigen::Vector2f::Zero();  ///< level-0 px
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();     ///< level-0 px, when found

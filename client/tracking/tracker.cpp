@@ -351,10 +351,10 @@ void Tracker::State::track_map(Timestamp time) {
 bool Tracker::State::found_as_suggested(Timestamp time) {
   const auto place = question.take(now(), *camera, *map);
   if (!place) return false;
-  // Geometry has confirmed it to a few pixels: who looks no farther meets fewer look-alikes.
-  for (const SearchEffort& effort : {normal_effort(options), wide_effort(options)}) {
-    if (found_from(*place, effort, Guess::kSuggested, time)) return true;
-  }
+  // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
+  if (question.took_confirmed() && found_from(*place, normal_effort(options), Guess::kSuggested, time))
+    return true;
+  if (found_from(*place, wide_effort(options), Guess::kSuggested, time)) return true;
   question.refute(time);
   return false;
 }

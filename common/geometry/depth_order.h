@@ -12,9 +12,9 @@ namespace cairn {
 /// degrees.
 constexpr float kClearlyBehind = 1.4F;
 
-/// Local depth order of the points of a picture: what lies behind nearer points all around it is hidden by
-/// the thing that they are part of, and what is seen at its pixel says nothing about it. Keeps its grid from
-/// picture to picture. One thread.
+/// Local depth order of the points of a picture: what lies behind nearer points beside it is hidden by the
+/// thing that they are part of, more likely than not, and what is seen at its pixel says nothing about it.
+/// Keeps its grid from picture to picture. One thread.
 class DepthOrder {
  public:
   /// For pictures of this size [px].

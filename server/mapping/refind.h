@@ -10,7 +10,7 @@
 namespace cairn {
 
 /// Finds known points in keyframes that do not measure them yet. A point that is not found where points
-/// measured all around stand clearly in front of it is hidden: that says nothing about it, so it is neither
+/// measured beside it stand clearly in front of it is hidden: that says nothing about it, so it is neither
 /// counted nor given up. What stands in front in a keyframe is looked up once, when the first miss there is
 /// judged: one of these is for one piece of work, between whose searches nothing moves. One thread.
 class Refinder {
@@ -30,7 +30,7 @@ class Refinder {
  private:
   enum class Sight : uint8_t { kNotExpected, kFound, kMissed };
   Sight search(const MapKeyframe& keyframe, PointId point);
-  /// Whether points measured all around in the keyframe stand clearly in front of the point.
+  /// Whether points measured beside it in the keyframe stand clearly in front of the point.
   bool is_hidden(const MapKeyframe& keyframe, const MapPoint& point);
   /// After a miss. Whether the pair was given up.
   bool give_up_unless_hidden(const MapKeyframe& keyframe, PointId point);

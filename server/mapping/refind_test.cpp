@@ -113,8 +113,19 @@ TEST_F(RefindTest, APointHiddenInSixKeyframesStays) {
   }
 }
 
+/// The control: they are looked for there, and what hides them must be known.
+TEST_F(RefindTest, WithNothingKnownInFrontTheyAreMissed) {
+  const std::vector<PointId> hidden = add_points(KeyframeId{1}, Scene::kBackDepth, 0);
+  ASSERT_GT(hidden.size(), kEnough);
+  for (const KeyframeId view : later_views()) (void)Refinder(&map_).refind_all(view);
+  size_t missed = 0;
+  for (const PointId id : hidden) missed += map_.point(id).attempts > map_.point(id).found ? 1 : 0;
+  EXPECT_GT(2 * missed, hidden.size());
+}
+
 TEST_F(RefindTest, SoDoesANewPointThatOldKeyframesDoNotSee) {
   const std::vector<PointId> hidden = add_points(KeyframeId{1}, Scene::kBackDepth, 0);
+  ASSERT_GT(hidden.size(), kEnough);
   measure_board();
   Refinder refinder(&map_);
   for (const PointId id : hidden) {
