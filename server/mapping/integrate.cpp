@@ -103,7 +103,7 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
     const int j = std::clamp(static_cast<int>(y) * kCellsY / image.height, 0, kCellsY - 1);
     return static_cast<size_t>(j * kCellsX + i);
   };
-  for (const Candidate& c : images.candidates[kLevel]) ++texture[cell(c.corner.x, c.corner.y)];
+  for (const Candidate& c : point_candidates(images, kLevel)) ++texture[cell(c.corner.x, c.corner.y)];
   for (const PointMeasurement& m : measured)
     known[cell(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel))] = true;
   int textured = 0;

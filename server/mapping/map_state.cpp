@@ -37,7 +37,6 @@ size_t KeyframeImages::bytes() const {
     total += static_cast<size_t>(pyramid.level(l).stride()) * static_cast<size_t>(pyramid.level(l).height());
     total +=
         corners[i].corners.capacity() * sizeof(Corner) + corners[i].row_begin.capacity() * sizeof(uint32_t);
-    total += candidates[i].capacity() * sizeof(Candidate);
   }
   return total;
 }
@@ -58,11 +57,14 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
-    images->candidates[i] = find_candidates(images->level(l), images->corners[i], kCandidateBarrier,
-                                            kCandidateBorder, kMinShiTomasi);
     images->corners[i].corners.shrink_to_fit();
   }
   return images;
+}
+
+std::vector<Candidate> point_candidates(const KeyframeImages& images, int level) {
+  return find_candidates(images.level(level), images.corners[static_cast<size_t>(level)], kCandidateBarrier,
+                         kCandidateBorder, kMinShiTomasi);
 }
 
 MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points,

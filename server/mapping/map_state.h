@@ -28,8 +28,6 @@ namespace cairn {
 struct KeyframeImages {
   Pyramid pyramid;
   std::array<CornerList, kPyramidLevels> corners;
-  std::array<std::vector<Candidate>, kPyramidLevels>
-      candidates;  ///< where new points may be made (PTAM r114)
 
   [[nodiscard]] GrayView level(int l) const { return pyramid.level(l).view(); }
   [[nodiscard]] size_t bytes() const;
@@ -38,8 +36,11 @@ struct KeyframeImages {
 /// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
 [[nodiscard]] size_t expected_image_bytes(const Camera& camera);
 
-/// Pyramid, FAST-10 corners (thresholds 10, 15, 15, 10) and candidates of an image.
+/// Pyramid and FAST-10 corners (thresholds 10, 15, 15, 10) of an image.
 [[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image);
+
+/// Where new points may be made at a level (PTAM r114). Needed once in a keyframe's life, so not kept.
+[[nodiscard]] std::vector<Candidate> point_candidates(const KeyframeImages& images, int level);
 
 /// A point seen in a keyframe.
 struct Measurement {

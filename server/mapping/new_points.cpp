@@ -143,9 +143,11 @@ class EpipolarSearch {
     const bool flat = std::abs(line.x()) > std::abs(line.y());
     for (int i = 0; i <= steps; ++i) {
       const Eigen::Vector2f at = a + line * (static_cast<float>(i) / static_cast<float>(steps));
+      const auto column = static_cast<int>(std::lround(at.x()));
+      const auto row = static_cast<int>(std::lround(at.y()));
       for (int across = -kLineDistance; across <= kLineDistance; ++across) {
-        const int x = static_cast<int>(std::lround(at.x())) + (flat ? 0 : across);
-        const int y = static_cast<int>(std::lround(at.y())) + (flat ? across : 0);
+        const int x = column + (flat ? 0 : across);
+        const int y = row + (flat ? across : 0);
         if (x < kTemplateMargin || y < kTemplateMargin || x >= image.width - kTemplateMargin ||
             y >= image.height - kTemplateMargin)
           continue;
@@ -264,11 +266,10 @@ PointId add_point(MapState* map, const PointSource& source, const NewPoint& poin
   return id;
 }
 
-std::vector<Candidate> strongest_first(const std::vector<Candidate>& candidates) {
-  std::vector<Candidate> sorted = candidates;
-  std::stable_sort(sorted.begin(), sorted.end(),
+std::vector<Candidate> strongest_first(std::vector<Candidate> candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.score > b.score; });
-  return sorted;
+  return candidates;
 }
 
 }  // namespace
@@ -313,8 +314,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
   const Witnesses witnesses(*map, keyframe, others);
   Occupancy taken = known_measurements(keyframe, level);
   std::vector<std::pair<KeyframeId, PatchFound>> seen_by;
-  const std::vector<Candidate> candidates =
-      strongest_first(keyframe.images->candidates[static_cast<size_t>(level)]);
+  const std::vector<Candidate> candidates = strongest_first(point_candidates(*keyframe.images, level));
   for (size_t c = options.first_candidate; c < candidates.size(); ++c) {
     if (static_cast<int>(result.made.size()) >= options.max_points) break;
     if (c % kCandidatesPerPoll == kCandidatesPerPoll - 1 && should_yield()) {

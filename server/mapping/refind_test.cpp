@@ -65,7 +65,7 @@ class RefindTest : public ::testing::Test {
   std::vector<PointId> add_points(KeyframeId view, double depth, int observers) {
     std::vector<PointId> ids;
     const MapKeyframe& keyframe = map_.keyframe(view);
-    for (const Candidate& c : keyframe.images->candidates[0]) {
+    for (const Candidate& c : point_candidates(*keyframe.images, 0)) {
       const Eigen::Vector2d pixel(c.corner.x, c.corner.y);
       const Eigen::Vector3d point = scene_.hit(keyframe.camera_from_map, pixel);
       const auto source = make_source(keyframe, 0, c.corner);
