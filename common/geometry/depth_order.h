@@ -7,11 +7,6 @@
 
 namespace cairn {
 
-/// A point this many times as deep as points found beside it stands behind the thing they are on. Across the
-/// cells of DepthOrder a plane turned by 50 degrees differs by less, even at the far edge of a view of 50
-/// degrees.
-constexpr float kClearlyBehind = 1.4F;
-
 /// Local depth order of the points of a picture: what lies behind nearer points beside it is hidden by the
 /// thing that they are part of, more likely than not, and what is seen at its pixel says nothing about it.
 /// Keeps its grid from picture to picture. One thread.

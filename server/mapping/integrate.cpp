@@ -194,7 +194,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
   keyframe.mean_depth = judged->mean_depth;
   const KeyframeId id = map->add_keyframe(std::move(keyframe));
   add_refined(map, id, judged->inliers);
-  Refinder(map).refind_all(id);
+  refind_all(map, id);
   polish_pose(map, id);
   map->update_depths(id);
   return {KeyframeVerdict::kAccepted, {}, id};

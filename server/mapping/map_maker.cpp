@@ -120,13 +120,12 @@ StepReport MapMaker::State::adjust(const std::function<bool()>& should_yield) {
 
 StepReport MapMaker::State::find_new_in_old(const std::function<bool()>& should_yield) {
   StepReport report{.work = MapWork::kRefind};
-  Refinder refinder(&map);
   int tried = 0;
   while (!wanting_observers.empty()) {
     const PointId point = wanting_observers.front();
     wanting_observers.pop_front();
     for (size_t i = 0; i < map.keyframes().size(); ++i)
-      report.changed |= refinder.refind(KeyframeId{i + 1}, point);
+      report.changed |= refind(&map, KeyframeId{i + 1}, point);
     tried += static_cast<int>(map.keyframes().size());
     if (tried < kRefindsPerPoll) continue;
     tried = 0;
