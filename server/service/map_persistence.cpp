@@ -53,6 +53,7 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
       deleted_ids_(store_->deleted_ids()),
       overlaps_(store_->overlaps()),
       log_(std::move(log)),
+      unloaded_(store_->unplaced()),
       thread_([this] { work(); }),
       beside_(1, kBesideNice, log_) {}
 
@@ -138,8 +139,8 @@ std::vector<UnloadedMap> MapPersistence::unloaded() const {
   std::vector<UnloadedMap> maps = unloaded_;
   lock.unlock();
   std::erase_if(maps, [](const UnloadedMap& map) {
-    std::error_code ignored;
-    return !std::filesystem::exists(map.file, ignored);
+    std::error_code ignored;  // a link into nowhere lies there, too
+    return !std::filesystem::exists(std::filesystem::symlink_status(map.file, ignored));
   });
   return maps;
 }

@@ -161,6 +161,31 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   EXPECT_THAT(store->unloaded(), IsEmpty()) << "it is served";
 }
 
+TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {
+  keep_a_map();
+  const std::filesystem::path saved = std::filesystem::path(file()).replace_extension(".saved");
+  std::filesystem::rename(file(), saved);
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
+  const auto store = open();
+  std::filesystem::remove(file());
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  const std::vector<UnloadedMap> unloaded = store->unloaded();
+  ASSERT_THAT(unloaded, SizeIs(1));
+  EXPECT_EQ(unloaded[0].map, header_.id);
+  EXPECT_EQ(unloaded[0].file, saved);
+  std::filesystem::remove(saved);
+  EXPECT_THAT(store->unloaded(), IsEmpty());
+}
+
+TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
+  keep_a_map();
+  std::filesystem::remove(file());
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->unloaded(), SizeIs(1));
+}
+
 TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
   keep_a_map();
   std::filesystem::resize_file(file(), 0);
