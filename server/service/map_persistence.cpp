@@ -115,9 +115,11 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
     if (error.code == ErrorCode::kDamaged) {
       loaded.damage.push_back(error.message);
       const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
-      log_->error("map {} cannot be used: {}; {}", name, error.message,
-                  aside ? "kept as " + aside->string() : aside.error().message);
-      if (!aside) leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
+      if (aside) {
+        log_->error("map {} cannot be used: {}; kept as {}", name, error.message, aside->string());
+      } else {
+        leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
+      }
     } else {
       leave_alone(loaded.map, loaded.name, error.message);
     }
