@@ -106,11 +106,13 @@ void print_deleted(const json& map) {
   const std::string name = text_of(map, "name");
   const std::string id = text_of(map, "id");
   const bool damaged = map.contains("damaged");
-  std::printf("%-24s %s  deleted, %.1f MB on disk%s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
-              map.value("bytes", 0.0) * 1e-6, damaged ? ", damaged" : "");
-  if (damaged)
-    std::printf("%24s %s; `cairnctl maps purge %s` removes it\n", "", text_of(map, "damaged").c_str(),
-                id.c_str());
+  const char* problem = damaged ? "damaged" : "unreadable";
+  const std::string why = text_of(map, problem);
+  std::printf("%-24s %s  deleted, %.1f MB on disk%s%s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
+              map.value("bytes", 0.0) * 1e-6, why.empty() ? "" : ", ", why.empty() ? "" : problem);
+  if (why.empty()) return;
+  const std::string remedy = damaged ? "`cairnctl maps purge " + id + "` removes it" : "see to that";
+  std::printf("%24s %s; %s\n", "", why.c_str(), remedy.c_str());
 }
 
 void print_damaged(const json& file) {

@@ -42,7 +42,8 @@ json describe(const DeletedMap& map) {
             {"name", map.header.name},
             {"deleted", map.deleted.nanoseconds},
             {"bytes", map.bytes}};
-  if (map.problem) told["damaged"] = map.problem->message;
+  if (map.problem)
+    told[map.problem->code == ErrorCode::kDamaged ? "damaged" : "unreadable"] = map.problem->message;
   return told;
 }
 
@@ -139,6 +140,14 @@ wire::AdminReply refusal(const Error& error) {
   reply.result = static_cast<uint8_t>(exit_code(own_words ? error.code : ErrorCode::kRefused));
   reply.text = one_line(error.message).substr(0, wire::kMaxAdminText);
   return reply;
+}
+
+wire::AdminReply refusal(const DeletedMap& map) {
+  const std::string remedy = map.problem->code == ErrorCode::kDamaged
+                                 ? "`cairnctl maps purge " + to_hex(map.header.id.bytes) +
+                                       "` removes it for good, an archive of it can be imported then"
+                                 : "nothing is known to be wrong with its file, which stays: see to that";
+  return refusal(map.problem->code, map.problem->message + "; " + remedy);
 }
 
 wire::AdminReply refusal(ErrorCode code, std::string message) {

@@ -18,6 +18,7 @@ namespace cairn {
 
 /// Of a map that is served, that is, has a snapshot.
 [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry);
+/// One that cannot be used is `damaged`, or `unreadable` when that may pass.
 [[nodiscard]] nlohmann::json describe(const DeletedMap& map);
 /// `name`: of the neighbour.
 [[nodiscard]] nlohmann::json describe(const OverlapList::Neighbour& neighbour, const std::string& name);
@@ -50,6 +51,8 @@ class ReplyPage {
                                              LabelId after);
 
 [[nodiscard]] wire::AdminReply refusal(const Error& error);
+/// Of what is asked of a map that cannot be used, with the remedy.
+[[nodiscard]] wire::AdminReply refusal(const DeletedMap& map);
 [[nodiscard]] wire::AdminReply refusal(ErrorCode code, std::string message);
 [[nodiscard]] wire::AdminReply unknown_map(const std::string& name_or_id);
 [[nodiscard]] wire::AdminReply success(const nlohmann::json& content);

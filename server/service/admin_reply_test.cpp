@@ -57,6 +57,26 @@ TEST(AdminReply, OfADamagedFileTheFirstReasonsAreToldAndHowManyMoreThereAre) {
   EXPECT_EQ(describe(file, true)["reasons"].size(), 1U);
 }
 
+TEST(AdminReply, OnlyDamageOfADeletedMapIsCalledSoAndItsPurgeAdvised) {
+  DeletedMap map;
+  map.header.id = MapId{{1}};
+  EXPECT_FALSE(describe(map).contains("damaged") || describe(map).contains("unreadable"));
+  for (const ErrorCode code : {ErrorCode::kDamaged, ErrorCode::kConfiguration, ErrorCode::kIo,
+                               ErrorCode::kNotFound, ErrorCode::kInternal}) {
+    map.problem = Error{code, "1.cairnmap: for a reason"};
+    const bool is_damaged = code == ErrorCode::kDamaged;
+    const auto told = describe(map);
+    EXPECT_EQ(told.value("damaged", "") == map.problem->message, is_damaged);
+    EXPECT_EQ(told.value("unreadable", "") == map.problem->message, !is_damaged);
+    const wire::AdminReply reply = refusal(map);
+    EXPECT_EQ(reply.result, exit_code(is_damaged ? ErrorCode::kDamaged : ErrorCode::kRefused));
+    EXPECT_TRUE(reply.text.starts_with(map.problem->message)) << reply.text;
+    EXPECT_EQ(reply.text.find("cairnctl maps purge " + to_hex(map.header.id.bytes)) != std::string::npos,
+              is_damaged)
+        << reply.text;
+  }
+}
+
 TEST(AdminReply, TheHealthSaysNothingOfDamageWhereThereIsNone) {
   EXPECT_EQ(word_of_damage(0, "store/damaged"), "");
   EXPECT_NE(word_of_damage(3, "store/damaged").find("3 damaged files"), std::string::npos);

@@ -143,12 +143,7 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
       const std::string in_use = is_live ? fmt::format(" {} (in use)", live.value("id", "")) : std::string();
       return say(refusal(ambiguous(wanted, maps, in_use)));
     }
-    if (maps[0].problem) {
-      return say(
-          refusal(maps[0].problem->code, maps[0].problem->message + "; `cairnctl maps purge " +
-                                             to_hex(maps[0].header.id.bytes) +
-                                             "` removes it for good, an archive of it can be imported then"));
-    }
+    if (maps[0].problem) return say(refusal(maps[0]));
     if (!full.empty()) return say(refusal(ErrorCode::kRefused, full));
     if (const Status back = store.undelete(maps[0].header.id); !back) return say(refusal(back.error()));
     take_in(maps[0].header.id, answer);
@@ -162,6 +157,8 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
     const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1) return say(refusal(ambiguous(wanted, maps, "")));
+    // Not by mistake what can be read again tomorrow.
+    if (maps[0].problem && maps[0].problem->code != ErrorCode::kDamaged) return say(refusal(maps[0]));
     const Status purged = store.purge(maps[0].header.id);
     if (!purged) return say(refusal(purged.error()));
     return [this, answer, map = maps[0]] {

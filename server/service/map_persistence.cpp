@@ -53,6 +53,7 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
       deleted_ids_(store_->deleted_ids()),
       overlaps_(store_->overlaps()),
       log_(std::move(log)),
+      unloaded_(store_->unplaced()),
       thread_([this] { work(); }),
       beside_(1, kBesideNice, log_) {}
 
@@ -114,9 +115,11 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
     if (error.code == ErrorCode::kDamaged) {
       loaded.damage.push_back(error.message);
       const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
-      log_->error("map {} cannot be used: {}; {}", name, error.message,
-                  aside ? "kept as " + aside->string() : aside.error().message);
-      if (!aside) leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
+      if (aside) {
+        log_->error("map {} cannot be used: {}; kept as {}", name, error.message, aside->string());
+      } else {
+        leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
+      }
     } else {
       leave_alone(loaded.map, loaded.name, error.message);
     }
@@ -138,8 +141,8 @@ std::vector<UnloadedMap> MapPersistence::unloaded() const {
   std::vector<UnloadedMap> maps = unloaded_;
   lock.unlock();
   std::erase_if(maps, [](const UnloadedMap& map) {
-    std::error_code ignored;
-    return !std::filesystem::exists(map.file, ignored);
+    std::error_code ignored;  // a link into nowhere lies there, too
+    return !std::filesystem::exists(std::filesystem::symlink_status(map.file, ignored));
   });
   return maps;
 }

@@ -62,7 +62,8 @@ class MapPersistence {
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
   /// As Store::damaged_files().
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const { return store_->damaged_files(); }
-  /// Maps that could not be loaded, while their files lie where they were. Looks at the folder.
+  /// Maps that could not be loaded, or put into their place (Store::unplaced()), while their files lie where
+  /// they were. Looks at the folder.
   [[nodiscard]] std::vector<UnloadedMap> unloaded() const;
   /// Notes, and says in the log, that a map of the store is not served.
   void leave_alone(MapId map, const std::string& name, const std::string& reason);

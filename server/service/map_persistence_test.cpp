@@ -5,9 +5,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 
 #include <fstream>
 #include <future>
+#include <sstream>
 
 #include "server/store/kept_map_fixture.h"
 
@@ -159,6 +161,48 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
                      [loaded](const auto& map) { loaded->set_value(map.has_value()); });
   EXPECT_TRUE(loaded->get_future().get());
   EXPECT_THAT(store->unloaded(), IsEmpty()) << "it is served";
+}
+
+TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {
+  keep_a_map();
+  const std::filesystem::path saved = std::filesystem::path(file()).replace_extension(".saved");
+  std::filesystem::rename(file(), saved);
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
+  const auto store = open();
+  std::filesystem::remove(file());
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  const std::vector<UnloadedMap> unloaded = store->unloaded();
+  ASSERT_THAT(unloaded, SizeIs(1));
+  EXPECT_EQ(unloaded[0].map, header_.id);
+  EXPECT_EQ(unloaded[0].file, saved);
+  std::filesystem::remove(saved);
+  EXPECT_THAT(store->unloaded(), IsEmpty());
+}
+
+TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
+  keep_a_map();
+  std::filesystem::remove(file());
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
+  const auto store = open();
+  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->unloaded(), SizeIs(1));
+}
+
+TEST_F(MapPersistenceTest, WhatCannotBeSetAsideIsLoggedOnceAndLeftAlone) {
+  keep_a_map();
+  damage("map", 1);
+  std::ostringstream said;
+  const auto log =
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said));
+  const auto store = MapPersistence::start(folder_, log);
+  ASSERT_TRUE(store);
+  std::filesystem::remove(folder_ / "damaged");
+  EXPECT_THAT((*store)->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT((*store)->unloaded(), SizeIs(1));
+  const std::string text = said.str();
+  const size_t first = text.find("table map, row 1");
+  ASSERT_NE(first, std::string::npos) << text;
+  EXPECT_EQ(text.find("table map, row 1", first + 1), std::string::npos) << text;
 }
 
 TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {

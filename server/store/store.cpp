@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <fstream>
@@ -38,7 +39,14 @@ constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
 /// SQLite's own companions of a database file.
 constexpr const char* kLogEnd = "-wal";
-constexpr const char* kCompanions[] = {"", kLogEnd, "-shm"};
+constexpr const char* kCompanions[] = {kLogEnd, "-shm"};
+constexpr const char* kLogSuffix = ".cairnmap-wal";
+constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
+
+/// For operators, of what has no other reasons.
+constexpr const char* kLoneLog = "a log without its file: the map's last changes may be in it";
+constexpr const char* kAsideAtEnd =
+    "the server ended while it set this aside; the reasons are in what it logged then";
 
 tl::unexpected<Error> io_failure(const fs::path& path, const std::string& what) {
   return fail(ErrorCode::kIo, path.string() + ": " + what);
@@ -52,23 +60,51 @@ void sync_folder(const fs::path& folder) {
   ::close(descriptor);
 }
 
-/// A database file with its companions to another place.
+bool is_there(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(path, ignored);
+}
+
+/// 0 or an error number; EEXIST when something is there, which stays.
+int rename_unless_taken(const fs::path& from, const fs::path& to) {
+  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  if (errno != EINVAL && errno != ENOSYS) return errno;
+  // Not known to this file system.
+  std::error_code ignored;
+  if (fs::exists(fs::symlink_status(to, ignored))) return EEXIST;
+  return ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
+}
+
+/// A database file with its companions to another place. An end in between leaves a log without its file
+/// (Store::part_with_lone_log()). Errors: kRefused (the place is taken), kIo.
 Status move_database(const fs::path& from, const fs::path& to) {
+  const int error = rename_unless_taken(from, to);
+  if (error == EEXIST) return fail(ErrorCode::kRefused, to.string() + ": there is such a file already");
+  if (error != 0) return io_failure(from, "cannot be moved to " + to.string() + ": " + std::strerror(error));
   std::error_code problem;
   for (const char* companion : kCompanions) {
     const fs::path source = from.string() + companion;
-    if (!fs::exists(source, problem)) continue;
+    if (!is_there(source)) continue;
     fs::rename(source, to.string() + companion, problem);
     if (problem) return io_failure(source, "cannot be moved to " + to.string() + ": " + problem.message());
   }
-  sync_folder(from.parent_path());
-  if (to.parent_path() != from.parent_path()) sync_folder(to.parent_path());
+  // Rather in both folders than in none.
+  sync_folder(to.parent_path());
+  if (to.parent_path() != from.parent_path()) sync_folder(from.parent_path());
   return {};
 }
 
 void remove_database(const fs::path& path) {
   std::error_code ignored;
+  fs::remove(path, ignored);
   for (const char* companion : kCompanions) fs::remove(path.string() + companion, ignored);
+}
+
+/// Of a database file. An empty one holds nothing.
+bool has_log(const fs::path& file) {
+  std::error_code problem;
+  const uintmax_t size = fs::file_size(file.string() + kLogEnd, problem);
+  return !problem && size > 0;
 }
 
 std::string utc_stamp() {
@@ -115,11 +151,6 @@ Result<std::vector<fs::path>> entries_of(const fs::path& folder) {
   return entries;
 }
 
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::exists(path, ignored);
-}
-
 /// What is said of a file, without its name.
 std::string without_path(std::string message, const fs::path& path) {
   const std::string name = path.string() + ": ";
@@ -129,9 +160,11 @@ std::string without_path(std::string message, const fs::path& path) {
 }
 
 bool is_half_made(const fs::path& path) {
-  return std::any_of(std::begin(kCompanions), std::end(kCompanions), [&](const char* companion) {
-    return path.extension() == std::string(kFreshSuffix) + companion;
-  });
+  const std::string extension = path.extension();
+  return extension == kFreshSuffix ||
+         std::any_of(std::begin(kCompanions), std::end(kCompanions), [&](const char* companion) {
+           return extension == std::string(kFreshSuffix) + companion;
+         });
 }
 
 /// A map's file, durable and whole in one file, or nothing.
@@ -163,19 +196,30 @@ uint64_t wall_clock_ms() {
 constexpr std::string_view kNameLine = "map ";
 constexpr const char* kReasonsSuffix = ".txt";
 
+fs::path reasons_path_of(const fs::path& file) {
+  return file.string() + kReasonsSuffix;
+}
+
 /// For operators; read_reasons() reads them.
 void write_reasons(const fs::path& beside, const std::string& name, const std::vector<std::string>& reasons) {
-  std::ofstream out(beside.string() + kReasonsSuffix);
+  std::ofstream out(reasons_path_of(beside));
   if (!name.empty()) out << kNameLine << name << '\n';
   for (const std::string& reason : reasons) out << reason << '\n';
 }
 
 void read_reasons(DamagedFile* file) {
-  std::ifstream in(file->path.string() + kReasonsSuffix);
+  std::ifstream in(reasons_path_of(file->path));
   for (std::string line; std::getline(in, line);) file->reasons.push_back(std::move(line));
   if (file->reasons.empty() || !file->reasons.front().starts_with(kNameLine)) return;
   file->name = file->reasons.front().substr(kNameLine.size());
   file->reasons.erase(file->reasons.begin());
+}
+
+/// Of what lies in `damaged`: the rest are companions, and what is said of them.
+bool is_set_aside(const fs::path& path) {
+  const std::string extension = path.extension();
+  if (extension == kLogSuffix) return !is_there(fs::path(path).replace_extension(kSuffix));
+  return extension == kSuffix || extension == kCatalogueSuffix;
 }
 
 Timestamp changed_at(const struct stat& file) {
@@ -226,21 +270,64 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   return store;
 }
 
-/// What a server left that ended while it moved a file: a log would be taken for that of the next file there.
-Status Store::part_with_lone_logs(const char* part) {
+/// What a server left that ended while it moved a file.
+Status Store::part_with_lone_logs(const char* part) const {
   const auto entries = entries_of(folder_ / part);
   if (!entries) return tl::unexpected(entries.error());
   for (const fs::path& path : *entries) {
-    if (path.extension() != std::string(kSuffix) + kLogEnd) continue;
-    const fs::path file = fs::path(path).replace_extension(kSuffix);
-    if (is_there(file)) continue;
-    const fs::path aside =
-        free_path(folder_ / "damaged", file.stem().string() + "-" + utc_stamp(), path.extension().string());
-    Status moved = move_database(path, aside);
-    if (!moved) return moved;
-    log_->error("{}: a log without its file; kept as {}", path.string(), aside.string());
+    if (path.extension() != kLogSuffix || is_there(fs::path(path).replace_extension(kSuffix))) continue;
+    if (Status parted = part_with_lone_log(path); !parted) return parted;
   }
   return {};
+}
+
+/// SQLite would take it for that of the next file there.
+Status Store::part_with_lone_log(const fs::path& log) const {
+  std::error_code ignored;
+  if (fs::file_size(log, ignored) == 0) {
+    fs::remove(log, ignored);
+    return {};
+  }
+  if (const auto file = moved_file_of(log)) {
+    const fs::path beside = file->string() + kLogEnd;
+    fs::remove(beside, ignored);  // an empty one
+    if (Status moved = move_database(log, beside); !moved) return moved;
+    if (file->parent_path() == folder_ / "damaged") write_reasons(*file, "", {kAsideAtEnd});
+    log_->info("{}: a log that has followed its file, as {}", log.string(), beside.string());
+    return {};
+  }
+  const fs::path aside =
+      free_path(folder_ / "damaged", log.stem().string() + "-" + utc_stamp() + kLoneLogEnd, kLogSuffix);
+  if (Status moved = move_database(log, aside); !moved) return moved;
+  write_reasons(aside, "", {kLoneLog});
+  log_->error("{}: a log without its file; kept as {}", log.string(), aside.string());
+  return {};
+}
+
+std::optional<fs::path> Store::moved_file_of(const fs::path& log) const {
+  const std::string map = log.stem().string();
+  for (const char* part : {"maps", "deleted"}) {
+    fs::path file = folder_ / part / (map + kSuffix);
+    if (is_there(file) && !has_log(file)) return file;
+  }
+  std::optional<fs::path> found;
+  for (const fs::path& file : entries_of(folder_ / "damaged").value_or(std::vector<fs::path>())) {
+    // The reasons are written when all has been moved.
+    const bool was_under_way = file.extension() == kSuffix && file.filename().string().starts_with(map) &&
+                               !has_log(file) && !is_there(reasons_path_of(file));
+    if (!was_under_way) continue;
+    if (found) return std::nullopt;  // nobody knows whose it is
+    found = file;
+  }
+  return found;
+}
+
+Status Store::put_in_place(const fs::path& from, const fs::path& to) const {
+  const fs::path log = to.string() + kLogEnd;
+  if (is_there(log) && !is_there(to)) {
+    if (Status parted = part_with_lone_log(log); !parted) return parted;
+  }
+  return move_database(from, to);
 }
 
 Status Store::finish_replacements() {
@@ -249,12 +336,14 @@ Status Store::finish_replacements() {
   std::error_code ignored;
   for (const fs::path& path : *entries) {
     if (is_half_made(path)) fs::remove(path, ignored);
-    if (path.extension() != kSavedSuffix) continue;
     const fs::path place = fs::path(path).replace_extension(kSuffix);
+    const auto map = map_of(place);
+    if (path.extension() != kSavedSuffix || !map) continue;
     if (is_there(place)) {
       fs::remove(path, ignored);  // the damaged one has not been set aside yet: it will be found again
-    } else if (const Status moved = move_database(path, place); !moved) {
-      log_->error("{}", moved.error().message);
+    } else if (const Status moved = put_in_place(path, place); !moved) {
+      log_->error("map {} is not in its place: {}", to_hex(map->bytes), moved.error().message);
+      unplaced_.push_back({*map, "", path, moved.error().message});
     }
   }
   return {};
@@ -354,6 +443,10 @@ fs::path Store::fresh_path_of(MapId map) const {
   return folder_ / "maps" / (to_hex(map.bytes) + kFreshSuffix);
 }
 
+fs::path Store::saved_path_of(MapId map) const {
+  return folder_ / "maps" / (to_hex(map.bytes) + kSavedSuffix);
+}
+
 fs::path Store::deleted_path_of(MapId map) const {
   return folder_ / "deleted" / (to_hex(map.bytes) + kSuffix);
 }
@@ -393,12 +486,10 @@ std::vector<DamagedFile> Store::damaged_files() const {
        it.increment(problem)) {
     DamagedFile file{.path = it->path(), .map = {}, .name = {}, .set_aside = {}, .reasons = {}};
     struct stat status {};
-    const bool is_kept = file.path.extension() == kSuffix || file.path.extension() == kCatalogueSuffix;
-    if (!is_kept || ::stat(file.path.c_str(), &status) != 0) continue;
+    if (!is_set_aside(file.path) || ::stat(file.path.c_str(), &status) != 0) continue;
     file.bytes = static_cast<uint64_t>(status.st_size);
     // The reasons are as old as the move; the file itself keeps its time.
-    if (::stat((file.path.string() + kReasonsSuffix).c_str(), &status) == 0)
-      file.set_aside = changed_at(status);
+    if (::stat(reasons_path_of(file.path).c_str(), &status) == 0) file.set_aside = changed_at(status);
     if (const auto id = from_hex(file.path.stem().string().substr(0, kHexDigits))) file.map = MapId{*id};
     read_reasons(&file);
     files.push_back(std::move(file));
@@ -443,9 +534,11 @@ void Store::close(MapId map) {
 Status Store::check_is_free(const MapHeader& header) const {
   const std::string id = to_hex(header.id.bytes);
   const std::string map = "map " + id + " (" + header.name + ")";
-  if (is_there(path_of(header.id)))
-    return fail(ErrorCode::kRefused,
-                map + " is in the store already, as " + path_of(header.id).string() + " (`cairnctl maps`)");
+  for (const fs::path& path : {path_of(header.id), saved_path_of(header.id)}) {
+    if (is_there(path))
+      return fail(ErrorCode::kRefused,
+                  map + " is in the store already, as " + path.string() + " (`cairnctl maps`)");
+  }
   if (is_there(deleted_path_of(header.id)))
     return fail(ErrorCode::kRefused, map + " is among the deleted ones, as " +
                                          deleted_path_of(header.id).string() + "; `cairnctl maps purge " +
@@ -463,7 +556,7 @@ Status Store::create(const MapHeader& header, const MapUpdate& whole) {
 Status Store::make(const MapHeader& header, const MapUpdate& whole) const {
   const fs::path fresh = fresh_path_of(header.id);
   if (Status made = make_file(fresh, header, whole); !made) return made;
-  Status moved = move_database(fresh, path_of(header.id));
+  Status moved = put_in_place(fresh, path_of(header.id));
   if (!moved) remove_database(fresh);
   return moved;
 }
@@ -490,7 +583,7 @@ Status Store::remove(MapId map) {
     if (is_there(deleted_path_of(map))) return {};
     return fail(ErrorCode::kNotFound, "no map " + to_hex(map.bytes));
   }
-  Status moved = move_database(path_of(map), deleted_path_of(map));
+  Status moved = put_in_place(path_of(map), deleted_path_of(map));
   std::error_code ignored;  // when it was deleted; without, it counts from its last change
   if (moved) fs::last_write_time(deleted_path_of(map), fs::file_time_type::clock::now(), ignored);
   return moved;
@@ -501,7 +594,7 @@ Status Store::undelete(MapId map) {
   if (!is_there(deleted_path_of(map))) {
     return fail(ErrorCode::kNotFound, "no deleted map " + to_hex(map.bytes));
   }
-  return move_database(deleted_path_of(map), path_of(map));
+  return put_in_place(deleted_path_of(map), path_of(map));
 }
 
 Status Store::purge(MapId map) {
@@ -541,11 +634,11 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
   const fs::path fresh = fresh_path_of(header.id);
   if (Status made = make_file(fresh, header, saved); !made) return tl::unexpected(made.error());
   // From here on it comes into its place wherever the server ends.
-  const fs::path whole = fs::path(fresh).replace_extension(kSavedSuffix);
+  const fs::path whole = saved_path_of(header.id);
   if (Status moved = move_database(fresh, whole); !moved) return tl::unexpected(moved.error());
   auto aside = set_aside(header.id, header.name, reasons);
   if (!aside) return aside;
-  if (Status moved = move_database(whole, path_of(header.id)); !moved) return tl::unexpected(moved.error());
+  if (Status moved = put_in_place(whole, path_of(header.id)); !moved) return tl::unexpected(moved.error());
   return aside;
 }
 

@@ -20,10 +20,11 @@ struct DeletedMap {
   MapHeader header;
   Timestamp deleted;
   uint64_t bytes = 0;            ///< of its file
-  std::optional<Error> problem;  ///< why its file cannot be used; of the header, the id is known then
+  std::optional<Error> problem;  ///< why its file cannot be used (kDamaged) or read now; the id is known then
 };
 
-/// A file that could not be used as it was, out of the way in the folder `damaged`.
+/// A file that could not be used as it was, or a log whose file is not known, out of the way in the folder
+/// `damaged`.
 struct DamagedFile {
   std::filesystem::path path;
   MapId map;         ///< none: it is no map's
@@ -33,8 +34,8 @@ struct DamagedFile {
   std::vector<std::string> reasons;
 };
 
-/// A map that is not served since its file could not be loaded, which need not be the file's fault: it lies
-/// where it was.
+/// A map that is not served since its file could not be loaded, or not be put into its place, which need not
+/// be the file's fault: it lies where it was.
 struct UnloadedMap {
   MapId map;
   std::string name;  ///< where it could be read
@@ -65,8 +66,12 @@ class Store {
   [[nodiscard]] std::vector<MapId> maps() const;
   /// Ids of those that were deleted, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
-  /// The same with what they were, damaged ones among them, the latest deleted first. Opens each file.
+  /// The same with what they were, those that cannot be used among them, the latest deleted first. Opens each
+  /// file.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
+
+  /// Maps whose place could not be taken at the start by what had been saved of them: none of maps().
+  [[nodiscard]] const std::vector<UnloadedMap>& unplaced() const { return unplaced_; }
 
   /// Those that have been set aside and that nobody has taken away, by id and time. By any thread.
   [[nodiscard]] std::vector<DamagedFile> damaged_files() const;
@@ -78,7 +83,7 @@ class Store {
   /// time, by any thread, before anything is written. Errors: as MapFile::open().
   [[nodiscard]] Result<StoredMap> load(MapId map) const;
 
-  /// Adds a map. Error kRefused when its id is in use.
+  /// Adds a map. Error kRefused when its id is in use; nothing that is there is overwritten.
   Status create(const MapHeader& header, const MapUpdate& whole);
   /// As MapFile::write().
   Status write(MapId map, std::span<const MapUpdate> updates);
@@ -126,13 +131,21 @@ class Store {
     MapFile file;
   };
   Store(std::filesystem::path folder, std::unique_ptr<Lock> lock, Logger log);
-  [[nodiscard]] Status part_with_lone_logs(const char* part);
+  [[nodiscard]] Status part_with_lone_logs(const char* part) const;
+  /// To its file, or to `damaged`.
+  [[nodiscard]] Status part_with_lone_log(const std::filesystem::path& log) const;
+  /// The file that a log which lies alone was left behind by, wherever that has been moved to.
+  [[nodiscard]] std::optional<std::filesystem::path> moved_file_of(const std::filesystem::path& log) const;
+  /// A file with its companions to where a map's file belongs, and no other log with it. Errors: kRefused
+  /// (there is one), kIo.
+  [[nodiscard]] Status put_in_place(const std::filesystem::path& from, const std::filesystem::path& to) const;
   [[nodiscard]] Status finish_replacements();
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
   void read_overlaps(sqlite::Database* catalogue);
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
+  [[nodiscard]] std::filesystem::path saved_path_of(MapId map) const;
   /// Error kRefused: it is in use; by which file.
   [[nodiscard]] Status check_is_free(const MapHeader& header) const;
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole) const;
@@ -146,6 +159,7 @@ class Store {
   ServerId server_;
   uint64_t start_count_ = 0;
   std::vector<OverlapRecord> overlaps_;
+  std::vector<UnloadedMap> unplaced_;
   std::list<OpenFile> open_files_;  ///< the one used last in front
 };
 

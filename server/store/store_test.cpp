@@ -32,6 +32,20 @@ class StoreTest : public testing::KeptMapFixture {
     const Status made = store->create(header_, take_update());
     ASSERT_TRUE(made) << made.error().message;
   }
+  /// A map whose last change, its name "bench", is in its log alone, as a kill leaves both: copied to `file`
+  /// and `file`-wal.
+  void keep_apart(const std::filesystem::path& file) {
+    const auto store = open();
+    keep(store.get());
+    ASSERT_TRUE(store->rename(header_.id, "bench"));
+    for (const char* end : {"", "-wal"})
+      std::filesystem::copy_file(store->path_of(header_.id).string() + end, file.string() + end);
+    ASSERT_GT(std::filesystem::file_size(file.string() + "-wal"), 0U);
+  }
+  [[nodiscard]] static std::string name_in(const std::filesystem::path& file) {
+    const auto opened = MapFile::open(file);
+    return opened ? opened->header().name : opened.error().message;
+  }
   [[nodiscard]] std::vector<std::string> files_in(const char* part) const {
     std::vector<std::string> names;
     for (const auto& entry : std::filesystem::directory_iterator(folder_ / part))
@@ -318,7 +332,137 @@ TEST_F(StoreTest, WhatAnEndLeftHalfDoneIsPutInOrder) {
   EXPECT_THAT(store->maps(), ElementsAre(header_.id));
   EXPECT_THAT(files_in("maps"), ElementsAre(name + ".cairnmap"));
   EXPECT_THAT(files_in("deleted"), IsEmpty());
-  EXPECT_THAT(files_in("damaged"), SizeIs(2)) << "logs are kept, away from files that they do not belong to";
+  const std::vector<DamagedFile> logs = store->damaged_files();
+  ASSERT_THAT(logs, SizeIs(2)) << "kept, away from files that they do not belong to";
+  EXPECT_EQ(logs[0].map, header_.id);
+  EXPECT_EQ(logs[1].map, (MapId{{9}}));
+  for (const DamagedFile& log : logs) {
+    EXPECT_THAT(log.reasons, ElementsAre(HasSubstr("log without its file")));
+    EXPECT_GT(log.set_aside.nanoseconds, 0);
+    EXPECT_EQ(log.bytes, std::filesystem::file_size(log.path));
+  }
+}
+
+TEST_F(StoreTest, ALogFollowsItsFileFromWhichAnEndHasPartedIt) {
+  const std::filesystem::path sound = folder_ / "sound";
+  keep_apart(sound);
+  const std::string name = to_hex(header_.id.bytes) + ".cairnmap";
+  for (const auto& [file_in, log_in] : {std::pair("deleted", "maps"), std::pair("maps", "deleted")}) {
+    for (const bool has_empty_log : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << "file in " << file_in << (has_empty_log ? " with a new log" : ""));
+      const TestDirectory other;
+      const std::filesystem::path file = other.path() / file_in / name;
+      for (const char* part : {file_in, log_in}) std::filesystem::create_directory(other.path() / part);
+      std::filesystem::copy_file(sound, file);
+      std::filesystem::copy_file(sound.string() + "-wal", other.path() / log_in / (name + "-wal"));
+      if (has_empty_log) std::ofstream(file.string() + "-wal");
+      const auto store = Store::open(other.path(), null_logger());
+      ASSERT_TRUE(store);
+      EXPECT_EQ(name_in(file), "bench");
+      EXPECT_THAT((*store)->damaged_files(), IsEmpty());
+      EXPECT_FALSE(std::filesystem::exists(other.path() / log_in / (name + "-wal")));
+    }
+  }
+}
+
+TEST_F(StoreTest, ALogFollowsAFileThatWasBeingSetAside) {
+  const std::filesystem::path sound = folder_ / "sound";
+  keep_apart(sound);
+  const std::string name = to_hex(header_.id.bytes);
+  const TestDirectory other;
+  for (const char* part : {"maps", "damaged"}) std::filesystem::create_directory(other.path() / part);
+  const std::filesystem::path aside = other.path() / "damaged" / (name + "-20260101T000000Z.cairnmap");
+  const std::filesystem::path earlier = other.path() / "damaged" / (name + "-20250101T000000Z.cairnmap");
+  const std::filesystem::path log = other.path() / "maps" / (name + ".cairnmap-wal");
+  for (const auto& file : {aside, earlier}) std::filesystem::copy_file(sound, file);
+  std::ofstream(earlier.string() + ".txt") << "was whole, and all of it moved";
+  std::filesystem::copy_file(sound.string() + "-wal", log);
+  {
+    const auto store = Store::open(other.path(), null_logger());
+    ASSERT_TRUE(store);
+    EXPECT_FALSE(std::filesystem::exists(log));
+    const std::vector<DamagedFile> damaged = (*store)->damaged_files();
+    ASSERT_THAT(damaged, SizeIs(2));
+    EXPECT_EQ(damaged[1].path, aside);
+    EXPECT_THAT(damaged[1].reasons, SizeIs(1));
+  }
+  EXPECT_EQ(name_in(aside), "bench");
+  EXPECT_EQ(name_in(earlier), "desk");
+
+  // Of two, nobody knows which.
+  for (const auto& file : {aside, earlier}) std::filesystem::remove(file.string() + ".txt");
+  std::filesystem::copy_file(sound.string() + "-wal", log);
+  const auto store = Store::open(other.path(), null_logger());
+  EXPECT_THAT((*store)->damaged_files(), SizeIs(3));
+  EXPECT_EQ(name_in(earlier), "desk");
+}
+
+TEST_F(StoreTest, AnImportedMapTakesNoLogThatLiesInItsPlace) {
+  const std::filesystem::path sound = folder_ / "sound";
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  keep_apart(sound);
+  const auto store = open();
+  ASSERT_TRUE(store->rename(header_.id, "attic"));
+  ASSERT_TRUE(store->export_map(header_.id, archive));
+  ASSERT_TRUE(store->remove(header_.id));
+  ASSERT_TRUE(store->purge(header_.id));
+  // An operator has taken the file away, and left its log.
+  std::filesystem::copy_file(sound.string() + "-wal", store->path_of(header_.id).string() + "-wal");
+  const auto imported = store->import_map(archive);
+  ASSERT_TRUE(imported) << imported.error().message;
+  const auto map = store->load(header_.id);
+  ASSERT_TRUE(map) << map.error().message;
+  EXPECT_EQ(map->header.name, "attic");
+  EXPECT_THAT(map->damage, IsEmpty());
+  EXPECT_THAT(store->damaged_files(), SizeIs(1));
+}
+
+TEST_F(StoreTest, WhatLiesInAMapsPlaceIsNotOverwritten) {
+  const auto store = open();
+  keep(store.get());
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  ASSERT_TRUE(store->export_map(header_.id, archive));
+  ASSERT_TRUE(store->remove(header_.id));
+  // On a disk that is not mounted now.
+  const std::filesystem::path place = store->path_of(header_.id);
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", place);
+  EXPECT_EQ(store->undelete(header_.id).error().code, ErrorCode::kRefused);
+  ASSERT_TRUE(store->purge(header_.id));
+  EXPECT_EQ(store->import_map(archive).error().code, ErrorCode::kRefused);
+  EXPECT_EQ(store->create(header_, {whole(), {}, {}, {}}).error().code, ErrorCode::kRefused);
+  EXPECT_TRUE(std::filesystem::is_symlink(place));
+  EXPECT_THAT(files_in("maps"), ElementsAre(place.filename().string()));
+}
+
+TEST_F(StoreTest, ASavedMapThatCannotTakeItsPlaceIsToldAndKept) {
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  std::filesystem::path place;
+  {
+    const auto store = open();
+    keep(store.get());
+    ASSERT_TRUE(store->export_map(header_.id, archive));
+    place = store->path_of(header_.id);
+  }
+  const std::filesystem::path saved = std::filesystem::path(place).replace_extension(".saved");
+  std::filesystem::rename(place, saved);
+  std::filesystem::create_symlink(folder_ / "elsewhere" / "map", place);
+  {
+    const auto store = open();
+    ASSERT_THAT(store->unplaced(), SizeIs(1));
+    EXPECT_EQ(store->unplaced()[0].map, header_.id);
+    EXPECT_EQ(store->unplaced()[0].file, saved);
+    EXPECT_THAT(store->unplaced()[0].reason, HasSubstr(place.string()));
+    std::filesystem::remove(place);
+    for (const Status& refused : {store->create(header_, {whole(), {}, {}, {}}),
+                                  Status(store->import_map(archive).map([](MapId) {}))}) {
+      ASSERT_FALSE(refused) << "the next start would drop what was saved";
+      EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+      EXPECT_THAT(refused.error().message, HasSubstr(saved.string()));
+    }
+  }
+  const auto store = open();
+  EXPECT_THAT(store->unplaced(), IsEmpty());
+  EXPECT_TRUE(store->load(header_.id));
 }
 
 TEST_F(StoreTest, AMapsPlaceTakesWholeFilesOnly) {

@@ -380,6 +380,24 @@ class Operator(OnTheDesk):
             self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
             self.assertEqual(self.names(server), ["map-1"])
 
+    def test_a_deleted_map_that_cannot_be_read_now_is_not_called_damaged_and_stays(self):
+        with self.server_with_the_map("deleted-newer") as server:
+            gone = self.ctl("map", "map-1", "delete", server=server)
+            file = self.folder / f"deleted-newer/deleted/{gone['id']}.cairnmap"
+            readable = file.read_bytes()
+            self.spoil(self.folder / "deleted-newer", gone, "PRAGMA user_version=99", "deleted")
+            (listed,) = self.ctl("maps", server=server)["deleted"]
+            self.assertEqual((listed["id"], "damaged" in listed), (gone["id"], False))
+            refused = [self.ctl(*words, expect=REFUSED, server=server)
+                       for words in (("map", gone["id"], "undelete"), ("maps", "purge", gone["id"]))]
+            for said in (listed["unreadable"], self.say("maps", server=server), *refused):
+                self.assertIn("newer version (schema 99", said)
+                self.assertNotIn("purge", said)
+                self.assertNotIn("damaged", said)
+            file.write_bytes(readable)
+            self.ctl("map", gone["id"], "undelete", server=server)
+            self.assertEqual(self.names(server), ["map-1"])
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"
