@@ -39,7 +39,7 @@ constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
 /// SQLite's own companions of a database file.
 constexpr const char* kLogEnd = "-wal";
-constexpr const char* kCompanions[] = {kLogEnd, "-shm"};
+constexpr const char* kCompanions[] = {kLogEnd, "-shm", "-journal"};
 constexpr const char* kLogSuffix = ".cairnmap-wal";
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
 
