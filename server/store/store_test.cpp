@@ -321,7 +321,8 @@ TEST_F(StoreTest, WhatAnEndLeftHalfDoneIsPutInOrder) {
   const std::string half = to_hex(MapId{{8}}.bytes);
   const std::string moved = to_hex(MapId{{9}}.bytes);
   // Ended while a map was being made: nobody has been told of it.
-  for (const char* end : {"", "-wal", "-shm", "-journal"}) std::ofstream(maps / (half + ".new" + end)) << "half";
+  for (const char* end : {"", "-wal", "-shm", "-journal"})
+    std::ofstream(maps / (half + ".new" + end)) << "half";
   // Ended between setting a damaged map aside, but for its log, and putting the saved one in its place.
   std::filesystem::rename(maps / (name + ".cairnmap"), maps / (name + ".saved"));
   std::ofstream(maps / (name + ".cairnmap-wal")) << "of another file";
