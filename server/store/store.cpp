@@ -9,13 +9,13 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
-#include <cstdio>
 #include <cstring>
 #include <ctime>
 #include <fstream>
 #include <random>
 
 #include "server/store/bytes.h"
+#include "server/store/database_files.h"
 #include "server/store/entry_codec.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
@@ -37,9 +37,6 @@ constexpr int64_t kServerRow = 1;
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
-/// SQLite's own companions of a database file.
-constexpr const char* kLogEnd = "-wal";
-constexpr const char* kCompanions[] = {kLogEnd, "-shm", "-journal"};
 constexpr const char* kLogSuffix = ".cairnmap-wal";
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
 
@@ -48,65 +45,6 @@ constexpr const char* kLoneLog = "a log without its file: the map's last changes
 constexpr const char* kAsideAtEnd =
     "the server ended while it set this aside; the reasons are in what it logged then";
 
-tl::unexpected<Error> io_failure(const fs::path& path, const std::string& what) {
-  return fail(ErrorCode::kIo, path.string() + ": " + what);
-}
-
-/// Makes entries of a folder durable.
-void sync_folder(const fs::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (descriptor < 0) return;
-  ::fsync(descriptor);
-  ::close(descriptor);
-}
-
-bool is_there(const fs::path& path) {
-  std::error_code ignored;
-  return fs::exists(path, ignored);
-}
-
-/// 0 or an error number; EEXIST when something is there, which stays.
-int rename_unless_taken(const fs::path& from, const fs::path& to) {
-  if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
-  if (errno != EINVAL && errno != ENOSYS) return errno;
-  // Not known to this file system.
-  std::error_code ignored;
-  if (fs::exists(fs::symlink_status(to, ignored))) return EEXIST;
-  return ::rename(from.c_str(), to.c_str()) == 0 ? 0 : errno;
-}
-
-/// A database file with its companions to another place. An end in between leaves a log without its file
-/// (Store::part_with_lone_log()). Errors: kRefused (the place is taken), kIo.
-Status move_database(const fs::path& from, const fs::path& to) {
-  const int error = rename_unless_taken(from, to);
-  if (error == EEXIST) return fail(ErrorCode::kRefused, to.string() + ": there is such a file already");
-  if (error != 0) return io_failure(from, "cannot be moved to " + to.string() + ": " + std::strerror(error));
-  std::error_code problem;
-  for (const char* companion : kCompanions) {
-    const fs::path source = from.string() + companion;
-    if (!is_there(source)) continue;
-    fs::rename(source, to.string() + companion, problem);
-    if (problem) return io_failure(source, "cannot be moved to " + to.string() + ": " + problem.message());
-  }
-  // Rather in both folders than in none.
-  sync_folder(to.parent_path());
-  if (to.parent_path() != from.parent_path()) sync_folder(from.parent_path());
-  return {};
-}
-
-void remove_database(const fs::path& path) {
-  std::error_code ignored;
-  fs::remove(path, ignored);
-  for (const char* companion : kCompanions) fs::remove(path.string() + companion, ignored);
-}
-
-/// Of a database file. An empty one holds nothing.
-bool has_log(const fs::path& file) {
-  std::error_code problem;
-  const uintmax_t size = fs::file_size(file.string() + kLogEnd, problem);
-  return !problem && size > 0;
-}
-
 std::string utc_stamp() {
   const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
   std::tm parts{};
@@ -114,15 +52,6 @@ std::string utc_stamp() {
   char text[32];
   std::strftime(text, sizeof(text), "%Y%m%dT%H%M%SZ", &parts);
   return text;
-}
-
-/// `stem` with a number if there is one already.
-fs::path free_path(const fs::path& folder, const std::string& stem, const std::string& suffix) {
-  fs::path path = folder / (stem + suffix);
-  std::error_code ignored;
-  for (int i = 2; fs::exists(path, ignored); ++i)
-    path = folder / std::string(stem).append("-").append(std::to_string(i)).append(suffix);
-  return path;
 }
 
 std::optional<MapId> map_of(const fs::path& path) {
@@ -139,16 +68,6 @@ std::vector<MapId> maps_in(const fs::path& folder) {
   }
   std::sort(maps.begin(), maps.end());
   return maps;
-}
-
-/// What is in a folder. Error: it cannot be read.
-Result<std::vector<fs::path>> entries_of(const fs::path& folder) {
-  std::error_code problem;
-  std::vector<fs::path> entries;
-  for (fs::directory_iterator it(folder, problem), end; !problem && it != end; it.increment(problem))
-    entries.push_back(it->path());
-  if (problem) return io_failure(folder, "cannot be read: " + problem.message());
-  return entries;
 }
 
 /// What is said of a file, without its name.

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+
+/// SQLite's database files as things in folders: moved, removed and found together with their companions.
+/// Private to the store; safe to call from any thread, for different files.
+namespace cairn {
+
+/// Of the log that belongs to a database file.
+inline constexpr const char* kLogEnd = "-wal";
+/// What SQLite lays beside a database file.
+inline constexpr const char* kCompanions[] = {kLogEnd, "-shm", "-journal"};
+
+/// kIo, with the file's name before what happened.
+[[nodiscard]] tl::unexpected<Error> io_failure(const std::filesystem::path& path, const std::string& what);
+
+/// Makes entries of a folder durable.
+void sync_folder(const std::filesystem::path& folder);
+
+[[nodiscard]] bool is_there(const std::filesystem::path& path);
+
+/// A database file with its companions to another place. An end in between leaves a log without its file
+/// (Store::part_with_lone_log()). Errors: kRefused (the place is taken), kIo.
+[[nodiscard]] Status move_database(const std::filesystem::path& from, const std::filesystem::path& to);
+
+void remove_database(const std::filesystem::path& path);
+
+/// Of a database file. An empty one holds nothing.
+[[nodiscard]] bool has_log(const std::filesystem::path& file);
+
+/// `stem` with a number if there is one already.
+[[nodiscard]] std::filesystem::path free_path(const std::filesystem::path& folder, const std::string& stem,
+                                              const std::string& suffix);
+
+/// What is in a folder. Error kIo: it cannot be read.
+[[nodiscard]] Result<std::vector<std::filesystem::path>> entries_of(const std::filesystem::path& folder);
+
+}  // namespace cairn
