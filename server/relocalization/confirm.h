@@ -61,6 +61,7 @@ struct Confirmation {
   int matches = 0;            ///< by descriptors alone
   int supported = 0;          ///< of these, by their neighbours
   int agreeing = 0;           ///< of all, with the pose from three that are supported
+  int repeated = 0;           ///< of `supported`, at whose corners the refined pose finds other points
   int inliers = 0;            ///< of the refined pose
   int expected = 0;           ///< points of the neighbourhood that project into the image
   int met = 0;                ///< matches of these that there could be (GuidedMatches)
@@ -75,9 +76,10 @@ struct Confirmation {
   std::string reason;  ///< why it is not confirmed
 };
 
-/// 0..1: of the matches that moved as their neighbours did, the share that one pose brings together. In a
-/// place that only looks alike the same things stand, but not as they stand here: each of them moved as a
-/// whole, and no pose fits them all.
+/// 0..1: of the matches that moved as their neighbours did, the share that one pose brings together, or whose
+/// corners it explains by other points: a key of a keyboard is taken for the next, and so are its neighbours.
+/// In a place that only looks alike the same things stand, but not as they stand here: each of them moved as
+/// a whole, and no pose fits them all.
 [[nodiscard]] double unity(const Confirmation& said);
 
 /// What the picture and unity() say together, for a place like this one may be well off by any of them: a
@@ -85,8 +87,8 @@ struct Confirmation {
 [[nodiscard]] double evidence(const Confirmation& said);
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
-/// most agree (P3P in RANSAC), then all points of the keyframes around that pose, and the pose from what is
-/// found. `keyframe`: index into those of the map. Deterministic.
+/// most agree (P3P in RANSAC), then the points of that keyframe and of others around the pose, and the pose
+/// from what is found. `keyframe`: index into those of the map. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
                                    size_t keyframe, const ConfirmOptions& options);

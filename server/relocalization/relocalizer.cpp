@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <iterator>
 #include <optional>
 #include <tuple>
@@ -24,6 +25,11 @@ constexpr size_t kFused = 128;
 /// like it; then so many more at least, for the best pose.
 constexpr int kTriesOfPlace = 4;
 constexpr size_t kMoreForPose = 4;
+
+/// Where nothing is confirmed, so many neighbours of each keyframe with which a few corners agree are tried,
+/// and so many in all.
+constexpr size_t kNeighboursOfLead = 4;
+constexpr size_t kTriesOfLeads = 4;
 
 /// Keyframes of a map that measured fewer points in common are of different places.
 constexpr size_t kInCommon = 5;
@@ -99,33 +105,35 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 }
 
 struct Tried {
+  Ranked ranked;
   PlaceCandidate candidate;
   Confirmation said;
-  const IndexedKeyframe* indexed = nullptr;
   double mean_depth = 0;   ///< of the keyframe
   int tries_of_place = 1;  ///< keyframes tried that are of its place
 };
 
-/// Whether two keyframes of one map saw the same things.
-bool are_covisible(const IndexedKeyframe& a, const IndexedKeyframe& b) {
+/// Points that both keyframes of one map measured, `enough` of them at most.
+size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b, size_t enough) {
   size_t shared = 0;
-  for (auto i = a.measured.begin(), j = b.measured.begin(); i != a.measured.end() && j != b.measured.end();) {
+  for (auto i = a.measured.begin(), j = b.measured.begin();
+       i != a.measured.end() && j != b.measured.end() && shared < enough;) {
     if (*i < *j) {
       ++i;
     } else if (*j < *i) {
       ++j;
     } else {
-      if (++shared == kInCommon) return true;
+      ++shared;
       ++i;
       ++j;
     }
   }
-  return false;
+  return shared;
 }
 
 /// Whether a keyframe of a map is of the place of one that was tried.
 bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const Tried& tried) {
-  return map == tried.candidate.map && are_covisible(keyframe, *tried.indexed);
+  return map == tried.candidate.map &&
+         count_in_common(keyframe, tried.ranked.indexed(), kInCommon) == kInCommon;
 }
 
 /// What its rivals explain of a picture for which another is confirmed.
@@ -247,6 +255,8 @@ class Inquiry {
     if (try_out(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone))) return true;
     const auto fused = fuse(near.alike(kFused), vote(index, near.maps(), view_, cells_, kFused), picture);
     if (try_out(fused, before + shortlist)) return true;
+    if (!is_any_confirmed() && try_out(neighbours_of_leads(picture), tried_.size() + kTriesOfLeads))
+      return true;
     if (!is_any_confirmed()) return false;
     return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
@@ -273,10 +283,43 @@ class Inquiry {
     });
   }
 
+  [[nodiscard]] bool was_asked(const IndexedKeyframe& keyframe) const {
+    return std::ranges::find(asked_, &keyframe) != asked_.end();
+  }
+
+  /// Leads are keyframes with which some corners agree and too few to tell: from there the place is seen from
+  /// too far or aside. A neighbour may see it better whose picture and words rank it too low to be tried. Of
+  /// the best lead first, those that measured most in common with it.
+  [[nodiscard]] std::vector<Ranked> neighbours_of_leads(const QueryPicture& picture) const {
+    std::vector<const Tried*> leads;
+    for (const Tried& t : tried_) {
+      if (t.said.supported >= options_.confirm.min_supported &&
+          t.said.agreeing < options_.confirm.enough_agreeing)
+        leads.push_back(&t);
+    }
+    std::ranges::stable_sort(leads, std::greater(),
+                             [](const Tried* t) { return std::tuple(t->said.agreeing, t->said.supported); });
+    std::vector<Ranked> neighbours;
+    for (const Tried* lead : leads) {
+      const IndexedMap& map = *lead->ranked.map;
+      std::vector<std::pair<size_t, size_t>> shared;  // points in common, keyframe
+      for (size_t k = 0; k < map.keyframes.size(); ++k) {
+        const IndexedKeyframe& keyframe = *map.keyframes[k];
+        const size_t common = count_in_common(keyframe, lead->ranked.indexed(), keyframe.measured.size());
+        if (common >= kInCommon && !was_asked(keyframe)) shared.emplace_back(common, k);
+      }
+      std::ranges::stable_sort(shared, std::greater(), &std::pair<size_t, size_t>::first);
+      if (shared.size() > kNeighboursOfLead) shared.resize(kNeighboursOfLead);
+      for (const auto& [_, k] : shared)
+        neighbours.push_back({unlikeness(*map.keyframes[k], picture), &map, k});
+    }
+    return neighbours;
+  }
+
   /// Counts it among what was tried of its place.
   void add(Tried tried) {
     for (Tried& before : tried_) {
-      if (!is_of_place(*before.indexed, before.candidate.map, tried)) continue;
+      if (!is_of_place(before.ranked.indexed(), before.candidate.map, tried)) continue;
       ++before.tries_of_place;
       ++tried.tries_of_place;
     }
@@ -288,14 +331,14 @@ class Inquiry {
   bool try_out(std::span<const Ranked> ranked, size_t most, Tries tries = Tries::kRivalsFirst) {
     for (const Ranked& r : ranked) {
       if (tried_.size() >= most) return false;
-      if (std::find(asked_.begin(), asked_.end(), &r.indexed()) != asked_.end()) continue;
+      if (was_asked(r.indexed())) continue;
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
       if (pose == nullptr) continue;
       if (tries == Tries::kRivalsFirst && is_settled(r.indexed(), r.map->snapshot->map)) continue;
       Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
       asked_.push_back(&r.indexed());
       PlaceCandidate candidate = make_candidate(r, said, *pose);
-      add({std::move(candidate), std::move(said), &r.indexed(), static_cast<double>(pose->mean_depth)});
+      add({r, std::move(candidate), std::move(said), static_cast<double>(pose->mean_depth)});
       if (is_clear(tried_.back().said, options_) && !find_why_refused(options_, tried_.back(), tried_))
         return true;
     }
