@@ -2,6 +2,7 @@
 #include "server/relocalization/exact_map.h"
 
 #include <algorithm>
+#include <set>
 
 #include "common/image/corners.h"
 
@@ -64,6 +65,7 @@ void ExactMap::add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* 
   auto pyramid = std::make_shared<Pyramid>();
   pyramid->build(mapped.scene->render(pose, static_cast<uint64_t>(step))->view());
   KeyframeView view{id, mapped.scene->camera(), pyramid, {}};
+  if (mapped.shares) share_points(*mapped.scene, camera_from_map, &view);
   const auto corners = find_corners(*pyramid);
   double depth_sum = 0;
   for (int l = 0; l < kPyramidLevels; ++l) {
@@ -87,6 +89,21 @@ void ExactMap::add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* 
   keyframes->live |= uint64_t{1} << keyframes->keyframes.size();
   keyframes->keyframes.push_back({id, camera_from_map, depth});
   views_.push_back(std::move(view));
+}
+
+void ExactMap::share_points(const Scene& scene, const SE3& camera_from_map, KeyframeView* view) const {
+  constexpr size_t kMost = 20;  // of a keyframe
+  constexpr double kBorder = 40;
+  std::set<PointId> measured;
+  for (const KeyframeView& other : views_) {
+    for (size_t i = 0; i < std::min(kMost, other.measurements.size()); ++i) {
+      const PointMeasurement& m = other.measurements[i];
+      const Eigen::Vector3d point = positions_[m.id.value - 1].cast<double>();
+      const auto pixel = scene.camera()->project(camera_from_map * point);
+      if (pixel && scene.camera()->in_image(*pixel, kBorder) && measured.insert(m.id).second)
+        view->measurements.push_back({m.id, m.level, pixel->cast<float>()});
+    }
+  }
 }
 
 SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map) {

@@ -22,6 +22,7 @@ struct MappedScene {
   std::vector<int> steps;  ///< of its camera
   double advance = 0;      ///< [m] further on than Scene::pose() says
   double aside = 0;        ///< [m] of the scene, in the map
+  bool shares = false;     ///< keyframes measure points of those before, too
 };
 
 /// A map made without a map maker: keyframes of scenes, their corners as points at their exact places.
@@ -38,6 +39,8 @@ class ExactMap {
 
  private:
   void add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* keyframes);
+  /// Measures some of the points of each keyframe that is there.
+  void share_points(const Scene& scene, const SE3& camera_from_map, KeyframeView* view) const;
 
   std::vector<PointSource> sources_;
   std::vector<Eigen::Vector3f> positions_;

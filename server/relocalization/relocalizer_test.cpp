@@ -105,6 +105,8 @@ TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
   EXPECT_GT(evidence(said), ConfirmOptions{}.by_picture.evidence);
   said.agreeing = 14;
   EXPECT_LT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  said.repeated = 24;
+  EXPECT_NEAR(unity(said), 0.95, 1e-9) << "keys taken for their neighbours";
   said.supported = 10;
   EXPECT_EQ(unity(said), 1) << "what no neighbour supports may agree, too";
 }
@@ -246,6 +248,30 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   const Confirmation rival = ask(options);
   ASSERT_FALSE(rival.confirmed);
   EXPECT_TRUE(explains(rival)) << "enough agree";
+}
+
+TEST_F(RelocalizerTest, NeighboursOfAKeyframeWithWhichAFewCornersAgreeAreTried) {
+  const auto image = scene().render(Scene::pose(3), 103);
+  const PlaceView view = describe_image(image->view());
+  // As if a few corners agreed, and nothing spoke for it: nothing is confirmed.
+  RelocOptions options = few_agree();
+  options.confirm.by_few.evidence = kNever;
+  options.shortlist = 1;
+  const auto tried = [&](bool shares, const RelocOptions& how) {
+    const ExactMap map(4, {{.scene = &scene(), .steps = {0, 2, 4, 6}, .shares = shares}});
+    PlaceIndex index;
+    index.put(map.index());
+    const PlaceAnswer answer = relocalize(index, *scene().camera(), view, how);
+    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+    return answer.reason.substr(0, answer.reason.find(" most"));
+  };
+  EXPECT_EQ(tried(true, options), "none of the 4");
+  EXPECT_EQ(tried(false, options), "none of the 1") << "they have nothing in common";
+  options.confirm.enough_agreeing = 1;
+  options.confirm.by_picture.evidence = kNever;
+  options.confirm.by_points.evidence = kNever;
+  options.confirm.by_extent.alikeness = kNever;
+  EXPECT_EQ(tried(true, options), "none of the 1") << "enough agree to tell that it is not there";
 }
 
 TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {

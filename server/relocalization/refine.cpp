@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/refine.h"
+
+#include <algorithm>
+#include <iterator>
+#include <limits>
+#include <ranges>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr size_t kNeighbourhood = 4;  ///< keyframes whose points are looked for around a pose
+constexpr double kAngleWeight = 1;    ///< a radian between optical axes counts as one mean depth apart
+/// Radius of the search around a pose [px of the corner's level]: that of three points is rough yet.
+constexpr double kRadii[] = {6, 4, 2.5};
+constexpr double kCertainty = 3;        ///< sigmas of where a point is expected that the radius must hold
+constexpr size_t kEnoughForPose = 200;  ///< points of which a pose is refined, before all are looked for
+
+/// The keyframe that a pose comes from, and those of the others that see about what the pose sees.
+std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_from_map, size_t keyframe) {
+  std::vector<std::pair<double, size_t>> ranked;
+  const Eigen::Vector3d axis = camera_from_map.rotation_matrix().row(2);
+  for (size_t i = 0; i < map.keyframes.size(); ++i) {
+    const KeyframePose* pose = map.snapshot->find(map.keyframes[i]->id);
+    if (pose == nullptr || i == keyframe) continue;
+    const double depth = std::max(1e-6, static_cast<double>(pose->mean_depth));
+    const double distance = (pose->camera_from_map.center() - camera_from_map.center()).norm() / depth;
+    const Eigen::Vector3d its_axis = pose->camera_from_map.rotation_matrix().row(2);
+    ranked.emplace_back(distance + kAngleWeight * (its_axis - axis).norm(), i);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ranked.resize(std::min(ranked.size(), kNeighbourhood - 1));
+  std::vector<size_t> around = {keyframe};
+  for (const auto& [_, i] : ranked) around.push_back(i);
+  return around;
+}
+
+/// Leaves so many, evenly.
+void keep_some(size_t count, std::vector<ProjectedPoint>* points) {
+  if (points->size() <= count) return;
+  const size_t all = points->size();
+  for (size_t i = 0; i < count; ++i) (*points)[i] = (*points)[i * all / count];
+  points->resize(count);
+}
+
+}  // namespace
+
+double variance_of_pixel(const Camera& camera, const PoseEstimate& pose, const Eigen::Vector3d& point) {
+  const Eigen::Vector3d seen = pose.camera_from_map * point;
+  Matrix23d d_pixel_d_point;
+  if (!camera.project(seen, &d_pixel_d_point)) return std::numeric_limits<double>::infinity();
+  Eigen::Matrix<double, 2, 6> d_pixel_d_pose;
+  d_pixel_d_pose.leftCols<3>() = d_pixel_d_point;
+  for (int i = 0; i < 2; ++i)
+    d_pixel_d_pose.block<1, 3>(i, 3) = seen.cross(d_pixel_d_point.row(i).transpose()).transpose();
+  return (d_pixel_d_pose * pose.covariance * d_pixel_d_pose.transpose()).trace();
+}
+
+void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points) {
+  std::erase_if(points->points, [&](const ProjectedPoint& point) {
+    const auto level_of = [](const KeyframeSighting& s) { return s.sighting->level; };
+    const int finest = std::ranges::min(points->sightings_of(point) | std::views::transform(level_of));
+    const double reach = radius * (1 << finest) / kCertainty;
+    return variance_of_pixel(camera, pose, point.position) > reach * reach;
+  });
+}
+
+Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
+                       const IndexedMap& map, size_t keyframe, PoseEstimate pose) {
+  Refined refined{std::move(pose), {}, {}};
+  for (const double radius : kRadii) {
+    const SE3 camera_from_map = refined.pose.camera_from_map;
+    project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe),
+                   &refined.points);
+    if (radius != *std::prev(std::end(kRadii))) {
+      keep_certain(camera, refined.pose, radius, &refined.points);
+      keep_some(kEnoughForPose, &refined.points.points);
+    }
+    refined.guided = match_near(view, grid, refined.points, radius);
+    PoseOptions options;
+    options.fixed_cutoff_after = 0;
+    options.late_squared_cutoff = radius * radius;
+    auto next =
+        optimize_pose(camera, camera_from_map, to_observations(view, refined.guided.matches), options);
+    if (!next) return tl::unexpected(next.error());
+    refined.pose = std::move(*next);
+  }
+  return refined;
+}
+
+}  // namespace cairn

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "common/geometry/camera.h"
+#include "common/geometry/pose.h"
+#include "server/relocalization/match.h"
+
+/// A pose from a few corners of a query, refined by all points around it.
+namespace cairn {
+
+/// Of where a pose puts a point of the map, as far as the pose is uncertain [px^2, both axes together];
+/// infinite for a point that does not project.
+[[nodiscard]] double variance_of_pixel(const Camera& camera, const PoseEstimate& pose,
+                                       const Eigen::Vector3d& point);
+
+/// Leaves the points that a search of that radius [px of the point's finest level] finds where they are. A
+/// pose from corners that lie close together is known there and not elsewhere: what is looked for elsewhere
+/// is matched wrongly, and holds the pose where it is.
+void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points);
+
+/// All that is found around a pose.
+struct Refined {
+  PoseEstimate pose;  ///< of `guided.matches`
+  ProjectedPoints points;
+  GuidedMatches guided;
+};
+
+/// The points of the keyframe that a pose comes from and of others around the pose are looked for step by
+/// step, as far as each pose can tell where they are; by the last, all. `keyframe`: index into those of the
+/// map. Error: the points found do not determine the pose. Deterministic.
+[[nodiscard]] Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
+                                     const IndexedMap& map, size_t keyframe, PoseEstimate pose);
+
+}  // namespace cairn
