@@ -30,6 +30,9 @@ constexpr double kMaxSquaredCutoff = 9.0;
 // [sigma] Of poses a camera had in the experiments none fitted worse than by 1.5; what the second attempt,
 // which has no ceiling, found by more than 5 was 5 to 40 cm off.
 constexpr double kMostRms = 3.0;
+// What is found grows less as things leave the picture and blur comes, but not by so much from one frame to
+// the next.
+constexpr float kLeastOfQualityBefore = 0.7F;
 constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius
 // A point this many times as deep as points found beside it stands behind the thing they are on. Across the
 // cells of DepthOrder a plane turned by 50 degrees differs by less, even at the far edge of a view of 50
@@ -164,15 +167,20 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
 std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
                                       StageProbe* probe) {
   look(frame, start, effort, probe);
-  if (effort.doubts_coarse && seen_.used_coarse &&
-      !(seen_.camera_from_map && judge() == PoseVerdict::kGood)) {
+  if (effort.doubts_coarse && seen_.used_coarse && !is_as_expected()) {
     SearchEffort without = effort;
     without.coarse_points = 0;
     std::swap(seen_, other_);
     look(frame, start, without, probe);
     if (seen_.found < other_.found) std::swap(seen_, other_);
   }
+  quality_before_ = quality();
   return seen_.camera_from_map;
+}
+
+bool PoseFinder::is_as_expected() const {
+  return seen_.camera_from_map && judge() == PoseVerdict::kGood &&
+         quality() >= kLeastOfQualityBefore * quality_before_;
 }
 
 void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEffort& effort,

@@ -29,7 +29,8 @@ struct SearchEffort {
   /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
   float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
-  /// Where its coarse stage does not lead to a good pose, looks again without one and takes the better.
+  /// Where its coarse stage does not lead to a good pose, or to much less than the frame before had, looks
+  /// again without one and takes the better.
   bool doubts_coarse = false;
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
@@ -90,6 +91,7 @@ class PoseFinder {
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
   void search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe);
+  [[nodiscard]] bool is_as_expected() const;
   void forget_found();
   void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
@@ -99,8 +101,9 @@ class PoseFinder {
   float good_quality_;
   float lost_quality_;
   PointSearch search_;
-  Seen seen_;   ///< at the latest locate()
-  Seen other_;  ///< its other look, or an older one
+  float quality_before_ = 0;  ///< at the locate() before
+  Seen seen_;                 ///< at the latest locate()
+  Seen other_;                ///< its other look, or an older one
   DepthOrder order_;
   std::vector<PointObservation> observations_;
   std::vector<float> depths_;
