@@ -134,7 +134,9 @@ TEST(PoseFinder, TheCoarseStageIsDoubtedWhereMuchLessIsFoundThanBefore) {
     finder.use_map(scene.make_map(looking_down(0, 0)));
     FrameImages frame;
     frame.build_pyramid(seen_before->view());
-    if (was_tracked) EXPECT_TRUE(finder.locate(frame, truth, normal_effort(options), nullptr));
+    if (was_tracked) {
+      EXPECT_TRUE(finder.locate(frame, truth, normal_effort(options), nullptr));
+    }
     frame.build_pyramid(mixed.view());
     finder.clear();
     return center_distance(finder.locate(frame, truth, normal_effort(options), nullptr).value_or(SE3()),
