@@ -270,6 +270,12 @@ Status Store::finish_replacements() {
 
 Status Store::open_catalogue() {
   const fs::path path = folder_ / kCatalogue;
+  const auto maps = entries_of(folder_ / "maps");
+  if (!maps) return tl::unexpected(maps.error());
+  std::error_code missing;
+  if (!maps->empty() && (fs::file_size(path, missing) == 0 || missing))
+    log_->warn("{}: {}, though there are maps; begun anew: clients take this for another server",
+               path.string(), missing ? "not there" : "empty");
   Status read = read_catalogue();
   if (!read && read.error().code == ErrorCode::kDamaged) {
     const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), kCatalogueSuffix);

@@ -3,10 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 
 #include <algorithm>
 #include <fstream>
 #include <set>
+#include <sstream>
 
 #include "server/store/entry_codec.h"
 #include "server/store/kept_map_fixture.h"
@@ -251,6 +253,25 @@ TEST_F(StoreTest, ADamagedCatalogueIsSetAsideAndTheMapsStay) {
   EXPECT_THAT(damaged[0].path.filename(), ::testing::StartsWith("catalogue-"));
   EXPECT_FALSE(damaged[0].map);
   EXPECT_THAT(damaged[0].reasons, ElementsAre(HasSubstr("not a database")));
+}
+
+TEST_F(StoreTest, ACatalogueThatIsCutOffIsBegunAnewAndNotSilently) {
+  const auto say_at_open = [&] {
+    std::ostringstream said;
+    const auto store = Store::open(
+        folder_,
+        std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said)));
+    EXPECT_TRUE(store);
+    return said.str();
+  };
+  EXPECT_EQ(say_at_open(), "") << "a new store";
+  keep(open().get());
+  EXPECT_EQ(say_at_open(), "");
+  std::filesystem::resize_file(folder_ / "catalogue.db", 0);
+  EXPECT_THAT(say_at_open(), HasSubstr("catalogue.db: empty, though there are maps"));
+  std::filesystem::remove(folder_ / "catalogue.db");
+  EXPECT_THAT(say_at_open(), HasSubstr("catalogue.db: not there, though there are maps"));
+  EXPECT_TRUE(open()->load(header_.id));
 }
 
 const std::vector<OverlapRecord> kOverlaps = {
