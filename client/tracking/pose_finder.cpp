@@ -32,7 +32,7 @@ constexpr double kMaxSquaredCutoff = 9.0;
 constexpr double kMostRms = 3.0;
 // What is found grows less as things leave the picture and blur comes, but not by so much from one frame to
 // the next.
-constexpr float kLeastOfQualityBefore = 0.7F;
+constexpr float kLeastOfQualityExpected = 0.7F;
 constexpr float kWiden = 2.0F;  // PTAM r114 doubles points and radius
 // A point this many times as deep as points found beside it stands behind the thing they are on. Across the
 // cells of DepthOrder a plane turned by 50 degrees differs by less, even at the far edge of a view of 50
@@ -167,20 +167,19 @@ std::optional<SE3> PoseFinder::fine_stage(const FrameImages& frame, const SE3& s
 std::optional<SE3> PoseFinder::locate(const FrameImages& frame, const SE3& start, const SearchEffort& effort,
                                       StageProbe* probe) {
   look(frame, start, effort, probe);
-  if (effort.doubts_coarse && seen_.used_coarse && !is_as_expected()) {
+  if (effort.doubts_coarse && seen_.used_coarse && !is_as_expected(effort)) {
     SearchEffort without = effort;
     without.coarse_points = 0;
     std::swap(seen_, other_);
     look(frame, start, without, probe);
     if (seen_.found < other_.found) std::swap(seen_, other_);
   }
-  quality_before_ = quality();
   return seen_.camera_from_map;
 }
 
-bool PoseFinder::is_as_expected() const {
+bool PoseFinder::is_as_expected(const SearchEffort& effort) const {
   return seen_.camera_from_map && judge() == PoseVerdict::kGood &&
-         quality() >= kLeastOfQualityBefore * quality_before_;
+         quality() >= kLeastOfQualityExpected * effort.expected_quality;
 }
 
 void PoseFinder::look(const FrameImages& frame, const SE3& start, const SearchEffort& effort,

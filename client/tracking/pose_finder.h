@@ -29,9 +29,10 @@ struct SearchEffort {
   /// Share of the points that alignment must find for corners not to be asked; 1: they always are.
   float enough_aligned = 1;
   bool needs_coarse = false;  ///< gives up when the coarse stage, which is cheap, finds no pose
-  /// Where its coarse stage does not lead to a good pose, or to much less than the frame before had, looks
+  /// Where its coarse stage does not lead to a good pose, or to much less than the quality expected, looks
   /// again without one and takes the better.
   bool doubts_coarse = false;
+  float expected_quality = 0;  ///< that of the frame before; 0: unknown
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
 /// Twice the points and radius (PTAM 2007, section 5.4): the second attempt, and whoever is lost.
@@ -91,7 +92,7 @@ class PoseFinder {
   [[nodiscard]] std::optional<SE3> fine_stage(const FrameImages& frame, const SE3& start,
                                               const SearchEffort& effort, float radius, StageProbe* probe);
   void search_missing(const FrameImages& frame, const SearchReach& reach, StageProbe* probe);
-  [[nodiscard]] bool is_as_expected() const;
+  [[nodiscard]] bool is_as_expected(const SearchEffort& effort) const;
   void forget_found();
   void mark_hidden();
   [[nodiscard]] std::optional<SE3> solve(const SE3& start, double max_squared_cutoff, StageProbe* probe);
@@ -101,9 +102,8 @@ class PoseFinder {
   float good_quality_;
   float lost_quality_;
   PointSearch search_;
-  float quality_before_ = 0;  ///< at the locate() before
-  Seen seen_;                 ///< at the latest locate()
-  Seen other_;                ///< its other look, or an older one
+  Seen seen_;   ///< at the latest locate()
+  Seen other_;  ///< its other look, or an older one
   DepthOrder order_;
   std::vector<PointObservation> observations_;
   std::vector<float> depths_;

@@ -88,6 +88,7 @@ struct Tracker::State {
   Anchor proven;          ///< of the last one published,
   Timestamp proven_time;  ///< and when
   double mean_depth = 1;
+  float quality_before = 0;  ///< of the frame before; 0: it was not tracked
   int bad_frames = 0;
   size_t lost_frames = 0;
   /// A pose that was found by looking for it, to be proven before it is published.
@@ -192,6 +193,7 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
 void Tracker::State::enter_map(const MapSnapshotPtr& snapshot) {
   adopt_revision(snapshot);
   bad_frames = options.lost_after_bad_frames;
+  quality_before = 0;
   starting = false;
   insists = false;
   keyframes.enter_map();
@@ -237,6 +239,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
 void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerdict verdict) {
   model.measured(camera_from_map, time);
   bad_frames = 0;
+  quality_before = finder.quality();
   mean_depth = finder.mean_depth().value_or(mean_depth);
   if (const KeyframePose* nearest = map->nearest_keyframe(camera_from_map.center())) {
     latest = {map->map, nearest->id, camera_from_map * nearest->camera_from_map.inverse()};
@@ -310,6 +313,7 @@ void Tracker::State::propose_keyframe() {
 void Tracker::State::track_map(Timestamp time) {
   const SE3 step = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
   SearchEffort effort = normal_effort(options);
+  effort.expected_quality = quality_before;
   if (trial) effort.enough_aligned = 1;  // it is on trial: everything that speaks for it or against it
   auto pose = finder.locate(now(), step * model.last(), effort, probe);
   PoseVerdict verdict = pose ? finder.judge() : PoseVerdict::kBad;
@@ -335,6 +339,7 @@ void Tracker::State::track_map(Timestamp time) {
     return;
   }
   model.missed();
+  quality_before = 0;
   if (bad_frames++ == 0) failed_at_cut = is_cut;
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());

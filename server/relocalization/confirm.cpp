@@ -14,6 +14,7 @@ namespace {
 
 constexpr int kAgreeingInPart = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
+
 /// Corners of the matches that agree with the pose, ascending.
 std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span<const double> weights) {
   std::vector<size_t> found;
@@ -102,22 +103,20 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
   return optimize_pose(camera, pose->camera_from_map, to_observations(view, matches), all);
 }
 
-/// Of the matches those that do not agree with the pose, which finds another point at their corner.
-int count_repeated(const PlaceView& view, const Camera& camera, std::span<const PlaceMatch> matches,
-                   const SE3& camera_from_map, std::span<const size_t> found) {
+/// Of the matches those whose corners are not among those that agree, but among those found in the end.
+/// Both ascending.
+int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const size_t> agree,
+                          std::span<const size_t> found) {
   return static_cast<int>(std::ranges::count_if(matches, [&](const PlaceMatch& m) {
-    const PlaceCorner& corner = view.corners[m.corner];
-    const auto pixel = camera.project(camera_from_map * m.position);
-    const bool agrees =
-        pixel && (*pixel - corner.pixel.cast<double>()).norm() <= kRansacThreshold * (1 << corner.level);
-    return !agrees && std::ranges::binary_search(found, m.corner);
+    return !std::ranges::binary_search(agree, m.corner) && std::ranges::binary_search(found, m.corner);
   }));
 }
 
 }  // namespace
 
 double unity(const Confirmation& said) {
-  return std::min(1.0, static_cast<double>(said.agreeing + said.repeated) / std::max(1, said.supported));
+  return std::min(1.0,
+                  static_cast<double>(said.agreeing + said.found_otherwise) / std::max(1, said.supported));
 }
 
 double evidence(const Confirmation& said) {
@@ -147,7 +146,8 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
     return result;
   }
   result.agreeing = pose->inliers;
-  result.agreeing_parts = count_parts(view, corners_found(matches, pose->weights), camera, kAgreeingInPart);
+  const std::vector<size_t> agree = corners_found(matches, pose->weights);
+  result.agreeing_parts = count_parts(view, agree, camera, kAgreeingInPart);
   const auto refined = refine(view, grid, camera, map, keyframe, *pose);
   if (!refined) {
     result.reason = refined.error().message;
@@ -159,7 +159,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.expected = static_cast<int>(points.points.size());
   result.met = static_cast<int>(guided.met);
   result.found = corners_found(guided.matches, final_pose.weights);
-  result.repeated = count_repeated(view, camera, supported, result.camera_from_map, result.found);
+  result.found_otherwise = count_found_otherwise(supported, agree, result.found);
   result.parts = count_parts(view, result.found, camera, 1);
   const Appearance appearance = compare_appearance(view, camera, points);
   result.alikeness = appearance.local;

@@ -58,18 +58,18 @@ struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
   SE3 camera_from_map;
-  int matches = 0;            ///< by descriptors alone
-  int supported = 0;          ///< of these, by their neighbours
-  int agreeing = 0;           ///< of all, with the pose from three that are supported
-  int repeated = 0;           ///< of `supported`, at whose corners the refined pose finds other points
-  int inliers = 0;            ///< of the refined pose
-  int expected = 0;           ///< points of the neighbourhood that project into the image
-  int met = 0;                ///< matches of these that there could be (GuidedMatches)
-  int parts = 0;              ///< of kParts, with an inlier in them
-  int agreeing_parts = 0;     ///< of kParts, with two in them at least of those that are `agreeing`
-  double alikeness = -1;      ///< Appearance::local
-  double order = -1;          ///< Appearance::order
-  int strange_parts = 0;      ///< Appearance::strange_parts
+  int matches = 0;          ///< by descriptors alone
+  int supported = 0;        ///< of these, by their neighbours
+  int agreeing = 0;         ///< of all, with the pose from three that are supported
+  int found_otherwise = 0;  ///< of `supported`, not agreeing, at whose corners the refined pose finds points
+  int inliers = 0;          ///< of the refined pose
+  int expected = 0;         ///< points of the neighbourhood that project into the image
+  int met = 0;              ///< matches of these that there could be (GuidedMatches)
+  int parts = 0;            ///< of kParts, with an inlier in them
+  int agreeing_parts = 0;   ///< of kParts, with two in them at least of those that are `agreeing`
+  double alikeness = -1;    ///< Appearance::local
+  double order = -1;        ///< Appearance::order
+  int strange_parts = 0;    ///< Appearance::strange_parts
   std::vector<size_t> found;  ///< corners on which points lie by the refined pose: as many as `inliers`
   /// `supported`, and `found` unless few agree and it is refused; ascending, each corner once
   std::vector<ExplainedCorner> explained;

@@ -66,6 +66,7 @@ void ExactMap::add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* 
   pyramid->build(mapped.scene->render(pose, static_cast<uint64_t>(step))->view());
   KeyframeView view{id, mapped.scene->camera(), pyramid, {}};
   if (mapped.shares) share_points(*mapped.scene, camera_from_map, &view);
+  const size_t shared = view.measurements.size();
   const auto corners = find_corners(*pyramid);
   double depth_sum = 0;
   for (int l = 0; l < kPyramidLevels; ++l) {
@@ -85,7 +86,7 @@ void ExactMap::add_keyframe(const MappedScene& mapped, int step, KeyframeBlock* 
       depth_sum += (pose * point).z();
     }
   }
-  const auto depth = static_cast<float>(depth_sum / static_cast<double>(view.measurements.size()));
+  const auto depth = static_cast<float>(depth_sum / static_cast<double>(view.measurements.size() - shared));
   keyframes->live |= uint64_t{1} << keyframes->keyframes.size();
   keyframes->keyframes.push_back({id, camera_from_map, depth});
   views_.push_back(std::move(view));

@@ -29,8 +29,9 @@ std::vector<size_t> keyframes_around(const IndexedMap& map, const SE3& camera_fr
     const Eigen::Vector3d its_axis = pose->camera_from_map.rotation_matrix().row(2);
     ranked.emplace_back(distance + kAngleWeight * (its_axis - axis).norm(), i);
   }
-  std::sort(ranked.begin(), ranked.end());
-  ranked.resize(std::min(ranked.size(), kNeighbourhood - 1));
+  const size_t others = std::min(ranked.size(), kNeighbourhood - 1);
+  std::partial_sort(ranked.begin(), ranked.begin() + static_cast<ptrdiff_t>(others), ranked.end());
+  ranked.resize(others);
   std::vector<size_t> around = {keyframe};
   for (const auto& [_, i] : ranked) around.push_back(i);
   return around;
@@ -69,11 +70,12 @@ void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius,
 Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                        const IndexedMap& map, size_t keyframe, PoseEstimate pose) {
   Refined refined{std::move(pose), {}, {}};
-  for (const double radius : kRadii) {
+  for (size_t step = 0; step < std::size(kRadii); ++step) {
+    const double radius = kRadii[step];
     const SE3 camera_from_map = refined.pose.camera_from_map;
     project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe),
                    &refined.points);
-    if (radius != *std::prev(std::end(kRadii))) {
+    if (step + 1 < std::size(kRadii)) {
       keep_certain(camera, refined.pose, radius, &refined.points);
       keep_some(kEnoughForPose, &refined.points.points);
     }

@@ -15,13 +15,13 @@ namespace cairn {
 
 /// Leaves the points that a search of that radius [px of the point's finest level] finds where they are. A
 /// pose from corners that lie close together is known there and not elsewhere: what is looked for elsewhere
-/// is matched wrongly, and holds the pose where it is.
+/// is matched wrongly, and holds the pose where it is. Precondition: each point has a sighting.
 void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points);
 
 /// All that is found around a pose.
 struct Refined {
-  PoseEstimate pose;  ///< of `guided.matches`
-  ProjectedPoints points;
+  PoseEstimate pose;       ///< of `guided.matches`
+  ProjectedPoints points;  ///< by the pose before that
   GuidedMatches guided;
 };
 

@@ -6,6 +6,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "server/relocalization/exact_map.h"
@@ -23,7 +24,7 @@ constexpr int kStep = 5;  ///< of the scene's camera, between keyframes
 
 class RefineTest : public ::testing::Test {
  protected:
-  /// Points of all keyframes in the image of the camera at kStep.
+  /// Points of all keyframes in the image of a camera there.
   [[nodiscard]] ProjectedPoints points_in_view(const SE3& pose) const {
     ProjectedPoints points;
     const std::vector<size_t> all = {0, 1, 2};
@@ -31,7 +32,7 @@ class RefineTest : public ::testing::Test {
     return points;
   }
 
-  /// The pose at `start` as what is measured in the left quarter of the picture leaves it, with its
+  /// The pose `truth` as what is measured in the left quarter of the picture leaves it, with its
   /// covariance.
   [[nodiscard]] PoseEstimate known_on_the_left(const SE3& truth) const {
     std::vector<PointObservation> observations;

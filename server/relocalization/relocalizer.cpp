@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <tuple>
 #include <unordered_map>
@@ -26,8 +27,8 @@ constexpr size_t kFused = 128;
 constexpr int kTriesOfPlace = 4;
 constexpr size_t kMoreForPose = 4;
 
-/// Where nothing is confirmed, so many neighbours of each keyframe with which a few corners agree are tried,
-/// and so many in all.
+/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are tried, and so many
+/// in all.
 constexpr size_t kNeighboursOfLead = 4;
 constexpr size_t kTriesOfLeads = 4;
 
@@ -36,27 +37,32 @@ constexpr size_t kInCommon = 5;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
+/// A picture that cannot be compared counts as the opposite of the query's.
+Ranked rank(const IndexedMap& map, size_t keyframe, const QueryPicture& query) {
+  constexpr float kOpposite = 2;  // a correlation of -1
+  const float cost = unlikeness(*map.keyframes[keyframe], query);
+  return {std::isfinite(cost) ? cost : kOpposite, &map, keyframe};
+}
+
 /// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
 /// SIGIR 2009, with its constant). Ties: in the order of `by_picture`, then of `by_words`.
 std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vector<Voted>& by_words,
                          const QueryPicture& query) {
   constexpr float kDamping = 60;
-  constexpr float kOpposite = 2;  // cost of a picture that cannot be compared: a correlation of -1
   std::vector<std::pair<float, Ranked>> fused;
   std::unordered_map<const IndexedKeyframe*, size_t> position;
-  float rank = kDamping;
+  float place = kDamping;
   for (const Ranked& r : by_picture) {
     position.emplace(&r.indexed(), fused.size());
-    fused.emplace_back(1 / ++rank, r);
+    fused.emplace_back(1 / ++place, r);
   }
-  rank = kDamping;
+  place = kDamping;
   for (const Voted& v : by_words) {
     const IndexedKeyframe& keyframe = *v.map->keyframes[v.keyframe];
     if (const auto same = position.find(&keyframe); same != position.end()) {
-      fused[same->second].first += 1 / ++rank;
+      fused[same->second].first += 1 / ++place;
     } else {
-      const float cost = unlikeness(keyframe, query);
-      fused.emplace_back(1 / ++rank, Ranked{std::isfinite(cost) ? cost : kOpposite, v.map, v.keyframe});
+      fused.emplace_back(1 / ++place, rank(*v.map, v.keyframe, query));
     }
   }
   std::stable_sort(fused.begin(), fused.end(),
@@ -112,8 +118,9 @@ struct Tried {
   int tries_of_place = 1;  ///< keyframes tried that are of its place
 };
 
-/// Points that both keyframes of one map measured, `enough` of them at most.
-size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b, size_t enough) {
+/// Points that both keyframes of one map measured, counted up to `enough`.
+size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b,
+                       size_t enough = std::numeric_limits<size_t>::max()) {
   size_t shared = 0;
   for (auto i = a.measured.begin(), j = b.measured.begin();
        i != a.measured.end() && j != b.measured.end() && shared < enough;) {
@@ -255,8 +262,7 @@ class Inquiry {
     if (try_out(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone))) return true;
     const auto fused = fuse(near.alike(kFused), vote(index, near.maps(), view_, cells_, kFused), picture);
     if (try_out(fused, before + shortlist)) return true;
-    if (!is_any_confirmed() && try_out(neighbours_of_leads(picture), tried_.size() + kTriesOfLeads))
-      return true;
+    if (!is_any_confirmed() && follow_leads(picture)) return true;
     if (!is_any_confirmed()) return false;
     return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
   }
@@ -287,33 +293,46 @@ class Inquiry {
     return std::ranges::find(asked_, &keyframe) != asked_.end();
   }
 
-  /// Leads are keyframes with which some corners agree and too few to tell: from there the place is seen from
-  /// too far or aside. A neighbour may see it better whose picture and words rank it too low to be tried. Of
-  /// the best lead first, those that measured most in common with it.
-  [[nodiscard]] std::vector<Ranked> neighbours_of_leads(const QueryPicture& picture) const {
-    std::vector<const Tried*> leads;
+  /// Keyframes of which some matches support each other while too few agree on a pose to tell, best first:
+  /// from there the place is seen from too far or aside.
+  [[nodiscard]] std::vector<Ranked> leads() const {
+    std::vector<const Tried*> found;
     for (const Tried& t : tried_) {
       if (t.said.supported >= options_.confirm.min_supported &&
           t.said.agreeing < options_.confirm.enough_agreeing)
-        leads.push_back(&t);
+        found.push_back(&t);
     }
-    std::ranges::stable_sort(leads, std::greater(),
+    std::ranges::stable_sort(found, std::greater(),
                              [](const Tried* t) { return std::tuple(t->said.agreeing, t->said.supported); });
-    std::vector<Ranked> neighbours;
-    for (const Tried* lead : leads) {
-      const IndexedMap& map = *lead->ranked.map;
-      std::vector<std::pair<size_t, size_t>> shared;  // points in common, keyframe
-      for (size_t k = 0; k < map.keyframes.size(); ++k) {
-        const IndexedKeyframe& keyframe = *map.keyframes[k];
-        const size_t common = count_in_common(keyframe, lead->ranked.indexed(), keyframe.measured.size());
-        if (common >= kInCommon && !was_asked(keyframe)) shared.emplace_back(common, k);
-      }
-      std::ranges::stable_sort(shared, std::greater(), &std::pair<size_t, size_t>::first);
-      if (shared.size() > kNeighboursOfLead) shared.resize(kNeighboursOfLead);
-      for (const auto& [_, k] : shared)
-        neighbours.push_back({unlikeness(*map.keyframes[k], picture), &map, k});
+    std::vector<Ranked> leads;
+    for (const Tried* t : found) leads.push_back(t->ranked);
+    return leads;
+  }
+
+  /// Those that measured most points in common with it and have not been asked.
+  [[nodiscard]] std::vector<Ranked> neighbours_of(const Ranked& lead, const QueryPicture& picture) const {
+    std::vector<std::pair<size_t, size_t>> shared;  // points in common, keyframe
+    for (size_t k = 0; k < lead.map->keyframes.size(); ++k) {
+      const IndexedKeyframe& keyframe = *lead.map->keyframes[k];
+      const size_t common = was_asked(keyframe) ? 0 : count_in_common(keyframe, lead.indexed());
+      if (common >= kInCommon) shared.emplace_back(common, k);
     }
+    std::ranges::stable_sort(shared, std::greater(), &std::pair<size_t, size_t>::first);
+    if (shared.size() > kNeighboursOfLead) shared.resize(kNeighboursOfLead);
+    std::vector<Ranked> neighbours;
+    for (const auto& [_, k] : shared) neighbours.push_back(rank(*lead.map, k, picture));
     return neighbours;
+  }
+
+  /// A neighbour of what is half known may see the place better, and stand too low by picture and words to be
+  /// tried. True: one is clear.
+  bool follow_leads(const QueryPicture& picture) {
+    const size_t most = tried_.size() + kTriesOfLeads;
+    for (const Ranked& lead : leads()) {
+      if (tried_.size() >= most) return false;
+      if (try_out(neighbours_of(lead, picture), most)) return true;
+    }
+    return false;
   }
 
   /// Counts it among what was tried of its place.
@@ -387,7 +406,7 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   } else if (is_any_confirmed) {
     result.reason = result.candidates.front().reason;
   } else {
-    result.reason = fmt::format("none of the {} most similar keyframes of {} agrees with the corners seen",
+    result.reason = fmt::format("none of the {} keyframes tried, of {}, agrees with the corners seen",
                                 result.candidates.size(), index.keyframe_count());
   }
   const auto told = static_cast<size_t>(options.shortlist);

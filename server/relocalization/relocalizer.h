@@ -25,8 +25,8 @@ struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
   /// Keyframes that geometry is asked about before the words are: the most alike in the tiny images.
   int by_picture_alone = 2;
-  /// Keyframes that geometry is asked about at most, those included. Neighbours in a map look alike: they are
-  /// tried when the best of each place have failed.
+  /// Keyframes that geometry is asked about by picture and words, those included. Then come, where nothing is
+  /// confirmed, four neighbours of those that are half known, else four more at least for the best pose.
   int shortlist = 12;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
   PictureSearch search = PictureSearch::kForest;

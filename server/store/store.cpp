@@ -270,12 +270,12 @@ Status Store::finish_replacements() {
 
 Status Store::open_catalogue() {
   const fs::path path = folder_ / kCatalogue;
-  const auto maps = entries_of(folder_ / "maps");
-  if (!maps) return tl::unexpected(maps.error());
-  std::error_code missing;
-  if (!maps->empty() && (fs::file_size(path, missing) == 0 || missing))
-    log_->warn("{}: {}, though there are maps; begun anew: clients take this for another server",
-               path.string(), missing ? "not there" : "empty");
+  std::error_code problem;
+  const bool is_empty = fs::file_size(path, problem) == 0;
+  const bool is_missing = problem == std::errc::no_such_file_or_directory;
+  if (!maps().empty() && (is_empty || is_missing))
+    log_->error("{}: {}, though there are maps; begun anew: clients take this for another server",
+                path.string(), is_missing ? "not there" : "empty");
   Status read = read_catalogue();
   if (!read && read.error().code == ErrorCode::kDamaged) {
     const fs::path aside = free_path(folder_ / "damaged", "catalogue-" + utc_stamp(), kCatalogueSuffix);
