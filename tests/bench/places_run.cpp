@@ -32,6 +32,7 @@ struct Arguments {
   PlacesOptions places;
   bool ours_alone = false;
   bool check = false;
+  bool check_times = false;
   bool verbose = false;
 };
 
@@ -263,13 +264,10 @@ void print_total(const char* method, const std::string& light, const Score& s) {
               percentile(s.times.all(), 0.5), percentile(s.times.all(), 0.95));
 }
 
-/// Of ours: what must hold and does not, a line each.
+/// Of our answers: what must hold and does not, a line each.
 std::vector<std::string> complaints(const std::vector<Scores>& totals) {
   constexpr double kLeastRecall = 0.95;
-  constexpr double kMostByPicture = 5;  // [ms]
-  constexpr double kMostWithWords = 15;
   std::vector<std::string> found;
-  AnswerTimes times;
   for (size_t l = 0; l < totals.size(); ++l) {
     const Score& ours = totals[l][0];
     const std::string light = to_string(lights_to_stand()[l]);
@@ -278,12 +276,22 @@ std::vector<std::string> complaints(const std::vector<Scores>& totals) {
                                   light, ours.recall.wrong_map, ours.recall.wrong_pose, ours.claimed));
     if (ours.recall.share() < kLeastRecall)
       found.push_back(fmt::format("{}: {:.1f} % right", light, 100 * ours.recall.share()));
-    times.add(ours.times);
   }
-  if (percentile(times.by_picture(), 0.95) > kMostByPicture ||
-      percentile(times.by_words(), 0.95) > kMostWithWords)
-    found.push_back(times.text());
   return found;
+}
+
+AnswerTimes times_in_all_lights(const std::vector<Scores>& totals) {
+  AnswerTimes times;
+  for (const Scores& total : totals) times.add(total[0].times);
+  return times;
+}
+
+/// They depend on the machine and on what else it does.
+bool are_quick(const AnswerTimes& times) {
+  constexpr double kMostByPicture = 5;  // [ms]
+  constexpr double kMostWithWords = 15;
+  return percentile(times.by_picture(), 0.95) <= kMostByPicture &&
+         percentile(times.by_words(), 0.95) <= kMostWithWords;
 }
 
 /// What is left out, and with --check what does not hold.
@@ -296,6 +304,8 @@ Status judge_run(const Places& places, const std::vector<Scores>& totals, const 
   if (arguments.check) {
     for (const std::string& complaint : complaints(totals)) wrong.push_back("does not hold: " + complaint);
   }
+  const AnswerTimes times = times_in_all_lights(totals);
+  if (arguments.check_times && !are_quick(times)) wrong.push_back("does not hold: " + times.text());
   if (wrong.empty()) return {};
   return fail(ErrorCode::kDegenerate, fmt::format("{}", fmt::join(wrong, "; ")));
 }
@@ -329,10 +339,8 @@ Status examine_places(const Arguments& arguments) {
     for (size_t l = 0; l < totals.size(); ++l)
       print_total(kMethodNames[m], to_string(lights_to_stand()[l]), totals[l][m]);
   }
-  AnswerTimes times;
-  for (const Scores& total : totals) times.add(total[0].times);
   std::printf("ours, as recorded: %s\nours, all lights: %s\n", totals[0][0].times.text().c_str(),
-              times.text().c_str());
+              times_in_all_lights(totals).text().c_str());
   for (const Place& place : places->made) {
     if (place.asks_elsewhere)
       std::printf("%s: declared in the list not to show what is mapped, and so never in view\n",
@@ -349,7 +357,7 @@ nothing to say:
   unmapped FOLDER CAMERA                     asked about only
 CAMERA: a calibration in that folder or beside the list, by default its camera.txt; TRUTH: a trajectory in that
 folder, or `elsewhere`: none, and what is asked about does not show what is mapped; UNIT: m, or - if unknown.
-Exit codes: 0 ok, 1 a place is left out, or --check finds fault, 2 usage, 3 list or recordings missing.)";
+Exit codes: 0 ok, 1 a place is left out, or a check finds fault, 2 usage, 3 list or recordings missing.)";
 
 void add_options(CLI::App& app, Arguments* arguments) {
   app.add_option("DATA_DIR", arguments->places.recordings, "folder of the recordings")
@@ -368,8 +376,10 @@ void add_options(CLI::App& app, Arguments* arguments) {
       ->capture_default_str();
   app.add_flag(
       "--check", arguments->check,
-      "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, 95 % "
-      "right in every light, and answers within 5 ms by pictures and 15 with words (p95)");
+      "ends with 1 unless ours has no wrong map, no wrong pose and no claim without the own map, and 95 % "
+      "right in every light");
+  app.add_flag("--check-times", arguments->check_times,
+               "ends with 1 unless ours answers within 5 ms of CPU by pictures and 15 with words (p95)");
   app.add_flag("-v,--verbose", arguments->verbose, "a line for each of our mistakes");
   app.footer(kFooter);
 }
