@@ -142,6 +142,7 @@ class Store {
   [[nodiscard]] Status finish_replacements();
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
+  [[nodiscard]] std::filesystem::path catalogue_path() const;
   void read_overlaps(sqlite::Database* catalogue);
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
   [[nodiscard]] std::filesystem::path fresh_path_of(MapId map) const;
