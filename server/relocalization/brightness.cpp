@@ -17,6 +17,14 @@ constexpr double kNoise = 3;  ///< [grey levels] that contrast must exceed to co
 
 }  // namespace
 
+float white_share(const GrayView& small) {
+  ptrdiff_t white = 0;
+  for (int y = 0; y < small.height; ++y)
+    white +=
+        std::count_if(small.row(y), small.row(y) + small.width, [](uint8_t grey) { return grey >= kWhite; });
+  return static_cast<float>(white) / static_cast<float>(std::max(1, small.width * small.height));
+}
+
 std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0) {
   constexpr int kLevel = kPyramidLevels - 1;
   const float x = to_level(level0.x(), kLevel);

@@ -22,4 +22,7 @@ struct Brightness {
 /// the 40 px around it is clipped to white or black: what is there does not show.
 [[nodiscard]] std::optional<Brightness> brightness_at(const GrayView& small, const Eigen::Vector2f& level0);
 
+/// Share of a small image (pyramid level 3) that is clipped to white.
+[[nodiscard]] float white_share(const GrayView& small);
+
 }  // namespace cairn

@@ -33,7 +33,7 @@ struct Best {
 
 /// Points of a keyframe in a corner's cells, over the scales up to an octave from its own, that may be the
 /// corner's or a rival. `near` is replaced.
-void find_near(const PlaceCorner& corner, const CellList& cells, const IndexedKeyframe& keyframe,
+void find_near(const PlaceCorner& corner, const CellList& cells, const DescribedPoints& keyframe,
                std::vector<NearDescriptor>* near) {
   const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
   const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
@@ -48,7 +48,7 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const IndexedKe
 
 /// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
 /// made of one corner at several scales look alike and are not rivals.
-std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe) {
+std::optional<Best> choose(std::span<const NearDescriptor> near, const DescribedPoints& keyframe) {
   int least = kMaxDistance + 1;
   for (const NearDescriptor& n : near) least = std::min(least, n.distance);
   if (least > kMaxDistance) return std::nullopt;
@@ -122,8 +122,7 @@ class Neighbourhood {
     const size_t last = begin_[static_cast<size_t>(std::min(seen.sighting->level + 2, kPyramidLevels))];
     const auto within = std::span(descriptors_).subspan(first, last - first);
     for (uint8_t i = 0; i < seen.sighting->descriptions; ++i) {
-      descriptor_distances(seen.keyframe->descriptors[seen.sighting->described[i]], within,
-                           distances_.data());
+      descriptor_distances(*seen.descriptors[i], within, distances_.data());
       for (size_t k = 0; k < within.size(); ++k) {
         const size_t corner = grid_.entry(near_[first + k]).corner;
         const int distance = distances_[k];
@@ -155,7 +154,7 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 
 std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                        const IndexedMap& map, size_t keyframe) {
-  const IndexedKeyframe& indexed = *map.keyframes[keyframe];
+  const DescribedPoints& indexed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
   std::vector<PlaceMatch> matches;
   std::vector<NearDescriptor> near;
   for (size_t i = 0; i < view.corners.size(); ++i) {
@@ -225,7 +224,7 @@ void CornerGrid::find(const Eigen::Vector2d& pixel, int level, double radius,
 }
 
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, ProjectedPoints* out) {
+                    std::span<const size_t> keyframes, float white, ProjectedPoints* out) {
   out->points.clear();
   out->sightings.clear();
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
@@ -244,9 +243,14 @@ void project_points(const Camera& camera, const SE3& camera_from_map, const Inde
     for (size_t i = 0; i < keyframes.size(); ++i) {
       const IndexedKeyframe& keyframe = *map.keyframes[keyframes[i]];
       if (next[i] == keyframe.measured.size() || keyframe.measured[next[i]] != id) continue;
-      position = &map.positions[keyframes[i]][next[i]];
-      const Sighting& sighting = keyframe.sightings[next[i]++];
-      if (sighting.descriptions > 0) out->sightings.push_back({&keyframe, &sighting});
+      const size_t measured = next[i]++;
+      position = &map.positions[keyframes[i]][measured];
+      const Sighting& sighting = keyframe.sightings[measured];
+      if (sighting.descriptions == 0) continue;
+      const DescribedPoints& exposed = keyframe.exposed_as(white);
+      const auto& described = exposed.of_measured[measured];
+      out->sightings.push_back(
+          {&sighting, {&exposed.descriptors[described[0]], &exposed.descriptors[described[1]]}});
     }
     const auto count = static_cast<uint32_t>(out->sightings.size()) - first_sighting;
     if (count == 0) continue;

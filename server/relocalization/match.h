@@ -24,9 +24,10 @@ struct PlaceMatch {
 /// For each corner of a view the cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
-/// Every corner with the point of the keyframe that looks most like it, of those in the corner's cells at its
-/// own pyramid level and one up or down. Kept are matches clearly better than the best rival elsewhere in the
-/// keyframe; each point once. Points that left the map are passed over. In the order of corners.
+/// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
+/// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
+/// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
+/// are passed over. In the order of corners.
 [[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                                      const IndexedMap& map, size_t keyframe);
 
@@ -74,8 +75,8 @@ struct ProjectedPoint {
 
 /// A keyframe that saw a point, and how.
 struct KeyframeSighting {
-  const IndexedKeyframe* keyframe = nullptr;
   const Sighting* sighting = nullptr;
+  std::array<const Descriptor*, 2> descriptors{};  ///< Sighting::descriptions of them
 };
 
 struct ProjectedPoints {
@@ -85,9 +86,10 @@ struct ProjectedPoints {
     return std::span(sightings).subspan(p.first_sighting, p.sighting_count);
   }
 };
-/// Points in the image that some keyframes of the map (indices) have described. `out` keeps its memory.
+/// Points in the image that some keyframes of the map (indices) have described, as they look in a picture of
+/// which a share is `white`. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, ProjectedPoints* out);
+                    std::span<const size_t> keyframes, float white, ProjectedPoints* out);
 
 /// Projected points looked for within `radius` px of the corner's level, among corners at most a level from
 /// one at which the point was measured. Each corner and each point at most once, in the order of corners.

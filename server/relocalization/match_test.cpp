@@ -64,12 +64,13 @@ class DrawnMap {
     std::ranges::sort(drawn_, {},
                       [](const DrawnPoint& d) { return std::tuple(d.cell, d.point.scale, d.point.id); });
     auto keyframe = std::make_shared<IndexedKeyframe>();
+    DescribedPoints& points = keyframe->as_taken;
     for (const DrawnPoint& d : drawn_) {
-      keyframe->points.push_back(d.point);
-      keyframe->descriptors.push_back(d.descriptor);
-      ++keyframe->begin_of[size_t{d.cell} * kPlaceScales + d.point.scale + 1];
+      points.points.push_back(d.point);
+      points.descriptors.push_back(d.descriptor);
+      ++points.begin_of[size_t{d.cell} * kPlaceScales + d.point.scale + 1];
     }
-    std::partial_sum(keyframe->begin_of.begin(), keyframe->begin_of.end(), keyframe->begin_of.begin());
+    std::partial_sum(points.begin_of.begin(), points.begin_of.end(), points.begin_of.begin());
     IndexedMap map;
     map.keyframes = {keyframe};
     map.positions.resize(1);
@@ -96,7 +97,7 @@ struct Tally {
 /// The rule of match_anywhere(), one point after the other and none left out.
 class PlainRule {
  public:
-  explicit PlainRule(const IndexedMap& map) : map_(map), keyframe_(*map.keyframes[0]) {
+  explicit PlainRule(const IndexedMap& map) : map_(map), keyframe_(map.keyframes[0]->as_taken) {
     for (const Descriptor& d : keyframe_.descriptors) cells_.push_back(cell_of(d));
   }
 
@@ -170,7 +171,7 @@ class PlainRule {
   }
 
   const IndexedMap& map_;
-  const IndexedKeyframe& keyframe_;
+  const DescribedPoints& keyframe_;
   std::vector<CellId> cells_;
   Tally tally_;
 };

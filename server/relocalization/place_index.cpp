@@ -2,108 +2,17 @@
 #include "server/relocalization/place_index.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numeric>
 #include <optional>
-#include <tuple>
-
-#include "common/image/patch.h"
 
 namespace cairn {
 namespace {
-
-constexpr float kHalfOctave = 1.41421356F;
-
-Corner nearest_pixel(const Eigen::Vector2f& level0, int level, bool is_half) {
-  const auto place = [&](float v) {
-    const float at_level = to_level(v, level);
-    return static_cast<int16_t>(std::lround(is_half ? (at_level + 0.5F) / kHalfOctave - 0.5F : at_level));
-  };
-  return {place(level0.x()), place(level0.y())};
-}
-
-/// The image reduced by the square root of two, bilinearly.
-void reduce(const GrayView& image, GrayImage* out) {
-  out->resize(static_cast<int>(static_cast<float>(image.width) / kHalfOctave),
-              static_cast<int>(static_cast<float>(image.height) / kHalfOctave));
-  const auto source = [](int i, int size) {
-    return std::clamp((static_cast<float>(i) + 0.5F) * kHalfOctave - 0.5F, 0.0F,
-                      static_cast<float>(size) - 1.001F);
-  };
-  for (int y = 0; y < out->height(); ++y) {
-    for (int x = 0; x < out->width(); ++x) {
-      const float value = sample_bilinear(image, source(x, image.width), source(y, image.height));
-      out->row(y)[x] = static_cast<uint8_t>(std::lround(value));
-    }
-  }
-}
 
 bool same_measurements(const IndexedKeyframe& indexed, const KeyframeView& view) {
   return std::equal(indexed.measured.begin(), indexed.measured.end(), view.measurements.begin(),
                     view.measurements.end(),
                     [](PointId id, const PointMeasurement& m) { return id == m.id; });
-}
-
-struct Described {
-  DescribedPoint point;
-  Descriptor descriptor;
-  CellId cell = 0;
-};
-
-/// All points at their scales, in no particular order.
-std::vector<Described> describe_points(const KeyframeView& view) {
-  std::vector<Described> described;
-  described.reserve(2 * view.measurements.size());
-  GrayImage smoothed;
-  GrayImage reduced;
-  for (int scale = 0; scale < kPlaceScales; ++scale) {
-    const int level = scale / 2;
-    const bool is_half = scale % 2 != 0;
-    if (is_half) reduce(view.pyramid->level(level), &reduced);
-    smooth_for_descriptors(is_half ? reduced : view.pyramid->level(level), &smoothed);
-    for (uint32_t i = 0; i < view.measurements.size(); ++i) {
-      const PointMeasurement& m = view.measurements[i];
-      Described d;
-      if (m.level != level || !describe(smoothed, nearest_pixel(m.pixel, level, is_half), &d.descriptor))
-        continue;
-      d.point = {m.id, i, m.level, static_cast<uint8_t>(scale), m.pixel};
-      d.cell = cell_of(d.descriptor);
-      described.push_back(d);
-    }
-  }
-  return described;
-}
-
-void sort_into_cells(std::vector<Described> described, IndexedKeyframe* keyframe) {
-  std::sort(described.begin(), described.end(), [](const Described& a, const Described& b) {
-    return std::tuple(a.cell, a.point.scale, a.point.id) < std::tuple(b.cell, b.point.scale, b.point.id);
-  });
-  keyframe->points.reserve(described.size());
-  keyframe->descriptors.reserve(described.size());
-  for (const Described& d : described) {
-    keyframe->points.push_back(d.point);
-    keyframe->descriptors.push_back(d.descriptor);
-    keyframe->words.push_back(word_in(d.cell, d.descriptor));
-    ++keyframe->begin_of[size_t{d.cell} * kPlaceScales + d.point.scale + 1];
-  }
-  std::partial_sum(keyframe->begin_of.begin(), keyframe->begin_of.end(), keyframe->begin_of.begin());
-  std::sort(keyframe->words.begin(), keyframe->words.end());
-  keyframe->words.erase(std::unique(keyframe->words.begin(), keyframe->words.end()), keyframe->words.end());
-}
-
-/// With the points sorted into cells.
-std::vector<Sighting> make_sightings(const KeyframeView& view, const IndexedKeyframe& keyframe) {
-  const GrayView small = view.pyramid->level(kPyramidLevels - 1);
-  std::vector<Sighting> sightings;
-  sightings.reserve(view.measurements.size());
-  for (const PointMeasurement& m : view.measurements)
-    sightings.push_back({m.pixel, brightness_at(small, m.pixel), m.level, 0, {}});
-  for (uint32_t i = 0; i < keyframe.points.size(); ++i) {
-    Sighting& sighting = sightings[keyframe.points[i].measured];
-    sighting.described[sighting.descriptions++] = i;
-  }
-  return sightings;
 }
 
 std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::span<const PointId> points) {
@@ -159,19 +68,6 @@ InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
   return lists;
 }
 
-IndexedKeyframePtr index_keyframe(const KeyframeView& view) {
-  auto indexed = std::make_shared<IndexedKeyframe>();
-  indexed->id = view.id;
-  indexed->camera = view.camera;
-  indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
-  indexed->contrast = contrast_of(indexed->tiny);
-  indexed->measured.reserve(view.measurements.size());
-  for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
-  sort_into_cells(describe_points(view), indexed.get());
-  indexed->sightings = make_sightings(view, *indexed);
-  return indexed;
-}
-
 IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
                         std::span<const KeyframeView> views) {
   auto map = std::make_shared<IndexedMap>();
@@ -180,8 +76,9 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
     const auto known = previous != nullptr ? find_keyframe(*previous, view.id) : std::nullopt;
     const bool has_picture = view.pyramid != nullptr;
     if (!known && !has_picture) continue;
-    const bool is_same = known && (!has_picture || same_measurements(*previous->keyframes[*known], view));
-    map->keyframes.push_back(is_same ? previous->keyframes[*known] : index_keyframe(view));
+    const IndexedKeyframePtr before = known ? previous->keyframes[*known] : nullptr;
+    const bool is_same = before && (!has_picture || same_measurements(*before, view));
+    map->keyframes.push_back(is_same ? before : index_keyframe(view, before.get()));
   }
   std::sort(map->keyframes.begin(), map->keyframes.end(),
             [](const IndexedKeyframePtr& a, const IndexedKeyframePtr& b) { return a->id < b->id; });

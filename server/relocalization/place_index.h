@@ -1,65 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
-#include "common/image/descriptor.h"
-#include "common/image/tiny_image.h"
-#include "common/map/keyframe_view.h"
 #include "common/map/snapshot.h"
-#include "server/relocalization/brightness.h"
 #include "server/relocalization/compact.h"
+#include "server/relocalization/indexed_keyframe.h"
 #include "server/relocalization/picture_forest.h"
-#include "server/relocalization/vocabulary.h"
 
-/// What the relocalizer searches: tiny images and described points of all keyframes of all maps, as immutable
-/// values shared between versions. Whoever changes an index makes a new one; queries go on with theirs.
+/// What the relocalizer searches: the keyframes of all maps, as immutable values shared between versions.
+/// Whoever changes an index makes a new one; queries go on with theirs.
 namespace cairn {
-
-/// Blur of the tiny images compared (PTAM r114).
-constexpr float kPlaceBlur = 2.5F;
-
-/// Scales at which points are described: each pyramid level and, half an octave coarser, the level reduced by
-/// the square root of two. A descriptor stands a change of scale by 1.2 or so; levels alone leave gaps.
-constexpr int kPlaceScales = 2 * kPyramidLevels;
-
-/// A map point as one keyframe saw it.
-struct DescribedPoint {
-  PointId id;
-  uint32_t measured = 0;                            ///< index into IndexedKeyframe::measured
-  uint8_t level = 0;                                ///< at which it was measured
-  uint8_t scale = 0;                                ///< at which it is described: 2 level, or 2 level + 1
-  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px of the keyframe
-};
-
-/// How a keyframe saw a point.
-struct Sighting {
-  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
-  std::optional<Brightness> brightness;             ///< there
-  uint8_t level = 0;                                ///< at which it was measured
-  uint8_t descriptions = 0;                         ///< how many there are: none near the border
-  std::array<uint32_t, 2> described{};              ///< indices into IndexedKeyframe::points
-};
-
-struct IndexedKeyframe {
-  KeyframeId id;
-  CameraPtr camera;
-  TinyImage tiny;                   ///< blur kPlaceBlur, zero mean
-  float contrast = 0;               ///< root mean square of `tiny` [grey levels]
-  std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
-  std::vector<Sighting> sightings;  ///< of `measured`
-  /// By the descriptor's cell, then scale, then id. Each point stands at two scales.
-  std::vector<DescribedPoint> points;
-  std::vector<Descriptor> descriptors;  ///< of `points`
-  /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
-  std::array<uint32_t, kVocabularyCells * kPlaceScales + 1> begin_of{};
-  std::vector<WordId> words;  ///< of `descriptors`, ascending, each once
-};
-using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 
 /// Which keyframes of a map show a word.
 struct InvertedLists {
@@ -89,8 +42,6 @@ struct IndexedMap {
   }
 };
 using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
-
-[[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view);
 
 /// A map's part of the index. Keyframes of `previous` (null: none) whose measurements are the same are
 /// shared, and those whose view has no picture to describe them anew. Views of keyframes that the snapshot

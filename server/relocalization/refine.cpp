@@ -74,7 +74,7 @@ Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Came
     const double radius = kRadii[step];
     const SE3 camera_from_map = refined.pose.camera_from_map;
     project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe),
-                   &refined.points);
+                   white_share(view.small), &refined.points);
     if (step + 1 < std::size(kRadii)) {
       keep_certain(camera, refined.pose, radius, &refined.points);
       keep_some(kEnoughForPose, &refined.points.points);

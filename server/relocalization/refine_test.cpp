@@ -28,7 +28,7 @@ class RefineTest : public ::testing::Test {
   [[nodiscard]] ProjectedPoints points_in_view(const SE3& pose) const {
     ProjectedPoints points;
     const std::vector<size_t> all = {0, 1, 2};
-    project_points(*scene_.camera(), pose, *index_, all, &points);
+    project_points(*scene_.camera(), pose, *index_, all, 0, &points);
     return points;
   }
 

@@ -452,7 +452,7 @@ TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 3)->view());
   const auto cells = probed_cells(view);
   const IndexedMap& indexed = *index_.find(map().snapshot()->map);
-  const IndexedKeyframe& keyframe = *indexed.keyframes[1];
+  const DescribedPoints& keyframe = indexed.keyframes[1]->as_taken;
   const auto matches = match_anywhere(view, cells, indexed, 1);
   size_t near = 0;
   size_t found = 0;

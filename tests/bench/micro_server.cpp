@@ -19,6 +19,7 @@
 #include "server/mapping/bundle_scene.h"
 #include "server/mapping/map_maker_fixture.h"
 #include "server/mapping/map_record.h"
+#include "server/relocalization/indexed_keyframe.h"
 #include "tests/bench/timing.h"
 #include "tests/world/simulator.h"
 
@@ -85,18 +86,56 @@ BENCHMARK(BM_NewPointsOfAKeyframe)->UseManualTime()->Unit(benchmark::kMillisecon
 
 // ---- Descriptors
 
-/// Of a frame of the simulated desk.
-std::vector<Descriptor> descriptors_of(int frame) {
+/// A frame of the simulated desk.
+Pyramid pyramid_of(int frame) {
   Pyramid pyramid;
   pyramid.build(Simulator::make("desk", {}).value().frame(frame).image.view());
+  return pyramid;
+}
+
+std::vector<PlaceCorner> corners_of(const Pyramid& pyramid) {
   std::array<CornerList, kPyramidLevels> corners;
   for (size_t l = 0; l < corners.size(); ++l)
     detect_fast10(pyramid.level(static_cast<int>(l)), 10, &corners[l]);
+  return describe_place(pyramid, corners).corners;
+}
+
+std::vector<Descriptor> descriptors_of(int frame) {
   std::vector<Descriptor> descriptors;
-  for (const PlaceCorner& corner : describe_place(pyramid, corners).corners)
-    descriptors.push_back(corner.descriptor);
+  for (const PlaceCorner& corner : corners_of(pyramid_of(frame))) descriptors.push_back(corner.descriptor);
   return descriptors;
 }
+
+/// A keyframe that measured 500 points or so.
+KeyframeView measured_view() {
+  KeyframeView view;
+  view.id = KeyframeId{1};
+  auto pyramid = std::make_shared<Pyramid>(pyramid_of(40));
+  uint64_t number = 0;
+  for (const PlaceCorner& corner : corners_of(*pyramid)) {
+    if (++number % 7 < 4) view.measurements.push_back({PointId{number}, corner.level, corner.pixel});
+  }
+  view.pyramid = std::move(pyramid);
+  return view;
+}
+
+/// Described at two exposures, eight scales in all.
+void BM_IndexKeyframe(benchmark::State& state) {
+  const KeyframeView view = measured_view();
+  for (auto _ : state) benchmark::DoNotOptimize(index_keyframe(view));
+  state.counters["points"] = static_cast<double>(view.measurements.size());
+}
+BENCHMARK(BM_IndexKeyframe)->Unit(benchmark::kMicrosecond);
+
+/// As many new points as most keyframes have that are indexed again while a map grows (7scenes: 4).
+void BM_IndexKeyframeAgain(benchmark::State& state) {
+  const KeyframeView view = measured_view();
+  KeyframeView before = view;
+  before.measurements.resize(view.measurements.size() - 4);
+  const auto indexed = index_keyframe(before);
+  for (auto _ : state) benchmark::DoNotOptimize(index_keyframe(view, indexed.get()));
+}
+BENCHMARK(BM_IndexKeyframeAgain)->Unit(benchmark::kMicrosecond);
 
 /// Each corner of a picture in all of another: the relocalizer asks only the cells around.
 void BM_FindNearestFew(benchmark::State& state) {

@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/indexed_keyframe.h"
+
+#include <algorithm>
+#include <numeric>
+#include <span>
+#include <tuple>
+#include <utility>
+
+#include "server/relocalization/compact.h"
+#include "server/relocalization/described_scale.h"
+
+namespace cairn {
+namespace {
+
+constexpr float kTellsNothing = 0.01F;  ///< more of the picture that is white
+
+/// Of a keyframe's measurements those that it had when it was indexed before, and what it was then.
+class Known {
+ public:
+  /// `previous`: null, or outlives it.
+  Known(const IndexedKeyframe* previous, std::span<const PointMeasurement> measurements)
+      : previous_(previous), was_(measurements.size()) {
+    if (previous == nullptr) return;
+    for (size_t i = 0, o = 0; i < measurements.size(); ++i) {
+      const PointMeasurement& m = measurements[i];
+      while (o < previous->measured.size() && previous->measured[o] < m.id) ++o;
+      if (o == previous->measured.size()) break;
+      const Sighting& before = previous->sightings[o];
+      if (previous->measured[o] == m.id && before.level == m.level && before.pixel == m.pixel) was_[i] = o;
+    }
+  }
+  [[nodiscard]] const IndexedKeyframe* previous() const { return previous_; }
+  /// Index into `previous`; nothing: it is new, or elsewhere.
+  [[nodiscard]] std::optional<size_t> was(size_t measurement) const { return was_[measurement]; }
+
+ private:
+  const IndexedKeyframe* previous_;
+  std::vector<std::optional<size_t>> was_;
+};
+
+struct Described {
+  DescribedPoint point;
+  Descriptor descriptor{};
+  CellId cell = 0;
+};
+
+/// What is known, as it was described before. In no particular order.
+std::vector<Described> take_over(const DescribedPoints& before, const Known& known, size_t measurements) {
+  std::vector<CellId> cells(before.points.size());
+  for (size_t cell = 0; cell < kVocabularyCells; ++cell) {
+    const uint32_t* begin = &before.begin_of[cell * kPlaceScales];
+    std::fill(cells.begin() + begin[0], cells.begin() + begin[kPlaceScales], static_cast<CellId>(cell));
+  }
+  std::vector<Described> described;
+  for (uint32_t i = 0; i < measurements; ++i) {
+    const auto was = known.was(i);
+    if (!was) continue;
+    for (uint8_t d = 0; d < known.previous()->sightings[*was].descriptions; ++d) {
+      const uint32_t at = before.of_measured[*was][d];
+      Described& taken = described.emplace_back(before.points[at], before.descriptors[at], cells[at]);
+      taken.point.measured = i;
+    }
+  }
+  return described;
+}
+
+/// Appends what is not known, at its scales.
+void describe_new(const Pyramid& pyramid, std::span<const PointMeasurement> measurements, const Known& known,
+                  std::vector<Described>* described) {
+  std::array<std::vector<uint32_t>, kPyramidLevels> fresh;
+  for (uint32_t i = 0; i < measurements.size(); ++i) {
+    if (!known.was(i)) fresh[measurements[i].level].push_back(i);
+  }
+  for (int scale = 0; scale < kPlaceScales; ++scale) {
+    const int level = scale / 2;
+    const std::vector<uint32_t>& here = fresh[static_cast<size_t>(level)];
+    DescribedScale picture(pyramid.level(level), scale % 2 != 0, here.size());
+    for (const uint32_t i : here) {
+      const PointMeasurement& m = measurements[i];
+      Described d;
+      const Eigen::Vector2f pixel(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level));
+      if (!picture.describe(pixel, &d.descriptor)) continue;
+      d.point = {m.id, i, m.level, static_cast<uint8_t>(scale), m.pixel};
+      d.cell = cell_of(d.descriptor);
+      described->push_back(d);
+    }
+  }
+}
+
+DescribedPoints arrange(std::vector<Described> described, size_t measurements) {
+  std::sort(described.begin(), described.end(), [](const Described& a, const Described& b) {
+    return std::tuple(a.cell, a.point.scale, a.point.id) < std::tuple(b.cell, b.point.scale, b.point.id);
+  });
+  DescribedPoints points;
+  points.points.reserve(described.size());
+  points.descriptors.reserve(described.size());
+  points.of_measured.resize(measurements);
+  std::vector<size_t> count(measurements);
+  for (const Described& d : described) {
+    const uint32_t i = d.point.measured;
+    points.of_measured[i][count[i]++] = static_cast<uint32_t>(points.points.size());
+    points.points.push_back(d.point);
+    points.descriptors.push_back(d.descriptor);
+    ++points.begin_of[size_t{d.cell} * kPlaceScales + d.point.scale + 1];
+  }
+  std::partial_sum(points.begin_of.begin(), points.begin_of.end(), points.begin_of.begin());
+  return points;
+}
+
+/// `before`: of what is known; null: nothing is.
+DescribedPoints describe_points(const Pyramid& pyramid, std::span<const PointMeasurement> measurements,
+                                const Known& known, const DescribedPoints* before) {
+  std::vector<Described> described;
+  if (before != nullptr) described = take_over(*before, known, measurements.size());
+  describe_new(pyramid, measurements, known, &described);
+  DescribedPoints points = arrange(std::move(described), measurements.size());
+  points.white = white_share(pyramid.level(kPyramidLevels - 1));
+  return points;
+}
+
+/// As the camera would have taken it.
+Pyramid overexpose(const GrayView& picture) {
+  GrayImage lit(picture.width, picture.height);
+  for (int y = 0; y < picture.height; ++y) {
+    std::transform(picture.row(y), picture.row(y) + picture.width, lit.row(y), [](uint8_t grey) {
+      return static_cast<uint8_t>(std::min(kOverexposure * int{grey}, 255));
+    });
+  }
+  Pyramid pyramid;
+  pyramid.build(lit);
+  return pyramid;
+}
+
+std::optional<DescribedPoints> describe_overexposed(const KeyframeView& view, const Known& known,
+                                                    float white_as_taken) {
+  const IndexedKeyframe* previous = known.previous();
+  if (previous != nullptr && !previous->overexposed) return std::nullopt;
+  const Pyramid lit = overexpose(view.pyramid->level(0));
+  if (white_share(lit.level(kPyramidLevels - 1)) < white_as_taken + kTellsNothing) return std::nullopt;
+  return describe_points(lit, view.measurements, known,
+                         previous != nullptr ? &*previous->overexposed : nullptr);
+}
+
+std::vector<WordId> find_words(std::span<const Descriptor> descriptors) {
+  std::vector<WordId> words;
+  words.reserve(descriptors.size());
+  for (const Descriptor& d : descriptors) words.push_back(word_in(cell_of(d), d));
+  std::sort(words.begin(), words.end());
+  words.erase(std::unique(words.begin(), words.end()), words.end());
+  return words;
+}
+
+/// With the points described.
+std::vector<Sighting> make_sightings(const KeyframeView& view, const DescribedPoints& points) {
+  const GrayView small = view.pyramid->level(kPyramidLevels - 1);
+  std::vector<Sighting> sightings;
+  sightings.reserve(view.measurements.size());
+  for (const PointMeasurement& m : view.measurements)
+    sightings.push_back({m.pixel, brightness_at(small, m.pixel), m.level, 0});
+  for (const DescribedPoint& p : points.points) ++sightings[p.measured].descriptions;
+  return sightings;
+}
+
+}  // namespace
+
+const DescribedPoints& IndexedKeyframe::exposed_as(float white) const {
+  if (!overexposed) return as_taken;
+  return white - as_taken.white <= overexposed->white - white ? as_taken : *overexposed;
+}
+
+IndexedKeyframePtr index_keyframe(const KeyframeView& view, const IndexedKeyframe* previous) {
+  const Known known(previous, view.measurements);
+  auto indexed = std::make_shared<IndexedKeyframe>();
+  indexed->id = view.id;
+  indexed->camera = view.camera;
+  indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
+  indexed->contrast = contrast_of(indexed->tiny);
+  indexed->measured.reserve(view.measurements.size());
+  for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
+  indexed->as_taken = describe_points(*view.pyramid, view.measurements, known,
+                                      previous != nullptr ? &previous->as_taken : nullptr);
+  indexed->overexposed = describe_overexposed(view, known, indexed->as_taken.white);
+  indexed->words = find_words(indexed->as_taken.descriptors);
+  indexed->sightings = make_sightings(view, indexed->as_taken);
+  return indexed;
+}
+
+}  // namespace cairn

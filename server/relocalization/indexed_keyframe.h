@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "common/image/descriptor.h"
+#include "common/image/tiny_image.h"
+#include "common/map/keyframe_view.h"
+#include "server/relocalization/brightness.h"
+#include "server/relocalization/vocabulary.h"
+
+/// A keyframe as the relocalizer searches it: an immutable value.
+namespace cairn {
+
+/// Blur of the tiny images compared (PTAM r114).
+constexpr float kPlaceBlur = 2.5F;
+
+/// Scales at which points are described: each pyramid level and, half an octave coarser, the level reduced by
+/// the square root of two. A descriptor stands a change of scale by 1.2 or so; levels alone leave gaps.
+constexpr int kPlaceScales = 2 * kPyramidLevels;
+
+/// Times the exposure of a keyframe at which it is described a second time.
+constexpr int kOverexposure = 2;
+
+/// A map point as one keyframe saw it.
+struct DescribedPoint {
+  PointId id;
+  uint32_t measured = 0;                            ///< index into IndexedKeyframe::measured
+  uint8_t level = 0;                                ///< at which it was measured
+  uint8_t scale = 0;                                ///< at which it is described: 2 level, or 2 level + 1
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px of the keyframe
+};
+
+/// How a keyframe saw a point.
+struct Sighting {
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
+  std::optional<Brightness> brightness;             ///< there
+  uint8_t level = 0;                                ///< at which it was measured
+  uint8_t descriptions = 0;                         ///< how many there are: none near the border
+};
+
+/// The points of a keyframe as they look at one exposure.
+struct DescribedPoints {
+  float white = 0;  ///< share of the picture that is clipped
+  /// By the descriptor's cell, then scale, then id. Each point stands at two scales.
+  std::vector<DescribedPoint> points;
+  std::vector<Descriptor> descriptors;  ///< of `points`
+  /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
+  std::array<uint32_t, kVocabularyCells * kPlaceScales + 1> begin_of{};
+  /// Of IndexedKeyframe::measured: Sighting::descriptions indices into `points`.
+  std::vector<std::array<uint32_t, 2>> of_measured;
+};
+
+struct IndexedKeyframe {
+  KeyframeId id;
+  CameraPtr camera;
+  TinyImage tiny;                   ///< blur kPlaceBlur, zero mean
+  float contrast = 0;               ///< root mean square of `tiny` [grey levels]
+  std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
+  std::vector<Sighting> sightings;  ///< of `measured`
+  DescribedPoints as_taken;
+  /// As with kOverexposure; nothing: that would look the same. In white nothing is left of a corner and what
+  /// is next to it looks otherwise, which no descriptor of the picture as it was taken foretells.
+  std::optional<DescribedPoints> overexposed;
+  std::vector<WordId> words;  ///< of the descriptors of `as_taken`, ascending, each once
+
+  /// The points as they look in a picture of which a share is white.
+  [[nodiscard]] const DescribedPoints& exposed_as(float white) const;
+};
+using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
+
+/// Describes what `previous` (null: none), the keyframe as it was indexed before, has not measured at the
+/// same pixel; the rest is taken from there. A few milliseconds without `previous`.
+[[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view,
+                                                const IndexedKeyframe* previous = nullptr);
+
+}  // namespace cairn
