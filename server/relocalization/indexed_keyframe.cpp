@@ -81,7 +81,7 @@ void describe_new(const Pyramid& pyramid, std::span<const PointMeasurement> meas
       Described d;
       const Eigen::Vector2f pixel(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level));
       if (!picture.describe(pixel, &d.descriptor)) continue;
-      d.point = {m.id, i, m.level, static_cast<uint8_t>(scale), m.pixel};
+      d.point = {i, static_cast<uint8_t>(scale)};
       d.cell = cell_of(d.descriptor);
       described->push_back(d);
     }
@@ -90,7 +90,8 @@ void describe_new(const Pyramid& pyramid, std::span<const PointMeasurement> meas
 
 DescribedPoints arrange(std::vector<Described> described, size_t measurements) {
   std::sort(described.begin(), described.end(), [](const Described& a, const Described& b) {
-    return std::tuple(a.cell, a.point.scale, a.point.id) < std::tuple(b.cell, b.point.scale, b.point.id);
+    return std::tuple(a.cell, a.point.scale, a.point.measured) <
+           std::tuple(b.cell, b.point.scale, b.point.measured);
   });
   DescribedPoints points;
   points.points.reserve(described.size());
@@ -167,6 +168,19 @@ std::vector<Sighting> make_sightings(const KeyframeView& view, const DescribedPo
 const DescribedPoints& IndexedKeyframe::exposed_as(float white) const {
   if (!overexposed) return as_taken;
   return white - as_taken.white <= overexposed->white - white ? as_taken : *overexposed;
+}
+
+size_t bytes_indexed(size_t keyframes, size_t measurements) {
+  constexpr size_t kExposures = 2;
+  constexpr size_t kScales = 2;
+  constexpr size_t kDescription = sizeof(DescribedPoint) + sizeof(Descriptor);
+  constexpr size_t kMeasurement =
+      sizeof(PointId) + sizeof(Sighting) + sizeof(Eigen::Vector3f) +
+      kExposures * (sizeof(std::array<uint32_t, 2>) + kScales * kDescription) +
+      kScales * (sizeof(WordId) + sizeof(uint32_t));  // in `words`, and in the inverted lists
+  constexpr size_t kTinyPixels = size_t{40} * 30;     // of 640x480
+  return keyframes * (sizeof(IndexedKeyframe) + sizeof(CompactPicture) + kTinyPixels * sizeof(float)) +
+         measurements * kMeasurement;
 }
 
 IndexedKeyframePtr index_keyframe(const KeyframeView& view, const IndexedKeyframe* previous) {

@@ -25,13 +25,10 @@ constexpr int kPlaceScales = 2 * kPyramidLevels;
 /// Times the exposure of a keyframe at which it is described a second time.
 constexpr int kOverexposure = 2;
 
-/// A map point as one keyframe saw it.
+/// Which map point a descriptor is of.
 struct DescribedPoint {
-  PointId id;
-  uint32_t measured = 0;                            ///< index into IndexedKeyframe::measured
-  uint8_t level = 0;                                ///< at which it was measured
-  uint8_t scale = 0;                                ///< at which it is described: 2 level, or 2 level + 1
-  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px of the keyframe
+  uint32_t measured = 0;  ///< index into IndexedKeyframe::measured
+  uint8_t scale = 0;      ///< at which it is described: twice the level at which it was measured, or one more
 };
 
 /// How a keyframe saw a point.
@@ -45,7 +42,7 @@ struct Sighting {
 /// The points of a keyframe as they look at one exposure.
 struct DescribedPoints {
   float white = 0;  ///< share of the picture that is clipped
-  /// By the descriptor's cell, then scale, then id. Each point stands at two scales.
+  /// By the descriptor's cell, then scale, then `measured`. Each point stands at two scales.
   std::vector<DescribedPoint> points;
   std::vector<Descriptor> descriptors;  ///< of `points`
   /// Points of cell c at scale s are [begin_of[c * kPlaceScales + s], the next one).
@@ -71,6 +68,9 @@ struct IndexedKeyframe {
   [[nodiscard]] const DescribedPoints& exposed_as(float white) const;
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
+
+/// Memory of indexed keyframes and of their parts of the index that measured so many points in all, at most.
+[[nodiscard]] size_t bytes_indexed(size_t keyframes, size_t measurements);
 
 /// Describes what `previous` (null: none), the keyframe as it was indexed before, has not measured at the
 /// same pixel; the rest is taken from there. A few milliseconds without `previous`.

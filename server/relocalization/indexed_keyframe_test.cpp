@@ -68,7 +68,6 @@ TEST_F(IndexedKeyframeTest, EachPointIsFoundAtEachExposure) {
       for (uint8_t d = 0; d < keyframe->sightings[i].descriptions; ++d, ++described) {
         const DescribedPoint& point = exposed->points[exposed->of_measured[i][d]];
         EXPECT_EQ(point.measured, i);
-        EXPECT_EQ(point.id, keyframe->measured[i]);
       }
     }
     EXPECT_EQ(described, exposed->points.size());

@@ -33,31 +33,33 @@ struct Best {
 
 /// Points of a keyframe in a corner's cells, over the scales up to an octave from its own, that may be the
 /// corner's or a rival. `near` is replaced.
-void find_near(const PlaceCorner& corner, const CellList& cells, const DescribedPoints& keyframe,
+void find_near(const PlaceCorner& corner, const CellList& cells, const DescribedPoints& exposed,
                std::vector<NearDescriptor>* near) {
   const size_t from = static_cast<size_t>(std::max(0, 2 * corner.level - 2));
   const size_t to = static_cast<size_t>(std::min(kPlaceScales - 1, 2 * corner.level + 2));
   std::array<IndexRange, kProbedCells> within;
   std::ranges::transform(cells, within.begin(), [&](CellId cell) {
-    const uint32_t* begin_of = &keyframe.begin_of[cell * size_t{kPlaceScales}];
+    const uint32_t* begin_of = &exposed.begin_of[cell * size_t{kPlaceScales}];
     return IndexRange{begin_of[from], begin_of[to + 1]};
   });
   near->clear();
-  find_nearest_few(corner.descriptor, keyframe.descriptors, within, kMaxRivalDistance, kRatio, near);
+  find_nearest_few(corner.descriptor, exposed.descriptors, within, kMaxRivalDistance, kRatio, near);
 }
 
 /// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
 /// made of one corner at several scales look alike and are not rivals.
-std::optional<Best> choose(std::span<const NearDescriptor> near, const DescribedPoints& keyframe) {
+std::optional<Best> choose(std::span<const NearDescriptor> near, const IndexedKeyframe& keyframe,
+                           std::span<const DescribedPoint> points) {
   int least = kMaxDistance + 1;
   for (const NearDescriptor& n : near) least = std::min(least, n.distance);
   if (least > kMaxDistance) return std::nullopt;
   const int farthest = farthest_within_ratio(least, kRatio);
   const auto is_rival = [&](uint32_t a, uint32_t b) {
-    const DescribedPoint& p = keyframe.points[a];
-    const DescribedPoint& q = keyframe.points[b];
+    if (points[a].scale == points[b].scale) return true;
+    const Sighting& p = keyframe.sightings[points[a].measured];
+    const Sighting& q = keyframe.sightings[points[b].measured];
     const float same_place = kSamePlace * static_cast<float>(1 << p.level);
-    return p.scale == q.scale || (p.pixel - q.pixel).squaredNorm() > same_place * same_place;
+    return (p.pixel - q.pixel).squaredNorm() > same_place * same_place;
   };
   Best best;
   for (const NearDescriptor& n : near) {
@@ -154,17 +156,19 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 
 std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                        const IndexedMap& map, size_t keyframe) {
-  const DescribedPoints& indexed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
+  const IndexedKeyframe& indexed = *map.keyframes[keyframe];
+  const DescribedPoints& exposed = indexed.exposed_as(white_share(view.small));
   std::vector<PlaceMatch> matches;
   std::vector<NearDescriptor> near;
   for (size_t i = 0; i < view.corners.size(); ++i) {
-    find_near(view.corners[i], cells[i], indexed, &near);
-    const auto best = choose(near, indexed);
+    find_near(view.corners[i], cells[i], exposed, &near);
+    const auto best = choose(near, indexed, exposed.points);
     if (!best || static_cast<float>(best->distance) > kRatio * static_cast<float>(best->rival)) continue;
-    const DescribedPoint& point = indexed.points[best->index];
-    const Eigen::Vector3f& position = map.position(keyframe, point);
-    if (position.allFinite())
-      matches.push_back({i, point.id, position.cast<double>(), best->distance, point.pixel});
+    const uint32_t point = exposed.points[best->index].measured;
+    const Eigen::Vector3f& position = map.positions[keyframe][point];
+    if (!position.allFinite()) continue;
+    matches.push_back({i, indexed.measured[point], position.cast<double>(), best->distance,
+                       indexed.sightings[point].pixel});
   }
   keep_one_to_one(&matches);
   return matches;

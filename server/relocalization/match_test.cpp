@@ -46,11 +46,11 @@ class DrawnMap {
  public:
   /// Described at `scale`.
   void add(const Descriptor& descriptor, int scale, const Eigen::Vector2f& pixel) {
-    const auto number = static_cast<uint32_t>(drawn_.size());
-    drawn_.push_back(
-        {{PointId{number + 1}, number, static_cast<uint8_t>(scale / 2), static_cast<uint8_t>(scale), pixel},
-         descriptor,
-         cell_of(descriptor)});
+    const auto number = static_cast<uint32_t>(sightings_.size());
+    Sighting& sighting = sightings_.emplace_back();
+    sighting.pixel = pixel;
+    sighting.level = static_cast<uint8_t>(scale / 2);
+    drawn_.push_back({{number, static_cast<uint8_t>(scale)}, descriptor, cell_of(descriptor)});
   }
   /// The last one at another scale.
   void describe_again(const Descriptor& descriptor, int scale) {
@@ -61,9 +61,12 @@ class DrawnMap {
     drawn_.push_back(again);
   }
   [[nodiscard]] IndexedMap index() {
-    std::ranges::sort(drawn_, {},
-                      [](const DrawnPoint& d) { return std::tuple(d.cell, d.point.scale, d.point.id); });
+    std::ranges::sort(
+        drawn_, {}, [](const DrawnPoint& d) { return std::tuple(d.cell, d.point.scale, d.point.measured); });
     auto keyframe = std::make_shared<IndexedKeyframe>();
+    keyframe->sightings = sightings_;
+    for (uint64_t number = 1; number <= sightings_.size(); ++number)
+      keyframe->measured.push_back(PointId{number});
     DescribedPoints& points = keyframe->as_taken;
     for (const DrawnPoint& d : drawn_) {
       points.points.push_back(d.point);
@@ -74,7 +77,7 @@ class DrawnMap {
     IndexedMap map;
     map.keyframes = {keyframe};
     map.positions.resize(1);
-    for (size_t i = 0; i < drawn_.size(); ++i) {
+    for (size_t i = 0; i < sightings_.size(); ++i) {
       const float x = i % 10 == 3 ? std::numeric_limits<float>::quiet_NaN() : static_cast<float>(i);
       map.positions[0].emplace_back(x, 1, 2);
     }
@@ -82,6 +85,7 @@ class DrawnMap {
   }
 
  private:
+  std::vector<Sighting> sightings_;  ///< of point 1, 2, ...
   std::vector<DrawnPoint> drawn_;
 };
 
@@ -97,8 +101,8 @@ struct Tally {
 /// The rule of match_anywhere(), one point after the other and none left out.
 class PlainRule {
  public:
-  explicit PlainRule(const IndexedMap& map) : map_(map), keyframe_(map.keyframes[0]->as_taken) {
-    for (const Descriptor& d : keyframe_.descriptors) cells_.push_back(cell_of(d));
+  explicit PlainRule(const IndexedMap& map) : map_(map), keyframe_(*map.keyframes[0]) {
+    for (const Descriptor& d : as_taken().descriptors) cells_.push_back(cell_of(d));
   }
 
   [[nodiscard]] std::vector<PlaceMatch> match(const PlaceView& view) {
@@ -106,11 +110,12 @@ class PlainRule {
     for (size_t i = 0; i < view.corners.size(); ++i) {
       const auto best = find(view.corners[i]);
       if (!best) continue;
-      const DescribedPoint& point = keyframe_.points[best->index];
-      const Eigen::Vector3f& position = map_.position(0, point);
+      const uint32_t point = as_taken().points[best->index].measured;
+      const Eigen::Vector3f& position = map_.positions[0][point];
       if (!position.allFinite()) continue;
-      const PlaceMatch match{i, point.id, position.cast<double>(), best->distance, point.pixel};
-      PlaceMatch& nearest = of_point.try_emplace(point.id, match).first->second;
+      const PointId id = keyframe_.measured[point];
+      const PlaceMatch match{i, id, position.cast<double>(), best->distance, sighting_of(best->index).pixel};
+      PlaceMatch& nearest = of_point.try_emplace(id, match).first->second;
       if (match.distance < nearest.distance) nearest = match;
     }
     std::vector<PlaceMatch> matches;
@@ -121,18 +126,23 @@ class PlainRule {
   [[nodiscard]] const Tally& tally() const { return tally_; }
 
  private:
+  [[nodiscard]] const DescribedPoints& as_taken() const { return keyframe_.as_taken; }
+  [[nodiscard]] const Sighting& sighting_of(size_t description) const {
+    return keyframe_.sightings[as_taken().points[description].measured];
+  }
   [[nodiscard]] bool are_rivals(size_t a, size_t b) const {
-    const DescribedPoint& p = keyframe_.points[a];
-    const DescribedPoint& q = keyframe_.points[b];
-    return p.scale == q.scale || (p.pixel - q.pixel).norm() > kSamePlace * static_cast<float>(1 << p.level);
+    const Sighting& p = sighting_of(a);
+    const Sighting& q = sighting_of(b);
+    return as_taken().points[a].scale == as_taken().points[b].scale ||
+           (p.pixel - q.pixel).norm() > kSamePlace * static_cast<float>(1 << p.level);
   }
   /// In the order in which they are looked at.
   [[nodiscard]] std::vector<NearDescriptor> comparable(const PlaceCorner& corner) const {
     std::vector<NearDescriptor> points;
     for (const CellId cell : nearest_cells(corner.descriptor)) {
       for (uint32_t i = 0; i < cells_.size(); ++i) {
-        if (cells_[i] == cell && std::abs(keyframe_.points[i].scale - 2 * corner.level) <= 2)
-          points.push_back({i, descriptor_distance(corner.descriptor, keyframe_.descriptors[i])});
+        if (cells_[i] == cell && std::abs(as_taken().points[i].scale - 2 * corner.level) <= 2)
+          points.push_back({i, descriptor_distance(corner.descriptor, as_taken().descriptors[i])});
       }
     }
     return points;
@@ -171,7 +181,7 @@ class PlainRule {
   }
 
   const IndexedMap& map_;
-  const DescribedPoints& keyframe_;
+  const IndexedKeyframe& keyframe_;
   std::vector<CellId> cells_;
   Tally tally_;
 };

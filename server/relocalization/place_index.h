@@ -36,10 +36,6 @@ struct IndexedMap {
   InvertedLists lists;
   /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
   std::vector<std::vector<Eigen::Vector3f>> positions;
-
-  [[nodiscard]] const Eigen::Vector3f& position(size_t keyframe, const DescribedPoint& point) const {
-    return positions[keyframe][point.measured];
-  }
 };
 using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 

@@ -452,14 +452,15 @@ TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 3)->view());
   const auto cells = probed_cells(view);
   const IndexedMap& indexed = *index_.find(map().snapshot()->map);
-  const DescribedPoints& keyframe = indexed.keyframes[1]->as_taken;
+  const IndexedKeyframe& keyframe = *indexed.keyframes[1];
   const auto matches = match_anywhere(view, cells, indexed, 1);
   size_t near = 0;
   size_t found = 0;
   for (size_t i = 0; i < view.corners.size(); ++i) {
-    const auto nearest = find_nearest(view.corners[i].descriptor, keyframe.descriptors);
+    const auto nearest = find_nearest(view.corners[i].descriptor, keyframe.as_taken.descriptors);
     if (nearest.distance > 40) continue;
-    const PointId id = keyframe.points[static_cast<size_t>(nearest.index)].id;
+    const PointId id =
+        keyframe.measured[keyframe.as_taken.points[static_cast<size_t>(nearest.index)].measured];
     ++near;
     found += std::any_of(matches.begin(), matches.end(), [&](const PlaceMatch& m) { return m.point == id; })
                  ? 1

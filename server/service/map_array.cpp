@@ -4,11 +4,10 @@
 #include <algorithm>
 #include <bit>
 
+#include "server/relocalization/indexed_keyframe.h"
+
 namespace cairn {
 namespace {
-
-constexpr size_t kIndexedKeyframeBytes =
-    200'000;  ///< IndexedKeyframe and its part of IndexedMap, of a thousand points at two scales each
 
 std::mt19937_64 make_generator(uint64_t seed) {
   if (seed != 0) return std::mt19937_64(seed);
@@ -108,7 +107,8 @@ bool is_at_rest(const MapEntry& entry) {
 }
 
 size_t bytes_of(const MapEntry& entry) {
-  size_t sum = entry.statistics.bytes + entry.statistics.keyframes * kIndexedKeyframeBytes;
+  size_t sum =
+      entry.statistics.bytes + bytes_indexed(entry.statistics.keyframes, entry.statistics.measurements);
   if (entry.offers_in_work > 0) sum += entry.statistics.bytes_let_go;
   if (entry.snapshot == nullptr) return sum;
   for (const auto& block : entry.snapshot->point_blocks)
