@@ -152,10 +152,11 @@ void write_poses(const MapProblem& solved, MapState* map) {
   const std::vector<int> point_index = index_by_id(solved.points, map->points().size());
   for (size_t i = 0; i < point_index.size(); ++i) {
     MapPoint& p = map->point(PointId{i + 1});
+    if (!p.live) continue;
     if (point_index[i] >= 0) {
       p.position = solved.bundle.points[static_cast<size_t>(point_index[i])];
     } else {
-      const KeyframeId source = p.source.keyframe;
+      const KeyframeId source = p.source->keyframe;
       p.position =
           map->keyframe(source).camera_from_map.inverse() * (old_poses[source.value - 1] * p.position);
     }
@@ -263,7 +264,7 @@ MapProblem global_problem(const MapState& map) {
   moves[kFirstKeyframe.value - 1] = false;
   std::vector<PointId> points;
   for (const MapPoint& p : map.points()) {
-    if (p.live) points.push_back(p.source.id);
+    if (p.live) points.push_back(p.id);
   }
   MapProblem problem = cut_problem(map, std::move(points), moves);
   fix_gauge(&problem);

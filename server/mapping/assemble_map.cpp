@@ -20,11 +20,9 @@ class Assembly {
       keyframes_[i].live = false;
     }
     for (size_t i = 0; i < points_.size(); ++i) {
-      points_[i].source.id = PointId{i + 1};
-      points_[i].source.keyframe = KeyframeId{1};  // a removed point has some source all the same
+      points_[i].id = PointId{i + 1};
       points_[i].live = false;
     }
-    has_source_.resize(points_.size());
     has_measurements_.resize(keyframes_.size());
     has_image_.resize(keyframes_.size());
   }
@@ -130,9 +128,9 @@ class Assembly {
       for (size_t s = 0; s < r.points.size(); ++s) {
         const size_t i = size_t{r.block} * kBlockSlots + s;
         if (i >= points_.size() || !is_keyframe(r.points[s].keyframe)) continue;
-        points_[i].source = r.points[s];
-        points_[i].source.id = PointId{i + 1};
-        has_source_[i] = true;
+        PointSource source = r.points[s];
+        source.id = points_[i].id;
+        points_[i].source = std::make_shared<const PointSource>(source);
       }
     }
     std::vector<bool> has_position(points_.size());
@@ -145,11 +143,14 @@ class Assembly {
         points_[i].position = p.position;
         points_[i].attempts = p.attempts;
         points_[i].found = p.found;
-        points_[i].live = p.live && has_source_[i];
+        points_[i].live = p.live && points_[i].source;
       }
     }
     size_t lost = 0;
-    for (size_t i = 0; i < points_.size(); ++i) lost += has_source_[i] && has_position[i] ? 0 : 1;
+    for (size_t i = 0; i < points_.size(); ++i) {
+      lost += points_[i].source && has_position[i] ? 0 : 1;
+      if (!points_[i].live) points_[i].source = nullptr;
+    }
     if (lost > 0) repairs_.push_back(std::to_string(lost) + " points are left out: their entries are lost");
   }
 
@@ -193,7 +194,7 @@ class Assembly {
     const std::vector<PointId> live = state->live_point_ids();
     for (const PointId id : live) {
       const MapPoint& p = state->point(id);
-      if (p.observers.size() < 2 || !state->find_measurement(p.source.keyframe, id)) state->remove_point(id);
+      if (p.observers.size() < 2 || !state->find_measurement(p.source->keyframe, id)) state->remove_point(id);
     }
   }
 
@@ -202,7 +203,6 @@ class Assembly {
   std::vector<MapCamera> cameras_;
   std::vector<MapKeyframe> keyframes_;
   std::vector<MapPoint> points_;
-  std::vector<bool> has_source_;
   std::vector<bool> has_measurements_;
   std::vector<bool> has_image_;
   std::vector<KeyframeId> lost_;

@@ -131,7 +131,7 @@ void add_refined(MapState* map, KeyframeId id, const std::vector<PointMeasuremen
     const MapKeyframe& keyframe = map->keyframe(id);
     const auto view = view_point(*map, point, keyframe);
     if (!view) continue;
-    const auto found = refine_from(point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
+    const auto found = refine_from(*point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
     if (!found) continue;
     ++point.attempts;
     ++point.found;

@@ -358,6 +358,7 @@ MapStatistics MapMaker::statistics() const {
   for (const MapPoint& p : map.points()) {
     stats.bytes += sizeof(p) + p.observers.capacity() * sizeof(KeyframeId);
     if (!p.live) continue;
+    stats.bytes += sizeof(PointSource);
     ++stats.points;
     for (int i = 0; i < 3; ++i)
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));

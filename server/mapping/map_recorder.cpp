@@ -104,7 +104,8 @@ PositionsRecord positions_of(const MapState& map, size_t block) {
 SourcesRecord sources_of(const MapState& map, size_t block) {
   SourcesRecord record{static_cast<uint32_t>(block), {}};
   const size_t end = std::min(map.points().size(), (block + 1) * kBlockSlots);
-  for (size_t i = block * kBlockSlots; i < end; ++i) record.points.push_back(map.points()[i].source);
+  for (size_t i = block * kBlockSlots; i < end; ++i)
+    record.points.push_back(source_in_block(map.points()[i]));
   return record;
 }
 

@@ -67,12 +67,20 @@ std::vector<Candidate> point_candidates(const KeyframeImages& images, int level)
                          kCandidateBorder, kMinShiTomasi);
 }
 
+PointSource source_in_block(const MapPoint& point) {
+  if (point.source) return *point.source;
+  PointSource removed;
+  removed.id = point.id;
+  removed.keyframe = KeyframeId{1};
+  return removed;
+}
+
 MapState::MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points,
                    std::vector<MapCamera> cameras)
     : cameras_(std::move(cameras)), keyframes_(std::move(keyframes)), points_(std::move(points)) {
   for (MapPoint& p : points_) {
     p.observers.clear();
-    if (p.live) live_points_.push_back(p.source.id);
+    if (p.live) live_points_.push_back(p.id);
   }
   for (const MapKeyframe& k : keyframes_) {
     for (const Measurement& m : k.measurements) point(m.point).observers.push_back(k.id);
@@ -153,9 +161,12 @@ bool MapState::follow_cameras() {
 void MapState::aim_patches(const std::vector<bool>& chosen) {
   ++aims_;
   for (MapPoint& p : points_) {
-    const MapKeyframe& source = keyframe(p.source.keyframe);
-    if (source.estimated_camera >= 0 && chosen[static_cast<size_t>(source.estimated_camera)])
-      aim_source(*source.camera, &p.source);
+    if (!p.live) continue;
+    const MapKeyframe& source = keyframe(p.source->keyframe);
+    if (source.estimated_camera < 0 || !chosen[static_cast<size_t>(source.estimated_camera)]) continue;
+    PointSource aimed = *p.source;
+    aim_source(*source.camera, &aimed);
+    p.source = std::make_shared<const PointSource>(aimed);
   }
 }
 
@@ -171,11 +182,13 @@ KeyframeId MapState::add_keyframe(MapKeyframe keyframe) {
 
 PointId MapState::add_point(const PointSource& source, const Eigen::Vector3d& position) {
   MapPoint& point = points_.emplace_back();
-  point.source = source;
-  point.source.id = PointId{points_.size()};
+  point.id = PointId{points_.size()};
+  PointSource named = source;
+  named.id = point.id;
+  point.source = std::make_shared<const PointSource>(named);
   point.position = position;
-  live_points_.push_back(point.source.id);
-  return point.source.id;
+  live_points_.push_back(point.id);
+  return point.id;
 }
 
 void MapState::add_measurement(KeyframeId keyframe_id, const Measurement& measurement) {
@@ -197,7 +210,7 @@ void MapState::drop_measurement(KeyframeId keyframe_id, PointId point_id) {
   give_up(keyframe_id, point_id);
   MapPoint& p = point(point_id);
   std::erase(p.observers, keyframe_id);
-  if (p.observers.size() < 2 || p.source.keyframe == keyframe_id) remove_point(point_id);
+  if (p.observers.size() < 2 || p.source->keyframe == keyframe_id) remove_point(point_id);
 }
 
 void MapState::give_up(KeyframeId keyframe_id, PointId point_id) {
@@ -215,6 +228,7 @@ void MapState::remove_point(PointId id) {
     if (it != all.end() && it->point == id) all.erase(it);
   }
   p.observers = {};
+  p.source = nullptr;
   for (MapKeyframe& k : keyframes_) erase_sorted(&k.given_up, id);
   erase_sorted(&live_points_, id);
 }

@@ -74,7 +74,8 @@ struct MapKeyframe {
 }
 
 struct MapPoint {
-  PointSource source;
+  PointId id;
+  std::shared_ptr<const PointSource> source;           ///< null once it is removed: most points ever made are
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< map frame
   std::vector<KeyframeId> observers;                   ///< ascending
   int attempts =
@@ -82,6 +83,9 @@ struct MapPoint {
   int found = 0;  ///< of these, with success
   bool live = true;
 };
+
+/// As blocks of points have it: one that was removed keeps its place there, with some source.
+[[nodiscard]] PointSource source_in_block(const MapPoint& point);
 
 /// A camera that is found out as it was when an adjustment began.
 struct CutCamera {

@@ -49,15 +49,16 @@ void expect_consistent(const MapState& map) {
     for (const PointId point : k.given_up) EXPECT_TRUE(map.is_live(point));
   }
   for (const MapPoint& p : map.points()) {
+    EXPECT_EQ(p.source != nullptr, p.live);
     if (!p.live) {
       EXPECT_TRUE(p.observers.empty());
     }
     EXPECT_TRUE(std::is_sorted(p.observers.begin(), p.observers.end()));
-    for (const KeyframeId id : p.observers) EXPECT_NE(map.find_measurement(id, p.source.id), nullptr);
+    for (const KeyframeId id : p.observers) EXPECT_NE(map.find_measurement(id, p.id), nullptr);
   }
   std::vector<PointId> live;
   for (const MapPoint& p : map.points()) {
-    if (p.live) live.push_back(p.source.id);
+    if (p.live) live.push_back(p.id);
   }
   EXPECT_EQ(map.live_point_ids(), live);
 }
@@ -132,7 +133,7 @@ TEST(MapState, TransformKeepsWhatCamerasSee) {
     for (const MapPoint& p : map.points()) {
       const auto now = k.camera->project(k.camera_from_map * p.position);
       const auto then =
-          k.camera->project(before.keyframe(k.id).camera_from_map * before.point(p.source.id).position);
+          k.camera->project(before.keyframe(k.id).camera_from_map * before.point(p.id).position);
       ASSERT_TRUE(now && then);
       EXPECT_LT((*now - *then).norm(), 1e-9);
     }

@@ -93,8 +93,8 @@ std::optional<PatchFound> refine_from(const PointSource& source, const PatchView
 }
 
 std::optional<PatchView> view_point(const MapState& map, const MapPoint& point, const MapKeyframe& keyframe) {
-  const SE3& source_from_map = map.keyframe(point.source.keyframe).camera_from_map;
-  return view_patch(point.source, source_from_map * point.position,
+  const SE3& source_from_map = map.keyframe(point.source->keyframe).camera_from_map;
+  return view_patch(*point.source, source_from_map * point.position,
                     keyframe.camera_from_map * source_from_map.inverse(), *keyframe.camera);
 }
 

@@ -14,7 +14,7 @@ constexpr double kImageBorder = 6;  ///< [search-level px] of the projection fro
 }  // namespace
 
 bool should_see(const MapState& map, const MapPoint& point, const Eigen::Vector3d& camera_center) {
-  const Eigen::Vector3d source_center = map.keyframe(point.source.keyframe).camera_from_map.center();
+  const Eigen::Vector3d source_center = map.keyframe(point.source->keyframe).camera_from_map.center();
   const Eigen::Vector3d to_source = source_center - point.position;
   const Eigen::Vector3d to_camera = camera_center - point.position;
   return to_source.dot(to_camera) > kVisibleCosine * to_source.norm() * to_camera.norm();
@@ -30,7 +30,7 @@ bool refind(MapState* map, KeyframeId keyframe_id, PointId point_id) {
   if (!should_see(*map, point, keyframe.camera_from_map.center())) return false;
   const auto view = view_point(*map, point, keyframe);
   if (!view || !keyframe.camera->in_image(view->pixel, kImageBorder * (1 << view->level))) return false;
-  const auto found = find_near_corner(point.source, *view, *keyframe.images, kRefindRadius);
+  const auto found = find_near_corner(*point.source, *view, *keyframe.images, kRefindRadius);
   MapPoint& counted = map->point(point_id);
   ++counted.attempts;
   if (!found) {

@@ -72,7 +72,7 @@ bool changed_notably(const PointVisibility& now, const PointVisibility& before) 
 
 bool moved_visibly(const MapState& map, const Centers& centers, const MapPoint& point,
                    const Eigen::Vector3f& before) {
-  const KeyframeId source = point.source.keyframe;
+  const KeyframeId source = point.source->keyframe;
   const double distance = (centers[source.value - 1] - point.position).norm();
   return (point.position - before.cast<double>()).norm() * map.keyframe(source).camera->focal_length() >
          kVisibleMove * distance;
@@ -111,7 +111,7 @@ std::shared_ptr<const PatchBlock> cut_patches(const MapState& map, size_t index,
   block->version = version;
   const auto [begin, end] = block_range(index, map.points().size());
   block->points.reserve(end - begin);
-  for (size_t i = begin; i < end; ++i) block->points.push_back(map.points()[i].source);
+  for (size_t i = begin; i < end; ++i) block->points.push_back(source_in_block(map.points()[i]));
   return block;
 }
 
@@ -135,7 +135,8 @@ bool is_current(const MapState& map, const PatchBlock& block) {
   const auto [begin, end] = block_range(block.index, map.points().size());
   if (end - begin != block.points.size()) return false;
   for (size_t i = begin; i < end; ++i) {
-    if (map.points()[i].source.ray_right != block.points[i - begin].ray_right) return false;
+    const auto& source = map.points()[i].source;
+    if (source && source->ray_right != block.points[i - begin].ray_right) return false;
   }
   return true;
 }
@@ -199,7 +200,10 @@ MapSnapshotPtr SnapshotBuilder::build(const MapState& map) {
     const bool keep_patches = before && is_current(map, *before->patches);
     const bool keep_positions = before && is_current(map, centers, *before->positions);
     bool source_moved = false;
-    for (size_t i = begin; i < end; ++i) source_moved |= moved[map.points()[i].source.keyframe.value - 1];
+    for (size_t i = begin; i < end; ++i) {
+      const auto& source = map.points()[i].source;
+      source_moved |= source && moved[source->keyframe.value - 1];
+    }
     if (keep_patches && keep_positions && !source_moved) {
       next->point_blocks.push_back(previous_->point_blocks[b]);
       continue;

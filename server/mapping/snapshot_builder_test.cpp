@@ -57,10 +57,10 @@ TEST_F(SnapshotBuilderTest, HoldsTheMap) {
   EXPECT_FALSE(s->find(PointId{5}));
   for (const MapPoint& p : map_.points()) {
     if (!p.live) continue;
-    const auto slot = s->find(p.source.id);
+    const auto slot = s->find(p.id);
     ASSERT_TRUE(slot);
-    EXPECT_EQ(static_cast<uint64_t>(slot->block), (p.source.id.value - 1) / kBlockSlots);
-    EXPECT_EQ(static_cast<uint64_t>(slot->slot), (p.source.id.value - 1) % kBlockSlots);
+    EXPECT_EQ(static_cast<uint64_t>(slot->block), (p.id.value - 1) / kBlockSlots);
+    EXPECT_EQ(static_cast<uint64_t>(slot->slot), (p.id.value - 1) % kBlockSlots);
     EXPECT_LT((s->point_blocks[static_cast<size_t>(slot->block)]->position(slot->slot) - p.position).norm(),
               1e-6);
   }

@@ -14,7 +14,7 @@ constexpr size_t kNewestKept = 5;  ///< still being integrated, or the reference
 /// Whether a map without this keyframe still holds the measured point as well as with it.
 bool is_dispensable(const MapState& map, KeyframeId keyframe, const Measurement& m) {
   const MapPoint& point = map.point(m.point);
-  if (point.source.keyframe == keyframe) return false;
+  if (point.source->keyframe == keyframe) return false;
   int others = 0;
   for (const KeyframeId observer : point.observers) {
     if (observer != keyframe && map.find_measurement(observer, m.point)->level <= m.level) ++others;
@@ -38,7 +38,7 @@ int cull_points(MapState* map) {
   int culled = 0;
   for (const MapPoint& p : map->points()) {
     if (!p.live || p.attempts < kMinAttempts || p.found >= kMinFoundFraction * p.attempts) continue;
-    map->remove_point(p.source.id);
+    map->remove_point(p.id);
     ++culled;
   }
   return culled;
