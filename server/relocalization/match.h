@@ -31,6 +31,12 @@ struct PlaceMatch {
 [[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                                      const IndexedMap& map, size_t keyframe);
 
+/// The same, of every second corner only where none of these matches is supported (keep_supported()): nearly
+/// always the place is another then.
+[[nodiscard]] std::vector<PlaceMatch> match_if_promising(const PlaceView& view,
+                                                         std::span<const CellList> cells,
+                                                         const IndexedMap& map, size_t keyframe);
+
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
  public:

@@ -27,7 +27,7 @@ struct RelocOptions {
   int by_picture_alone = 2;
   /// Keyframes that geometry is asked about by picture and words, those included. Then come, where nothing is
   /// confirmed, four neighbours of those that are half known, else four more at least for the best pose.
-  int shortlist = 12;
+  int shortlist = 16;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
   PictureSearch search = PictureSearch::kForest;
   /// Pictures that are scanned before a forest is planted.

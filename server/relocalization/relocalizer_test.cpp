@@ -470,6 +470,34 @@ TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
   EXPECT_GT(static_cast<double>(found), 0.7 * static_cast<double>(near));
 }
 
+TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
+  const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
+  const auto cells = probed_cells(view);
+  size_t closer_at_its_place = 0;
+  size_t glances = 0;
+  for (const IndexedMapPtr& indexed : index_.maps()) {
+    for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
+      const auto corners = [](const std::vector<PlaceMatch>& matches) {
+        std::vector<size_t> ids;
+        for (const PlaceMatch& m : matches) ids.push_back(m.corner);
+        return ids;
+      };
+      const auto all = match_anywhere(view, cells, *indexed, k);
+      const auto found = match_if_promising(view, cells, *indexed, k);
+      if (corners(found) == corners(all)) {
+        closer_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
+        continue;
+      }
+      ++glances;
+      EXPECT_TRUE(keep_supported(view, found).empty());
+      EXPECT_LT(keep_supported(view, all).size(), size_t{6}) << "as few as confirm() refuses";
+      EXPECT_TRUE(std::ranges::all_of(corners(found), [](size_t corner) { return corner % 2 == 0; }));
+    }
+  }
+  EXPECT_EQ(closer_at_its_place, 3U);
+  EXPECT_GT(glances, 0U);
+}
+
 TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
   const IndexedMapPtr first = map().index();
   std::vector<KeyframeView> views = map().views();
