@@ -18,7 +18,6 @@ namespace cairn {
 using Descriptor = std::array<uint64_t, 4>;
 
 constexpr int kDescriptorRadius = 13;  ///< px around the corner that are read, after smoothing
-
 constexpr int kSmoothingRadius = 4;    ///< px around each that smooth_for_descriptors() reads
 
 /// Number of comparisons that differ, 0..256.

@@ -47,6 +47,15 @@ double correlation(const GrayImage& a, const GrayImage& b) {
   return (n * xy - x * y) / std::sqrt((n * xx - x * x) * (n * yy - y * y));
 }
 
+TEST(WhiteShare, IsTheShareOfPixelsThatAreClipped) {
+  GrayImage image(kWidth, kHeight);
+  for (int row = 0; row < kHeight; ++row)
+    for (int column = 0; column < kWidth; ++column)
+      image.row(row)[column] = column < kWidth / 4 ? 254 : column < kWidth / 2 ? 253 : 0;
+  EXPECT_EQ(white_share(image), 0.25F);
+  EXPECT_EQ(white_share(GrayImage()), 0);
+}
+
 TEST(LocalBrightness, OtherLightHardlyMattersAndAnotherPictureDoes) {
   const GrayImage image = lit([](double v) { return v; });
   EXPECT_GT(correlation(image, lit([](double v) { return 0.5 * v; })), 0.98);

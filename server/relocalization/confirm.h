@@ -58,7 +58,7 @@ struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
   SE3 camera_from_map;
-  int matches = 0;          ///< by descriptors alone
+  int matches = 0;          ///< by descriptors alone; of half of the corners where none of these is supported
   int supported = 0;        ///< of these, by their neighbours
   int agreeing = 0;         ///< of all, with the pose from three that are supported
   int found_otherwise = 0;  ///< of `supported`, not agreeing, at whose corners the refined pose finds points

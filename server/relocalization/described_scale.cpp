@@ -27,7 +27,8 @@ Between locate(int reduced, int size) {
   return {pixel, at - static_cast<float>(pixel)};
 }
 
-/// The part from (left, top) on of the image reduced by the square root of two, bilinearly.
+/// The part from (left, top) on of the image reduced by the square root of two, bilinearly. The
+/// same as sample_bilinear(), which is slow when asked for one pixel after the other.
 void reduce(const GrayView& image, int left, int top, int width, int height, GrayImage* out) {
   out->resize(width, height);
   std::vector<Between> columns;
@@ -59,9 +60,9 @@ DescribedScale::DescribedScale(const GrayView& level, bool is_half, size_t corne
   if (is_whole_) smooth(0, 0, width_, height_);
 }
 
-Corner DescribedScale::nearest_pixel(const Eigen::Vector2f& pixel) const {
+Eigen::Vector2i DescribedScale::nearest_pixel(const Eigen::Vector2f& pixel) const {
   const auto place = [&](float v) {
-    return static_cast<int16_t>(std::lround(is_half_ ? (v + 0.5F) / kHalfOctave - 0.5F : v));
+    return static_cast<int>(std::lround(is_half_ ? (v + 0.5F) / kHalfOctave - 0.5F : v));
   };
   return {place(pixel.x()), place(pixel.y())};
 }
@@ -78,20 +79,20 @@ void DescribedScale::smooth(int left, int top, int width, int height) {
 }
 
 bool DescribedScale::describe(const Eigen::Vector2f& pixel, Descriptor* out) {
-  const Corner corner = nearest_pixel(pixel);
+  const Eigen::Vector2i corner = nearest_pixel(pixel);
   const auto is_inside = [](int at, int size) {
     return at >= kDescriptorRadius && at < size - kDescriptorRadius;
   };
-  if (!is_inside(corner.x, width_) || !is_inside(corner.y, height_)) return false;
+  if (!is_inside(corner.x(), width_) || !is_inside(corner.y(), height_)) return false;
   if (!is_whole_) {
     constexpr int kReach = kDescriptorRadius + kSmoothingRadius;
-    const int left = std::max(0, corner.x - kReach);
-    const int top = std::max(0, corner.y - kReach);
-    smooth(left, top, std::min(width_, corner.x + kReach + 1) - left,
-           std::min(height_, corner.y + kReach + 1) - top);
+    const int left = std::max(0, corner.x() - kReach);
+    const int top = std::max(0, corner.y() - kReach);
+    smooth(left, top, std::min(width_, corner.x() + kReach + 1) - left,
+           std::min(height_, corner.y() + kReach + 1) - top);
   }
   return cairn::describe(
-      smoothed_, {static_cast<int16_t>(corner.x - left_), static_cast<int16_t>(corner.y - top_)}, out);
+      smoothed_, {static_cast<int16_t>(corner.x() - left_), static_cast<int16_t>(corner.y() - top_)}, out);
 }
 
 }  // namespace cairn

@@ -22,7 +22,7 @@ class DescribedScale {
   [[nodiscard]] bool describe(const Eigen::Vector2f& pixel, Descriptor* out);
 
  private:
-  [[nodiscard]] Corner nearest_pixel(const Eigen::Vector2f& pixel) const;
+  [[nodiscard]] Eigen::Vector2i nearest_pixel(const Eigen::Vector2f& pixel) const;
   /// From (left, top) on.
   void smooth(int left, int top, int width, int height);
 

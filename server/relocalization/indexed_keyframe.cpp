@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kTellsNothing = 0.01F;  ///< more of the picture that is white
+constexpr float kLeastMoreWhite = 0.01F;  ///< share of the picture that is clipped only when overexposed
 
 /// Of a keyframe's measurements those that it had when it was indexed before, and what it was then.
 class Known {
@@ -34,6 +34,10 @@ class Known {
   /// Index into `previous`; nothing: it is new, or elsewhere.
   [[nodiscard]] std::optional<size_t> was(size_t measurement) const { return was_[measurement]; }
 
+  [[nodiscard]] bool is_all() const {
+    return std::ranges::all_of(was_, [](const auto& was) { return was.has_value(); });
+  }
+
  private:
   const IndexedKeyframe* previous_;
   std::vector<std::optional<size_t>> was_;
@@ -45,13 +49,19 @@ struct Described {
   CellId cell = 0;
 };
 
-/// What is known, as it was described before. In no particular order.
-std::vector<Described> take_over(const DescribedPoints& before, const Known& known, size_t measurements) {
-  std::vector<CellId> cells(before.points.size());
+/// Of `points`, in their order.
+std::vector<CellId> cells_of(const DescribedPoints& points) {
+  std::vector<CellId> cells(points.points.size());
   for (size_t cell = 0; cell < kVocabularyCells; ++cell) {
-    const uint32_t* begin = &before.begin_of[cell * kPlaceScales];
+    const uint32_t* begin = &points.begin_of[cell * kPlaceScales];
     std::fill(cells.begin() + begin[0], cells.begin() + begin[kPlaceScales], static_cast<CellId>(cell));
   }
+  return cells;
+}
+
+/// What is known, as it was described before. In no particular order.
+std::vector<Described> take_over(const DescribedPoints& before, const Known& known, size_t measurements) {
+  const std::vector<CellId> cells = cells_of(before);
   std::vector<Described> described;
   for (uint32_t i = 0; i < measurements; ++i) {
     const auto was = known.was(i);
@@ -137,16 +147,23 @@ std::optional<DescribedPoints> describe_overexposed(const KeyframeView& view, co
                                                     float white_as_taken) {
   const IndexedKeyframe* previous = known.previous();
   if (previous != nullptr && !previous->overexposed) return std::nullopt;
+  if (previous != nullptr && known.is_all()) {
+    const size_t measurements = view.measurements.size();
+    DescribedPoints points = arrange(take_over(*previous->overexposed, known, measurements), measurements);
+    points.white = previous->overexposed->white;
+    return points;
+  }
   const Pyramid lit = overexpose(view.pyramid->level(0));
-  if (white_share(lit.level(kPyramidLevels - 1)) < white_as_taken + kTellsNothing) return std::nullopt;
+  if (white_share(lit.level(kPyramidLevels - 1)) < white_as_taken + kLeastMoreWhite) return std::nullopt;
   return describe_points(lit, view.measurements, known,
                          previous != nullptr ? &*previous->overexposed : nullptr);
 }
 
-std::vector<WordId> find_words(std::span<const Descriptor> descriptors) {
+std::vector<WordId> find_words(const DescribedPoints& points) {
+  const std::vector<CellId> cells = cells_of(points);
   std::vector<WordId> words;
-  words.reserve(descriptors.size());
-  for (const Descriptor& d : descriptors) words.push_back(word_in(cell_of(d), d));
+  words.reserve(cells.size());
+  for (size_t i = 0; i < cells.size(); ++i) words.push_back(word_in(cells[i], points.descriptors[i]));
   std::sort(words.begin(), words.end());
   words.erase(std::unique(words.begin(), words.end()), words.end());
   return words;
@@ -170,32 +187,20 @@ const DescribedPoints& IndexedKeyframe::exposed_as(float white) const {
   return white - as_taken.white <= overexposed->white - white ? as_taken : *overexposed;
 }
 
-size_t bytes_indexed(size_t keyframes, size_t measurements) {
-  constexpr size_t kExposures = 2;
-  constexpr size_t kScales = 2;
-  constexpr size_t kDescription = sizeof(DescribedPoint) + sizeof(Descriptor);
-  constexpr size_t kMeasurement =
-      sizeof(PointId) + sizeof(Sighting) + sizeof(Eigen::Vector3f) +
-      kExposures * (sizeof(std::array<uint32_t, 2>) + kScales * kDescription) +
-      kScales * (sizeof(WordId) + sizeof(uint32_t));  // in `words`, and in the inverted lists
-  constexpr size_t kTinyPixels = size_t{40} * 30;     // of 640x480
-  return keyframes * (sizeof(IndexedKeyframe) + sizeof(CompactPicture) + kTinyPixels * sizeof(float)) +
-         measurements * kMeasurement;
-}
-
 IndexedKeyframePtr index_keyframe(const KeyframeView& view, const IndexedKeyframe* previous) {
-  const Known known(previous, view.measurements);
   auto indexed = std::make_shared<IndexedKeyframe>();
   indexed->id = view.id;
   indexed->camera = view.camera;
   indexed->tiny.assign(view.pyramid->level(kPyramidLevels - 1), kPlaceBlur);
+  if (previous != nullptr && previous->tiny.values() != indexed->tiny.values()) previous = nullptr;
+  const Known known(previous, view.measurements);
   indexed->contrast = contrast_of(indexed->tiny);
   indexed->measured.reserve(view.measurements.size());
   for (const PointMeasurement& m : view.measurements) indexed->measured.push_back(m.id);
   indexed->as_taken = describe_points(*view.pyramid, view.measurements, known,
                                       previous != nullptr ? &previous->as_taken : nullptr);
   indexed->overexposed = describe_overexposed(view, known, indexed->as_taken.white);
-  indexed->words = find_words(indexed->as_taken.descriptors);
+  indexed->words = find_words(indexed->as_taken);
   indexed->sightings = make_sightings(view, indexed->as_taken);
   return indexed;
 }

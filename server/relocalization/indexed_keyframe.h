@@ -59,8 +59,9 @@ struct IndexedKeyframe {
   std::vector<PointId> measured;    ///< ascending: what the keyframe measured when it was indexed
   std::vector<Sighting> sightings;  ///< of `measured`
   DescribedPoints as_taken;
-  /// As with kOverexposure; nothing: that would look the same. In white nothing is left of a corner and what
-  /// is next to it looks otherwise, which no descriptor of the picture as it was taken foretells.
+  /// As with kOverexposure; nothing: less than a hundredth more of the picture would be white. In white
+  /// nothing is left of a corner and what is next to it looks otherwise, which no descriptor of the picture
+  /// as it was taken foretells.
   std::optional<DescribedPoints> overexposed;
   std::vector<WordId> words;  ///< of the descriptors of `as_taken`, ascending, each once
 
@@ -69,11 +70,9 @@ struct IndexedKeyframe {
 };
 using IndexedKeyframePtr = std::shared_ptr<const IndexedKeyframe>;
 
-/// Memory of indexed keyframes and of their parts of the index that measured so many points in all, at most.
-[[nodiscard]] size_t bytes_indexed(size_t keyframes, size_t measurements);
-
 /// Describes what `previous` (null: none), the keyframe as it was indexed before, has not measured at the
-/// same pixel; the rest is taken from there. A few milliseconds without `previous`.
+/// same pixel; the rest is taken from there, unless its picture was another. A few milliseconds without
+/// `previous`.
 [[nodiscard]] IndexedKeyframePtr index_keyframe(const KeyframeView& view,
                                                 const IndexedKeyframe* previous = nullptr);
 

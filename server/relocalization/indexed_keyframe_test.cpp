@@ -56,7 +56,11 @@ TEST_F(IndexedKeyframeTest, OverexposedAKeyframeLooksAsTheCameraWouldHaveTakenIt
 }
 
 TEST_F(IndexedKeyframeTest, WhatIsTooDarkToBeClippedIsDescribedOnce) {
-  EXPECT_FALSE(index_keyframe(with_picture(view(), dim()))->overexposed);
+  KeyframeView growing = with_picture(view(), dim());
+  growing.measurements.pop_back();
+  const auto before = index_keyframe(growing);
+  EXPECT_FALSE(before->overexposed);
+  EXPECT_FALSE(index_keyframe(with_picture(view(), dim()), before.get())->overexposed);
 }
 
 TEST_F(IndexedKeyframeTest, EachPointIsFoundAtEachExposure) {
@@ -118,6 +122,13 @@ TEST_F(IndexedKeyframeTest, WhatIsKnownIsTakenOverAsItIs) {
   expect_as_if_new();
   growing.measurements[40].pixel.x() += 9;
   expect_as_if_new();
+}
+
+TEST_F(IndexedKeyframeTest, OfAnotherPictureNothingIsTakenOver) {
+  const auto other = scene_.render(Scene::pose(5), 105);
+  const auto before = index_keyframe(with_picture(view(), GrayImage(other->view())));
+  EXPECT_EQ(index_keyframe(view(), before.get())->as_taken.descriptors,
+            index_keyframe(view())->as_taken.descriptors);
 }
 
 /// What this is for. At every exposure as many are matched as without the other description, or more.

@@ -91,11 +91,12 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   thin([](const PlaceMatch& m) { return static_cast<uint64_t>(m.corner); });
 }
 
-/// Appends what is matched of every second corner, from `first` on; a point may be there twice.
+/// Appends what is matched of every second corner, from `first` on; a point may be there twice. `exposed`: of
+/// the keyframe.
 void match_every_second(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
-                        size_t keyframe, size_t first, std::vector<PlaceMatch>* matches) {
+                        size_t keyframe, const DescribedPoints& exposed, size_t first,
+                        std::vector<PlaceMatch>* matches) {
   const IndexedKeyframe& indexed = *map.keyframes[keyframe];
-  const DescribedPoints& exposed = indexed.exposed_as(white_share(view.small));
   std::vector<NearDescriptor> near;
   for (size_t i = first; i < view.corners.size(); i += 2) {
     find_near(view.corners[i], cells[i], exposed, &near);
@@ -174,21 +175,23 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 
 std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
                                        const IndexedMap& map, size_t keyframe) {
+  const DescribedPoints& exposed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
   std::vector<PlaceMatch> matches;
-  match_every_second(view, cells, map, keyframe, 0, &matches);
-  match_every_second(view, cells, map, keyframe, 1, &matches);
+  match_every_second(view, cells, map, keyframe, exposed, 0, &matches);
+  match_every_second(view, cells, map, keyframe, exposed, 1, &matches);
   keep_one_to_one(&matches);
   return matches;
 }
 
 std::vector<PlaceMatch> match_if_promising(const PlaceView& view, std::span<const CellList> cells,
                                            const IndexedMap& map, size_t keyframe) {
+  const DescribedPoints& exposed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
   std::vector<PlaceMatch> matches;
-  match_every_second(view, cells, map, keyframe, 0, &matches);
+  match_every_second(view, cells, map, keyframe, exposed, 0, &matches);
   std::vector<PlaceMatch> glance = matches;
   keep_one_to_one(&glance);
   if (keep_supported(view, glance).empty()) return glance;
-  match_every_second(view, cells, map, keyframe, 1, &matches);
+  match_every_second(view, cells, map, keyframe, exposed, 1, &matches);
   keep_one_to_one(&matches);
   return matches;
 }

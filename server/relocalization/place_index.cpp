@@ -2,6 +2,7 @@
 #include "server/relocalization/place_index.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -10,9 +11,13 @@ namespace cairn {
 namespace {
 
 bool same_measurements(const IndexedKeyframe& indexed, const KeyframeView& view) {
-  return std::equal(indexed.measured.begin(), indexed.measured.end(), view.measurements.begin(),
-                    view.measurements.end(),
-                    [](PointId id, const PointMeasurement& m) { return id == m.id; });
+  if (indexed.measured.size() != view.measurements.size()) return false;
+  for (size_t i = 0; i < indexed.measured.size(); ++i) {
+    const PointMeasurement& m = view.measurements[i];
+    const Sighting& before = indexed.sightings[i];
+    if (indexed.measured[i] != m.id || before.level != m.level || before.pixel != m.pixel) return false;
+  }
+  return true;
 }
 
 std::vector<Eigen::Vector3f> find_positions(const MapSnapshot& snapshot, std::span<const PointId> points) {
@@ -66,6 +71,20 @@ InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
     for (const WordId word : keyframes[i]->words) lists.keyframes[next[word]++] = i;
   }
   return lists;
+}
+
+size_t bytes_indexed(size_t keyframes, size_t measurements) {
+  constexpr size_t kExposures = 2;
+  constexpr size_t kScales = 2;
+  constexpr size_t kDescription = sizeof(DescribedPoint) + sizeof(Descriptor);
+  constexpr size_t kMeasurement =
+      sizeof(PointId) + sizeof(Sighting) + sizeof(Eigen::Vector3f) +
+      kExposures * (sizeof(std::array<uint32_t, kScales>) + kScales * kDescription) +
+      kScales * (sizeof(WordId) + sizeof(uint32_t));  // in `words`, and in the inverted lists
+  constexpr size_t kTinyPixels = size_t{40} * 30;     // of 640x480
+  return sizeof(IndexedMap) + kVocabularyWords * sizeof(uint32_t) +
+         keyframes * (sizeof(IndexedKeyframe) + sizeof(CompactPicture) + kTinyPixels * sizeof(float)) +
+         measurements * kMeasurement;
 }
 
 IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,

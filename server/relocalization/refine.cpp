@@ -70,11 +70,12 @@ void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius,
 Result<Refined> refine(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
                        const IndexedMap& map, size_t keyframe, PoseEstimate pose) {
   Refined refined{std::move(pose), {}, {}};
+  const float white = white_share(view.small);
   for (size_t step = 0; step < std::size(kRadii); ++step) {
     const double radius = kRadii[step];
     const SE3 camera_from_map = refined.pose.camera_from_map;
-    project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe),
-                   white_share(view.small), &refined.points);
+    project_points(camera, camera_from_map, map, keyframes_around(map, camera_from_map, keyframe), white,
+                   &refined.points);
     if (step + 1 < std::size(kRadii)) {
       keep_certain(camera, refined.pose, radius, &refined.points);
       keep_some(kEnoughForPose, &refined.points.points);

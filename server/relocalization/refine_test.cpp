@@ -47,6 +47,22 @@ class RefineTest : public ::testing::Test {
   IndexedMapPtr index_ = map_.index();
 };
 
+TEST_F(RefineTest, PointsAreLookedForAsTheyLookAtTheExposureOfTheQuestion) {
+  const std::vector<size_t> first = {0};
+  const IndexedKeyframe& keyframe = *index_->keyframes[0];
+  ASSERT_TRUE(keyframe.overexposed);
+  for (const auto& [white, exposed] : {std::pair(0.0F, &keyframe.as_taken), {1.0F, &*keyframe.overexposed}}) {
+    ProjectedPoints points;
+    project_points(*scene_.camera(), Scene::pose(0), *index_, first, white, &points);
+    ASSERT_GT(points.sightings.size(), 50U);
+    for (const KeyframeSighting& s : points.sightings) {
+      const auto measured = static_cast<size_t>(s.sighting - keyframe.sightings.data());
+      for (uint8_t d = 0; d < s.sighting->descriptions; ++d)
+        EXPECT_EQ(s.descriptors[d], &exposed->descriptors[exposed->of_measured[measured][d]]);
+    }
+  }
+}
+
 TEST_F(RefineTest, TheVarianceOfAPixelIsThatOfManyPoses) {
   const SE3 truth = Scene::pose(kStep);
   const PoseEstimate pose = known_on_the_left(truth);

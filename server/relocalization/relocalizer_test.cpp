@@ -470,6 +470,25 @@ TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
   EXPECT_GT(static_cast<double>(found), 0.7 * static_cast<double>(near));
 }
 
+TEST_F(RelocalizerTest, TheMemoryOfAnIndexIsAboutWhatIsSaid) {
+  const IndexedMapPtr indexed = map().index();
+  const auto bytes = [](const auto& vector) { return vector.capacity() * sizeof(vector[0]); };
+  size_t held = sizeof(IndexedMap) + bytes(indexed->lists.begin) + bytes(indexed->lists.keyframes);
+  size_t measurements = 0;
+  for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
+    const IndexedKeyframe& keyframe = *indexed->keyframes[k];
+    measurements += keyframe.measured.size();
+    held += sizeof(keyframe) + sizeof(CompactPicture) + bytes(keyframe.tiny.values()) +
+            bytes(keyframe.words) + bytes(keyframe.measured) + bytes(keyframe.sightings) +
+            bytes(indexed->positions[k]);
+    for (const DescribedPoints* exposed : {&keyframe.as_taken, &*keyframe.overexposed})
+      held += bytes(exposed->points) + bytes(exposed->descriptors) + bytes(exposed->of_measured);
+  }
+  const size_t said = bytes_indexed(indexed->keyframes.size(), measurements);
+  EXPECT_GT(static_cast<double>(said), 0.85 * static_cast<double>(held));
+  EXPECT_LT(static_cast<double>(said), 1.15 * static_cast<double>(held));
+}
+
 TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
   const auto cells = probed_cells(view);
@@ -490,7 +509,7 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
       }
       ++glances;
       EXPECT_TRUE(keep_supported(view, found).empty());
-      EXPECT_LT(keep_supported(view, all).size(), size_t{6}) << "as few as confirm() refuses";
+      EXPECT_LT(keep_supported(view, all).size(), static_cast<size_t>(ConfirmOptions{}.min_supported));
       EXPECT_TRUE(std::ranges::all_of(corners(found), [](size_t corner) { return corner % 2 == 0; }));
     }
   }
@@ -507,6 +526,10 @@ TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
   EXPECT_EQ(first->keyframes[0], second->keyframes[0]);
   EXPECT_NE(first->keyframes[1], second->keyframes[1]);
   EXPECT_EQ(first->keyframes[2], second->keyframes[2]);
+
+  std::vector<KeyframeView> moved = map().views();
+  moved[2].measurements[7].pixel.x() += 3;
+  EXPECT_NE(index_map(first.get(), map().snapshot(), moved)->keyframes[2], first->keyframes[2]);
 
   views[1].pyramid = nullptr;
   views[1].measurements.pop_back();

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "server/relocalization/indexed_keyframe.h"
+#include "server/relocalization/place_index.h"
 
 namespace cairn {
 namespace {
