@@ -127,7 +127,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
                      const Camera& camera, const IndexedMap& map, size_t keyframe,
                      const ConfirmOptions& options) {
   Confirmation result;
-  const auto matches = match_if_promising(view, cells, map, keyframe);
+  const auto matches = match_anywhere(view, cells, map, keyframe, Look::kCloserIfPromising);
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());

@@ -174,23 +174,15 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 }
 
 std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                       const IndexedMap& map, size_t keyframe) {
+                                       const IndexedMap& map, size_t keyframe, Look look) {
   const DescribedPoints& exposed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
   std::vector<PlaceMatch> matches;
   match_every_second(view, cells, map, keyframe, exposed, 0, &matches);
-  match_every_second(view, cells, map, keyframe, exposed, 1, &matches);
-  keep_one_to_one(&matches);
-  return matches;
-}
-
-std::vector<PlaceMatch> match_if_promising(const PlaceView& view, std::span<const CellList> cells,
-                                           const IndexedMap& map, size_t keyframe) {
-  const DescribedPoints& exposed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
-  std::vector<PlaceMatch> matches;
-  match_every_second(view, cells, map, keyframe, exposed, 0, &matches);
-  std::vector<PlaceMatch> glance = matches;
-  keep_one_to_one(&glance);
-  if (keep_supported(view, glance).empty()) return glance;
+  if (look == Look::kCloserIfPromising) {
+    std::vector<PlaceMatch> glance = matches;
+    keep_one_to_one(&glance);
+    if (keep_supported(view, glance).empty()) return glance;
+  }
   match_every_second(view, cells, map, keyframe, exposed, 1, &matches);
   keep_one_to_one(&matches);
   return matches;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -24,18 +25,21 @@ struct PlaceMatch {
 /// For each corner of a view the cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
+/// How much of a view is matched.
+enum class Look : uint8_t {
+  kAtAll,
+  /// At every second corner only where none of these matches is supported (keep_supported()): nearly always
+  /// the place is another then.
+  kCloserIfPromising,
+};
+
 /// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
 /// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
 /// are passed over. In the order of corners.
 [[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                                     const IndexedMap& map, size_t keyframe);
-
-/// The same, of every second corner only where none of these matches is supported (keep_supported()): nearly
-/// always the place is another then.
-[[nodiscard]] std::vector<PlaceMatch> match_if_promising(const PlaceView& view,
-                                                         std::span<const CellList> cells,
-                                                         const IndexedMap& map, size_t keyframe);
+                                                     const IndexedMap& map, size_t keyframe,
+                                                     Look look = Look::kAtAll);
 
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {

@@ -502,7 +502,7 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
         return ids;
       };
       const auto all = match_anywhere(view, cells, *indexed, k);
-      const auto found = match_if_promising(view, cells, *indexed, k);
+      const auto found = match_anywhere(view, cells, *indexed, k, Look::kCloserIfPromising);
       if (corners(found) == corners(all)) {
         closer_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
         continue;
