@@ -25,7 +25,7 @@
 namespace cairn {
 
 struct TrackerOptions {
-  int max_points = 1000;  ///< patches searched per frame (PTAM r114)
+  int max_points = 1100;  ///< patches searched per frame; PTAM r114 has 1000, of which sim-desk shows 490
   int coarse_points = 60;
   float coarse_radius = 30;  ///< [px of level 0]
   float fine_radius = 10;    ///< [px of level 0] without a coarse stage before

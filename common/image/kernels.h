@@ -10,6 +10,7 @@
 #include "common/image/image.h"
 #include "common/image/patch.h"
 #include "common/image/simd.h"
+#include "common/image/window_sums.h"
 
 /// Private to common/image and its tests: the public functions of pyramid.h, corners.h, patch.h and
 /// descriptor.h with the variant chosen by the caller. A variant that the machine lacks must not be asked
@@ -21,6 +22,10 @@ void halve(const GrayView& src, GrayImage* dst, Simd simd);
 void detect_fast10(const GrayView& image, int threshold, CornerList* out, Simd simd);
 
 [[nodiscard]] int zmssd_at(const PatchTemplate& patch, const GrayView& level_image, int x, int y, Simd simd);
+
+void find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
+                std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out,
+                Simd simd);
 
 [[nodiscard]] std::optional<PatchMatch> find_patch(const PatchTemplate& patch, const GrayView& level_image,
                                                    const CornerList& corners, const Eigen::Vector2f& center,

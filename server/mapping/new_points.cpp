@@ -2,12 +2,15 @@
 #include "server/mapping/new_points.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 
 #include "common/base/median.h"
 #include "common/geometry/triangulation.h"
+#include "common/image/window_sums.h"
 #include "server/mapping/patch_view.h"
 
 namespace cairn {
@@ -29,7 +32,7 @@ constexpr double kSegmentLength =
 constexpr int kMaxSegments = 16;
 constexpr double kMaxSquaredResidual = 1.0;  ///< of a new point in its two views, units of sigma
 constexpr float kUniqueDistance = 3.0F;      ///< [level px] a rival is a corner farther away than this
-constexpr double kUniqueRatio = 0.7;         ///< best ZMSSD over the best rival's
+constexpr float kUniqueRatio = 0.7F;         ///< best ZMSSD over the best rival's
 constexpr float kWitnessRadius = 3.0F;       ///< [level px]
 constexpr double kWitnessCosine =
     0.9;  ///< a view more oblique against the source's proves nothing by not finding
@@ -64,7 +67,6 @@ class Occupancy {
 struct LineMatch {
   int zmssd = 0;
   int level = 0;
-  Eigen::Vector2f at_level = Eigen::Vector2f::Zero();
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0
   double inverse_depth = 0;                         ///< of the hypothesis whose warp was used
 };
@@ -73,6 +75,38 @@ struct NewPoint {
   Eigen::Vector3d in_source = Eigen::Vector3d::Zero();
   PatchFound found;
 };
+
+/// Where a whole pixel is; a line may end far outside of the picture.
+int whole(float pixel) {
+  constexpr float kFar = 1e6F;
+  return static_cast<int>(std::clamp(pixel, -kFar, kFar));
+}
+
+/// The pixels within kLineDistance of a piece of line [level px], across the direction in which it is thin,
+/// where templates fit. `runs` is replaced.
+void mark_strip(const Eigen::Vector2f& begin, const Eigen::Vector2f& end, const GrayView& image,
+                std::vector<PixelRun>* runs) {
+  constexpr float kHalfWidth = kLineDistance + 0.5F;
+  constexpr float kLevel = 1e-3F;  // [px] less of a rise is none
+  const Eigen::Vector2f line = end - begin;
+  const bool is_flat = std::abs(line.x()) > std::abs(line.y());
+  const Eigen::Vector2f reach =
+      is_flat ? Eigen::Vector2f(0.5F, kHalfWidth) : Eigen::Vector2f(kHalfWidth, 0.5F);
+  const Eigen::Vector2f least = begin.cwiseMin(end) - reach;
+  const Eigen::Vector2f most = begin.cwiseMax(end) + reach;
+  const float columns_per_row = line.x() / (std::abs(line.y()) < kLevel ? kLevel : line.y());
+  const float beside = is_flat ? kHalfWidth * std::abs(columns_per_row) : kHalfWidth;
+  const int top = std::max(kTemplateMargin, whole(std::ceil(least.y())));
+  const int bottom = std::min(image.height - kTemplateMargin - 1, whole(std::floor(most.y())));
+  runs->clear();
+  for (int row = top; row <= bottom; ++row) {
+    const float middle = begin.x() + (static_cast<float>(row) - begin.y()) * columns_per_row;
+    const int first = whole(std::ceil(std::max(middle - beside, least.x())));
+    const int last = whole(std::floor(std::min(middle + beside, most.x())));
+    runs->push_back(
+        {row, std::max(first, kTemplateMargin), std::min(last, image.width - kTemplateMargin - 1)});
+  }
+}
 
 /// The search for one keyframe in one partner.
 class EpipolarSearch {
@@ -111,6 +145,7 @@ class EpipolarSearch {
   // The line is walked in pieces: with distortion it is a curve, and the warp changes along it.
   void collect_matches(const PointSource& source) {
     matches_.clear();
+    limit_ = kSearchZmssd;
     const auto near_pixel = pixel_at(source, max_inverse_depth_);
     const auto far_pixel = pixel_at(source, min_inverse_depth_);
     int segments = kMaxSegments / 2;
@@ -134,33 +169,21 @@ class EpipolarSearch {
     const auto view = view_at(source, inverse_depth);
     if (!view || !make_template(source.pixels, view->warp, view->level, &patch_)) return;
     const int level = view->level;
-    const Eigen::Vector2f a(to_level(begin.x(), level), to_level(begin.y(), level));
-    const Eigen::Vector2f b(to_level(end.x(), level), to_level(end.y(), level));
     const GrayView image = partner_.images->level(level);
-    const Eigen::Vector2f line = b - a;
-    const int steps = std::max(1, static_cast<int>(std::ceil(line.cwiseAbs().maxCoeff())));
-    // Whole pixels across the line, in the direction in which it is thin.
-    const bool flat = std::abs(line.x()) > std::abs(line.y());
-    for (int i = 0; i <= steps; ++i) {
-      const Eigen::Vector2f at = a + line * (static_cast<float>(i) / static_cast<float>(steps));
-      const auto column = static_cast<int>(std::lround(at.x()));
-      const auto row = static_cast<int>(std::lround(at.y()));
-      for (int across = -kLineDistance; across <= kLineDistance; ++across) {
-        const int x = column + (flat ? 0 : across);
-        const int y = row + (flat ? across : 0);
-        if (x < kTemplateMargin || y < kTemplateMargin || x >= image.width - kTemplateMargin ||
-            y >= image.height - kTemplateMargin)
-          continue;
-        const int zmssd = zmssd_at(patch_, image, x, y);
-        if (zmssd >= kSearchZmssd) continue;
-        const Eigen::Vector2f at_level(x, y);
-        matches_.push_back({zmssd,
-                            level,
-                            at_level,
-                            {from_level(at_level.x(), level), from_level(at_level.y(), level)},
-                            inverse_depth});
-      }
+    mark_strip({to_level(begin.x(), level), to_level(begin.y(), level)},
+               {to_level(end.x(), level), to_level(end.y(), level)}, image, &runs_);
+    alike_.clear();
+    find_alike(patch_, image, sums_at(level), runs_, kUniqueRatio, &limit_, &alike_);
+    for (const PatchMatch& m : alike_) {
+      const Eigen::Vector2f pixel(from_level(m.corner.x, level), from_level(m.corner.y, level));
+      matches_.push_back({m.zmssd, level, pixel, inverse_depth});
     }
+  }
+
+  const WindowSums& sums_at(int level) {
+    auto& sums = sums_[static_cast<size_t>(level)];
+    if (!sums) sums.emplace(partner_.images->level(level));
+    return *sums;
   }
 
   [[nodiscard]] const LineMatch* unique_best() const {
@@ -170,7 +193,8 @@ class EpipolarSearch {
     if (best == matches_.end()) return nullptr;
     const float apart = kUniqueDistance * static_cast<float>(1 << best->level);
     for (const LineMatch& rival : matches_) {
-      if ((rival.pixel - best->pixel).norm() > apart && best->zmssd > kUniqueRatio * rival.zmssd)
+      if ((rival.pixel - best->pixel).norm() > apart &&
+          static_cast<float>(best->zmssd) > kUniqueRatio * static_cast<float>(rival.zmssd))
         return nullptr;
     }
     return &*best;
@@ -205,8 +229,13 @@ class EpipolarSearch {
   SE3 partner_from_source_;
   double min_inverse_depth_;
   double max_inverse_depth_;
+  std::array<std::optional<WindowSums>, kPyramidLevels> sums_{};  ///< of the partner's levels, once needed
+  // Of the point that is looked for:
   PatchTemplate patch_;
+  std::vector<PixelRun> runs_;
+  std::vector<PatchMatch> alike_;
   std::vector<LineMatch> matches_;
+  int limit_ = kSearchZmssd;  ///< ZMSSD that a match or a rival of the best must be below
 };
 
 /// Asks keyframes that should see a new point too. False: at least two should, and none does.

@@ -10,12 +10,14 @@
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgproc.hpp>
 #include <random>
+#include <vector>
 
 #include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/point_search.h"
 #include "common/image/patch.h"
 #include "common/image/place.h"
+#include "common/image/window_sums.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -145,6 +147,48 @@ void BM_RefinePatch(benchmark::State& state) {
     benchmark::DoNotOptimize(refine_patch(at.patch, prepared().pyramid.level(0).view(), start));
 }
 BENCHMARK(BM_RefinePatch);
+
+/// A strip of 24 x 5 px beside a corner, as the search along an epipolar line has them.
+std::vector<PixelRun> strip_beside(Corner corner) {
+  std::vector<PixelRun> runs;
+  for (int row = corner.y - 2; row <= corner.y + 2; ++row) runs.push_back({row, corner.x - 26, corner.x - 3});
+  return runs;
+}
+
+void BM_FindAlike(benchmark::State& state) {
+  const PatchAtCorner at;
+  const GrayView image = prepared().pyramid.level(0).view();
+  const WindowSums sums(image);
+  const std::vector<PixelRun> runs = strip_beside(at.corner);
+  std::vector<PatchMatch> found;
+  for (auto _ : state) {
+    found.clear();
+    int limit = kMaxZmssd;
+    find_alike(at.patch, image, sums, runs, 0.7F, &limit, &found);
+    benchmark::DoNotOptimize(found.data());
+  }
+}
+BENCHMARK(BM_FindAlike);
+
+void BM_FindAlikeOneByOne(benchmark::State& state) {
+  const PatchAtCorner at;
+  const GrayView image = prepared().pyramid.level(0).view();
+  const std::vector<PixelRun> runs = strip_beside(at.corner);
+  for (auto _ : state) {
+    int best = kMaxZmssd;
+    for (const PixelRun& run : runs) {
+      for (int x = run.first; x <= run.last; ++x)
+        best = std::min(best, zmssd_at(at.patch, image, x, run.row));
+    }
+    benchmark::DoNotOptimize(best);
+  }
+}
+BENCHMARK(BM_FindAlikeOneByOne);
+
+void BM_WindowSums(benchmark::State& state) {
+  for (auto _ : state) benchmark::DoNotOptimize(WindowSums(prepared().pyramid.level(0).view()));
+}
+BENCHMARK(BM_WindowSums);
 
 /// A map of `count` points strewn over a table of 2 x 2 m, cut by one keyframe 1 m above it.
 MapSnapshotPtr table_of_points(int count) {

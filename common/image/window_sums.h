@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/image/image.h"
+#include "common/image/patch.h"
+
+namespace cairn {
+
+/// What every 8x8 window of an image adds to a ZMSSD whatever the template: the sums of its pixels and of
+/// their squares. 6 bytes a pixel. Immutable.
+class WindowSums {
+ public:
+  explicit WindowSums(const GrayView& image);
+
+  /// Windows side by side, and one below the other: none where the image is smaller than one.
+  [[nodiscard]] int width() const { return width_; }
+  [[nodiscard]] int height() const { return height_; }
+  /// Of the windows whose upper left pixels are (left, top) and those right of it.
+  [[nodiscard]] const uint16_t* sums(int left, int top) const { return &sums_[index(left, top)]; }
+  [[nodiscard]] const int32_t* squares(int left, int top) const { return &squares_[index(left, top)]; }
+
+ private:
+  [[nodiscard]] size_t index(int left, int top) const {
+    return static_cast<size_t>(top) * static_cast<size_t>(width_) + static_cast<size_t>(left);
+  }
+
+  int width_;
+  int height_;
+  std::vector<uint16_t> sums_;
+  std::vector<int32_t> squares_;
+};
+
+/// Pixels side by side in one row, `first` to `last`; none where last < first.
+struct PixelRun {
+  int row = 0;
+  int first = 0;
+  int last = -1;
+};
+
+/// Appends the pixels of the runs, in their order, where the template fits with a zmssd_at() below `limit`.
+/// Each of them lowers `limit` to 1 / ratio of its own: what is farther from it can neither be the best nor
+/// its rival. All windows must lie inside the image, of which `sums` are. Vectorised, exact integers.
+void find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
+                std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out);
+
+}  // namespace cairn
