@@ -52,16 +52,32 @@ struct ChosenCamera {
 };
 
 Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
+  const auto& [model, width, height, values] = doubtful.parameters;
+  if (!doubtful_camera(doubtful.parameters, sigma_of_values(doubtful))) {
+    return fail(ErrorCode::kConfiguration,
+                fmt::format("a focal length of {:.4g} x {:.4g} px is none for pictures of {} x {}: is it the "
+                            "calibration of this camera, in pixels of this size?",
+                            values.at(0), values.at(1), width, height));
+  }
   return make_camera(doubtful.parameters).map([&](CameraPtr camera) {
     return ChosenCamera{std::move(camera), sigma_of_values(doubtful)};
   });
+}
+
+/// An error that names the calibration, as those of reading it do already.
+Result<ChosenCamera> of_file(const std::filesystem::path& path, Result<ChosenCamera> chosen) {
+  if (!chosen && !chosen.error().message.starts_with(path.string()))
+    return fail(chosen.error().code, path.string() + ": " + chosen.error().message);
+  return chosen;
 }
 
 Result<ChosenCamera> choose_unknown_camera(const TrackOptions& options, const FrameSource& source) {
   const auto exact = source.builtin_calibration();
   const auto size = exact ? PictureSize{exact->width, exact->height} : source.picture_size();
   if (options.calibration)
-    return read_calibration(*options.calibration, size).and_then(doubt_camera).and_then(make_doubtful);
+    return of_file(
+        *options.calibration,
+        read_calibration(*options.calibration, size).and_then(doubt_camera).and_then(make_doubtful));
   if (!size) {
     return fail(ErrorCode::kConfiguration, options.source +
                                                ": the size of its pictures is not known before the first; "
@@ -89,7 +105,7 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   if (!parameters) return tl::unexpected(parameters.error());
   const auto nominal = options.reader || options.exact_camera ? std::nullopt : nominal_camera(*parameters);
   if (nominal) {
-    return make_doubtful(*nominal).map([](ChosenCamera&& chosen) {
+    return of_file(*path, make_doubtful(*nominal)).map([](ChosenCamera&& chosen) {
       chosen.is_nominal = true;
       return std::move(chosen);
     });
@@ -421,7 +437,11 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
   if (!run->source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
-    log->warn("the server lists no map '{}' to track in; going on until it does", options.map);
+    log->warn(
+        "the server lists no map '{}' to track in (`cairnctl maps` lists all, deleted ones too); going on "
+        "until "
+        "it does",
+        options.map);
   }
   return track(*run);
 }

@@ -10,7 +10,7 @@
 #include <map>
 #include <utility>
 
-#include "common/base/suggestion.h"
+#include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "common/wire/participant.h"
@@ -39,14 +39,6 @@ constexpr const char* kFooter =
 
 const std::map<std::string, Pace> kPaces = {
     {"realtime", Pace::kRealtime}, {"lockstep", Pace::kLockstep}, {"max", Pace::kMax}};
-
-std::vector<std::string> option_names(const CLI::App& app) {
-  std::vector<std::string> names;
-  for (const auto* option : app.get_options()) {
-    for (const auto& name : option->get_lnames()) names.push_back("--" + name);
-  }
-  return names;
-}
 
 /// The words as the user types them; where they differ from TrackOptions, they are translated after parsing.
 struct Words {
@@ -184,12 +176,7 @@ ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
   if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
     return {0, std::string(error.what()) + "\n"};
-  const auto unknown = app.remaining();
-  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
-    const std::string word = unknown.front().substr(0, unknown.front().find('='));
-    return usage("unknown argument '" + unknown.front() + "'" + did_you_mean(word, option_names(app)));
-  }
-  return usage(error.what());
+  return usage(unknown_word(app).value_or(error.what()));
 }
 
 }  // namespace

@@ -41,8 +41,12 @@ uint32_t number_by_size(const Camera& camera) {
 }  // namespace
 
 std::string describe(const CameraNews& news) {
+  const double k1 = news.camera->parameters().values.at(4);
+  // How far a value may be off holds only where it is believed.
+  if (!news.frozen)
+    return fmt::format("focal length about {:.0f} px, k1 about {:.2f}", news.camera->focal_length(), k1);
   return fmt::format("focal length {:.1f} px +- {:.1f} %, k1 {:.3f} +- {:.3f}", news.camera->focal_length(),
-                     100 * news.focal_sigma, news.camera->parameters().values.at(4), news.k1_sigma);
+                     100 * news.focal_sigma, k1, news.k1_sigma);
 }
 
 /// In order of construction: the threads go first, the participant last.

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/base/one_line.h"
+#include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "server/admin/admin_client.h"
@@ -181,9 +182,10 @@ Status show_status(AdminClient* client, const Options& options) {
                 text_of(s, "version").c_str(), text_of(s, "health").c_str(),
                 s.value("store", "").empty() ? "none: maps are in memory only" : text_of(s, "store").c_str());
     print_limits(s);
-    std::printf("clients ");
     const json wearers = s.value("wearers", json::object());
-    for (const json& client : s.value("clients", json::array())) {
+    const json clients = s.value("clients", json::array());
+    std::printf("clients %s", clients.empty() ? " none" : "");
+    for (const json& client : clients) {
       const auto name = client.get<std::string>();
       std::printf(" %s", one_line(name).c_str());
       if (wearers.contains(name)) std::printf(" (worn by %s)", text_of(wearers, name.c_str()).c_str());
@@ -390,15 +392,34 @@ Status import_maps(AdminClient* client, const Options& options) {
   return {};
 }
 
+/// Usage of a command with all that comes before it on the line: `cairnctl map MAP rename NAME`.
+class WholeLine : public CLI::Formatter {
+ public:
+  std::string make_usage(const CLI::App* app, std::string /*name*/) const override {
+    std::string words = app->get_name();
+    for (const CLI::App* above = app->get_parent(); above != nullptr; above = above->get_parent()) {
+      std::string before = above->get_name();
+      for (const CLI::Option* option : above->get_options(is_positional))
+        before.append(" ").append(option->get_name(true));
+      words = before.append(" ").append(words);
+    }
+    return Formatter::make_usage(app, words);
+  }
+
+ private:
+  static bool is_positional(const CLI::Option* option) { return option->get_positional(); }
+};
+
 using Action = std::function<Status(AdminClient*, const Options&)>;
 
 /// The words of the command line; `action` is what they ask for.
 void describe(CLI::App* app, Options* options, Action* action) {
   app->footer(kFooter);
+  app->formatter(std::make_shared<WholeLine>());
   app->require_subcommand(1);
   app->fallthrough();
   app->add_option("--server", options->connection.server, "host of cairn-server")->capture_default_str();
-  app->add_option("--domain", options->connection.domain, "DDS domain")->capture_default_str();
+  app->add_option("--domain", options->connection.domain, "DDS domain, 0 to 230")->capture_default_str();
   app->add_option("--profile", options->connection.profile,
                   "network [loopback for localhost, wifi otherwise]");
   app->add_option("--security", options->security, "DDS Security files (not available yet)")
@@ -456,6 +477,12 @@ void describe(CLI::App* app, Options* options, Action* action) {
   add("undelete", "puts it back into service", "undelete");
 }
 
+std::string check_label_id(const std::string& text) {
+  const bool is_number =
+      !text.empty() && std::ranges::all_of(text, [](char c) { return c >= '0' && c <= '9'; });
+  return is_number ? "" : "'" + text + "' is not the id of a label; `cairnctl labels` lists them";
+}
+
 void describe_labels(CLI::App* app, Options* options, Action* action) {
   CLI::App* labels =
       app->add_subcommand("labels", "what people have said of places; without a word more, lists it");
@@ -467,7 +494,7 @@ void describe_labels(CLI::App* app, Options* options, Action* action) {
     *action = list_labels;
   });
   CLI::App* rename = labels->add_subcommand("rename", "says something else there");
-  rename->add_option("LABEL", options->label, "its id")->required();
+  rename->add_option("LABEL", options->label, "its id")->required()->check(check_label_id);
   rename->add_option("TEXT", options->text, "at most 256 bytes")->required();
   rename->callback([action] {
     *action = [](AdminClient* client, const Options& o) {
@@ -475,7 +502,7 @@ void describe_labels(CLI::App* app, Options* options, Action* action) {
     };
   });
   CLI::App* remove = labels->add_subcommand("remove", "says nothing any more there");
-  remove->add_option("LABEL", options->label, "its id")->required();
+  remove->add_option("LABEL", options->label, "its id")->required()->check(check_label_id);
   remove->callback([action] {
     *action = [](AdminClient* client, const Options& o) {
       return change_label(client, o, {{"verb", "label-remove"}});
@@ -492,6 +519,10 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
+    if (const auto unknown = unknown_word(app)) {
+      std::fprintf(stderr, "cairnctl: %s\nRun with --help for more information.\n", unknown->c_str());
+      return exit_code(ErrorCode::kUsage);
+    }
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
   }
   if (!options.security.empty()) {

@@ -158,6 +158,11 @@ wire::AdminReply unknown_map(const std::string& name_or_id) {
   return refusal(ErrorCode::kNotFound, "no map '" + name_or_id + "'; `cairnctl maps` lists them");
 }
 
+wire::AdminReply deleted_map(const std::string& name_or_id) {
+  return refusal(ErrorCode::kNotFound, "map '" + name_or_id + "' is deleted; `cairnctl map " + name_or_id +
+                                           " undelete` puts it back into service");
+}
+
 wire::AdminReply success(const json& content) {
   wire::AdminReply reply;
   reply.text = to_text(content);

@@ -55,6 +55,8 @@ class ReplyPage {
 [[nodiscard]] wire::AdminReply refusal(const DeletedMap& map);
 [[nodiscard]] wire::AdminReply refusal(ErrorCode code, std::string message);
 [[nodiscard]] wire::AdminReply unknown_map(const std::string& name_or_id);
+/// Of one that must be undeleted first.
+[[nodiscard]] wire::AdminReply deleted_map(const std::string& name_or_id);
 [[nodiscard]] wire::AdminReply success(const nlohmann::json& content);
 
 }  // namespace cairn

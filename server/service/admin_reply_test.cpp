@@ -100,5 +100,12 @@ TEST(AdminReply, AnUnknownMapIsNamedWithTheRemedy) {
   EXPECT_NE(reply.text.find("cairnctl maps"), std::string::npos) << reply.text;
 }
 
+TEST(AdminReply, ADeletedMapIsNamedWithTheRemedy) {
+  const wire::AdminReply reply = deleted_map("attic");
+  EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));
+  EXPECT_NE(reply.text.find("'attic' is deleted"), std::string::npos) << reply.text;
+  EXPECT_NE(reply.text.find("cairnctl map attic undelete"), std::string::npos) << reply.text;
+}
+
 }  // namespace
 }  // namespace cairn

@@ -106,8 +106,7 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
     return transfer(verb, text_of(request, "token"), number_of(request, "offset"), message.data, answer);
 
   const auto [id, entry] = find_map(wanted);
-  if (entry == nullptr && verb == "delete") return delete_again(wanted, answer);
-  if (entry == nullptr) return answer(unknown_map(wanted));
+  if (entry == nullptr) return answer_without_map(verb, wanted, answer);
   if (verb == "show") return show_map(id, *entry, answer);
   if (verb == "rename") return rename_map(id, entry, text_of(request, "name"), answer);
   if (verb == "delete") return delete_map(id, entry, is_set(request, "for_good"), answer);

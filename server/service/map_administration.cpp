@@ -120,12 +120,16 @@ void Switchboard::finish_deletion(MapId id, const AdminAnswer& answer) {
   });
 }
 
-void Switchboard::delete_again(const std::string& wanted, const AdminAnswer& answer) {
-  const wire::AdminReply unknown = unknown_map(wanted);
-  if (store_ == nullptr) return answer(unknown);
-  with_store(answer, [wanted, answer, unknown](const Store& store) -> Task {
+void Switchboard::answer_without_map(const std::string& verb, const std::string& wanted,
+                                     const AdminAnswer& answer) {
+  if (store_ == nullptr) return answer(unknown_map(wanted));
+  with_store(answer, [verb, wanted, answer](const Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    return [answer, reply = maps.empty() ? unknown : success(describe(maps.front()))] { answer(reply); };
+    const auto reply = [&] {
+      if (maps.empty()) return unknown_map(wanted);
+      return verb == "delete" ? success(describe(maps.front())) : deleted_map(wanted);
+    };
+    return [answer, said = reply()] { answer(said); };
   });
 }
 

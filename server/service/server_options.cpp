@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "common/base/suggestion.h"
+#include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/wire/participant.h"
 
@@ -70,9 +71,9 @@ constexpr OptionRow kOptions[] = {
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
 };
 
-std::vector<std::string> option_names(const std::string& prefix) {
+std::vector<std::string> option_names() {
   std::vector<std::string> names;
-  for (const OptionRow& row : kOptions) names.push_back(prefix + row.name);
+  for (const OptionRow& row : kOptions) names.emplace_back(row.name);
   return names;
 }
 
@@ -106,7 +107,7 @@ Result<Words> read_configuration(const std::string& path) {
       return fail(ErrorCode::kConfiguration, at + "expected `key: value`");
     }
     const auto key = entry.first.as<std::string>();
-    const auto valid = option_names("");
+    const auto valid = option_names();
     if (std::find(valid.begin(), valid.end(), key) == valid.end()) {
       return fail(ErrorCode::kConfiguration, at + "unknown key '" + key + "'" + did_you_mean(key, valid));
     }
@@ -198,13 +199,7 @@ EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
   if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
     return {0, std::string(error.what()) + "\n"};
-  const auto unknown = app.remaining();
-  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr && !unknown.empty()) {
-    const std::string word = unknown.front().substr(0, unknown.front().find('='));
-    return complaint(kUsageExit,
-                     "unknown argument '" + unknown.front() + "'" + did_you_mean(word, option_names("--")));
-  }
-  return complaint(kUsageExit, error.what());
+  return complaint(kUsageExit, unknown_word(app).value_or(error.what()));
 }
 
 }  // namespace

@@ -142,7 +142,8 @@ class Switchboard {
   void rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer);
   void delete_map(MapId id, const MapEntry* entry, bool for_good, const AdminAnswer& answer);
   void finish_deletion(MapId id, const AdminAnswer& answer);
-  void delete_again(const std::string& wanted, const AdminAnswer& answer);
+  /// To a request about a map that is not in service: one that is deleted is told from one that nobody knows.
+  void answer_without_map(const std::string& verb, const std::string& wanted, const AdminAnswer& answer);
   void undelete_map(const std::string& wanted, const AdminAnswer& answer);
   void purge_map(const std::string& wanted, const AdminAnswer& answer);
   /// Beside the writer: a map that has just come (back) into the store.

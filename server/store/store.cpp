@@ -388,8 +388,9 @@ Status Store::check_is_free(const MapHeader& header) const {
   }
   if (is_there(deleted_path_of(header.id)))
     return fail(ErrorCode::kRefused, map + " is among the deleted ones, as " +
-                                         deleted_path_of(header.id).string() + "; `cairnctl maps purge " +
-                                         id + "` removes it for good");
+                                         deleted_path_of(header.id).string() + "; `cairnctl map " + id +
+                                         " undelete` puts it back, `cairnctl maps purge " + id +
+                                         "` removes it for good");
   return {};
 }
 

@@ -124,6 +124,10 @@ class Operator(OnTheDesk):
             self.ctl("map", "bench", "delete")
             self.assertEqual(self.names(), [])
         self.assertEqual([m["name"] for m in self.ctl("maps")["deleted"]], ["bench"])
+        for asked in (("map", "bench", "show"), ("map", "bench", "rename", "x"), ("labels", "bench"), ("maps", "export", "bench")):
+            self.assertEqual(self.ctl(*asked, expect=REFUSED),
+                             "cairnctl: map 'bench' is deleted; `cairnctl map bench undelete` puts it back into service\n")
+        self.assertEqual(self.ctl("map", "attic", "show", expect=REFUSED), "cairnctl: no map 'attic'; `cairnctl maps` lists them\n")
         self.assertEqual(self.say("map", "bench", "delete"), "bench deleted; `cairnctl map bench undelete` puts it back\n")
         listed, talk = self.say_both("maps")
         self.assertRegex(listed, rf"^bench +{shown['id']}  deleted")

@@ -384,6 +384,31 @@ class Wearers(OnTheDesk):
 class Faults(OnTheDesk):
     FRAMES = 450
 
+    def test_a_recording_that_is_interrupted_is_a_shorter_one_and_leaves_no_pictures_of_an_earlier_one(self):
+        folder = self.folder / "short"
+        for stop in (signal.SIGTERM, signal.SIGINT):
+            render = subprocess.Popen(command("cairn-sim", "render", "desk", "--out", folder), stdout=subprocess.PIPE,
+                                      stderr=subprocess.PIPE, text=True)
+            self.assertIn("frame 30 of 1800", render.stderr.readline())
+            render.send_signal(stop)
+            printed, said = render.communicate(timeout=LIMIT)
+            self.assertEqual((render.returncode, printed), (130, ""))
+            frames = len((folder / "rgb.txt").read_text().splitlines()) - 1
+            self.assertIn(f"interrupted: {folder} has {frames} of 1800 frames", said)
+            self.assertEqual(len((folder / "groundtruth.txt").read_text().splitlines()) - 1, frames)
+            self.assertEqual(len(list((folder / "rgb").iterdir())), frames)
+        subprocess.run(command("cairn-sim", "render", "desk", "--out", folder, "--frames", 3), check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.assertEqual(len(list((folder / "rgb").iterdir())), 3)
+
+    def test_a_focal_length_that_is_none_is_refused_before_a_server_is_asked(self):
+        wrong = self.folder / "wrong.txt"
+        wrong.write_text("640 480 50 50 320 240 0 0 0 0\n")
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--calibration", wrong, "--headless"),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 3, done.stderr)
+        self.assertIn(f"{wrong}: a focal length of 50 x 50 px is none for pictures of 640 x 480", done.stderr)
+
     def test_a_server_that_hangs_for_five_seconds_while_the_map_starts(self):
         with ServerProcess() as server:
             tracker = subprocess.Popen(self.arguments(server, "late", "--pace", "realtime", "--lost-patience", 3),

@@ -2,6 +2,8 @@
 // cairn-sim: lists simulated worlds, writes recordings of them with exact truth, in TUM layout, and judges
 // what a tracker made of them.
 
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
@@ -12,8 +14,10 @@
 #include <iostream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <regex>
 #include <string>
 
+#include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "tests/world/annotation.h"
 #include "tests/world/judge.h"
@@ -80,12 +84,28 @@ void write_pose(std::ostream& file, Timestamp time, const SE3& map_from_camera) 
        << ' ' << q.z() << ' ' << q.w() << '\n';
 }
 
+/// Pictures of an earlier recording in the folder, which no list would name.
+Status remove_frames(const std::filesystem::path& folder) {
+  const std::regex name("[0-9]{5}\\.[0-9]{6}\\.png");
+  std::error_code error;
+  std::vector<std::filesystem::path> old;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
+    if (std::regex_match(entry.path().filename().string(), name)) old.push_back(entry.path());
+  }
+  for (const auto& path : old) {
+    if (!error) std::filesystem::remove(path, error);
+  }
+  if (error) return fail(ErrorCode::kIo, folder.string() + ": " + error.message());
+  return {};
+}
+
 Status render(const RenderRequest& request) {
   auto simulator = Simulator::make(request.scenario, request.options);
   if (!simulator) return tl::unexpected(simulator.error());
   std::error_code error;
   std::filesystem::create_directories(request.directory / "rgb", error);
   if (error) return fail(ErrorCode::kIo, (request.directory / "rgb").string() + ": " + error.message());
+  if (auto status = remove_frames(request.directory / "rgb"); !status) return status;
   auto list = open_file(request.directory / "rgb.txt");
   if (!list) return tl::unexpected(list.error());
   auto truth = open_file(request.directory / "groundtruth.txt");
@@ -98,6 +118,9 @@ Status render(const RenderRequest& request) {
   *list << "# timestamp filename\n" << std::setprecision(6);
   *truth << "# timestamp tx ty tz qx qy qz qw  camera to world, exact\n";
   const int count = simulator->frame_count();
+  const bool is_terminal = isatty(STDERR_FILENO) != 0;
+  const char* line_start = is_terminal ? "\r" : "";
+  const char* line_end = is_terminal ? "" : "\n";
   int written = 0;
   for (; written < count && !interrupted; ++written) {
     const Timestamp time = simulator->time(written);
@@ -108,12 +131,20 @@ Status render(const RenderRequest& request) {
       return status;
     }
     *list << time.seconds() << ' ' << name << '\n';
-    if (written % 30 == 29 || written + 1 == count)
-      std::cerr << "\rframe " << written + 1 << " of " << count << std::flush;
+    if (written % 30 != 29 && written + 1 != count) continue;
+    std::cerr << line_start << "frame " << written + 1 << " of " << count << line_end << std::flush;
+    // Whoever is killed leaves a recording that is shorter.
+    list->flush();
+    truth->flush();
   }
-  std::cerr << '\n';
+  if (is_terminal) std::cerr << '\n';
   if (!list->flush() || !truth->flush()) {
     return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
+  }
+  if (interrupted) {
+    std::cerr << "cairn-sim: interrupted: " << request.directory.string() << " has " << written << " of "
+              << count << " frames\n";
+    return {};
   }
   std::cout << request.directory.string() << '\n';
   return {};
@@ -217,6 +248,7 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
+    if (const auto unknown = unknown_word(app)) return report({ErrorCode::kUsage, *unknown + " (--help)"});
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
   }
   if (list->parsed()) {
@@ -236,7 +268,7 @@ int run(int argc, char** argv) {
     if (auto status = request.options.set_option(key, value); !status) return report(status.error());
   }
   request.images = !no_images;
-  std::signal(SIGINT, on_interrupt);
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_interrupt);
   if (auto status = render(request); !status) return report(status.error());
   return interrupted ? kInterrupted : 0;
 }

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/base/unknown_word.h"
+
+#include <vector>
+
+#include "common/base/suggestion.h"
+
+namespace cairn {
+namespace {
+
+/// Options and commands of the program and of the command that was given.
+void collect_words(const CLI::App& app, std::vector<std::string>* words) {
+  for (const CLI::Option* option : app.get_options()) {
+    for (const std::string& name : option->get_lnames()) words->push_back("--" + name);
+  }
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    words->push_back(command->get_name());
+  for (const CLI::App* given : app.get_subcommands()) collect_words(*given, words);
+}
+
+}  // namespace
+
+std::optional<std::string> unknown_word(const CLI::App& app) {
+  const std::vector<std::string> unknown = app.remaining(true);
+  if (unknown.empty()) return std::nullopt;
+  std::vector<std::string> words;
+  collect_words(app, &words);
+  const std::string word = unknown.front().substr(0, unknown.front().find('='));
+  return "unknown argument '" + unknown.front() + "'" + did_you_mean(word, words);
+}
+
+}  // namespace cairn

@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+
+namespace cairn {
+
+/// "unknown argument 'X'; did you mean Y?" when a command line that could not be parsed has a word that is no
+/// option and no command: that is what is wrong with it, whatever is missing besides. To be asked of the
+/// program's App once its parse() has thrown.
+[[nodiscard]] std::optional<std::string> unknown_word(const CLI::App& app);
+
+}  // namespace cairn
