@@ -226,7 +226,7 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
       options.name);
   if (chosen.is_nominal && !options.saved_calibration) return {};
   const std::filesystem::path path = path_of_found_camera(options);
-  const Status writable = check_writable(path);
+  Status writable = check_writable(path);
   if (!writable && options.saved_calibration) return writable;
   if (!writable) log->warn("{}; --save-calibration FILE names another", writable.error().message);
   std::error_code unknown;

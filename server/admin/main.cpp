@@ -218,8 +218,8 @@ void print_removed_for_good(const json& map) {
 
 /// What a map that was deleted is undeleted by: its name, or its id where another map has that name.
 std::string handle_of(const json& deleted, AdminClient* client) {
-  const std::string id = text_of(deleted, "id");
-  const std::string name = text_of(deleted, "name");
+  std::string id = text_of(deleted, "id");
+  std::string name = text_of(deleted, "name");
   const auto all = client->maps();
   if (!all) return id;
   for (const char* list : {"maps", "deleted"}) {

@@ -204,7 +204,7 @@ double spread_ratio(const std::vector<Eigen::Vector3d>& from, const std::vector<
 /// corners of a view of 53 by 44 degrees at their depth, since keyframes that go where they look are on one
 /// line with what lies ahead. Where that says nothing the map stays as the solver has left it.
 void hold_frame(const MapProblem& solved, const std::vector<Standing>& before, MapState* map) {
-  static const std::array<Eigen::Vector3d, 5> kSeen{
+  static const std::array<Eigen::Vector3d, 5> seen_points{
       {{0, 0, 0}, {-0.5, -0.4, 1}, {0.5, -0.4, 1}, {-0.5, 0.4, 1}, {0.5, 0.4, 1}}};
   const auto fixed = std::count_if(solved.bundle.poses.begin(), solved.bundle.poses.end(),
                                    [](const BundlePose& p) { return p.fixed; });
@@ -223,7 +223,7 @@ void hold_frame(const MapProblem& solved, const std::vector<Standing>& before, M
     const MapKeyframe& k = map->keyframes()[i];
     if (!k.live) continue;
     const Eigen::Quaterniond map_from_camera = k.camera_from_map.rotation().conjugate();
-    for (const Eigen::Vector3d& seen : kSeen) {
+    for (const Eigen::Vector3d& seen : seen_points) {
       from.push_back(scale * k.camera_from_map.center() + map_from_camera * (before[i].depth * seen));
       to.push_back(before[i].camera_from_map.inverse() * (before[i].depth * seen));
     }

@@ -43,8 +43,10 @@ void explain_found(const PlaceView& view, const Camera& camera, std::span<const 
     if (weights[i] > 0) both.push_back(explain(view, camera, matches[i]));
   both.insert(both.end(), explained->begin(), explained->end());
   std::ranges::stable_sort(both, {}, &ExplainedCorner::corner);
-  const auto doubles = std::ranges::unique(both, {}, &ExplainedCorner::corner);
-  both.erase(doubles.begin(), doubles.end());
+  const auto is_same = [](const ExplainedCorner& a, const ExplainedCorner& b) {
+    return a.corner == b.corner;
+  };
+  both.erase(std::unique(both.begin(), both.end(), is_same), both.end());
   *explained = std::move(both);
 }
 
@@ -95,7 +97,7 @@ Result<PoseEstimate> find_pose(const PlaceView& view, const Camera& camera,
   ransac.iterations = options.ransac_iterations;
   ransac.min_inliers = 0;
   ransac.seed = options.seed;
-  const auto pose = ransac_pose(camera, to_observations(view, supported), ransac);
+  auto pose = ransac_pose(camera, to_observations(view, supported), ransac);
   if (!pose) return pose;
   PoseOptions all;
   all.fixed_cutoff_after = 0;

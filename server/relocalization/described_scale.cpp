@@ -14,6 +14,8 @@ int reduced_size(int size) {
   return static_cast<int>(static_cast<float>(size) / kHalfOctave);
 }
 
+constexpr float kRounding = 0.5F;  ///< to the nearest grey level
+
 /// Between which pixels of a row or column one of the reduced image lies.
 struct Between {
   int pixel = 0;   ///< and the next
@@ -39,11 +41,13 @@ void reduce(const GrayView& image, int left, int top, int width, int height, Gra
     const uint8_t* below = above + image.stride;
     uint8_t* to = out->row(y);
     for (size_t x = 0; x < columns.size(); ++x) {
-      const auto [i, part] = columns[x];
-      const auto along = [&](const uint8_t* from) {
-        return static_cast<float>(from[i]) + part * static_cast<float>(from[i + 1] - from[i]);
+      const Between& column = columns[x];
+      const auto along = [&column](const uint8_t* from) {
+        const uint8_t* first = from + column.pixel;
+        return static_cast<float>(first[0]) + column.part * static_cast<float>(first[1] - first[0]);
       };
-      to[x] = static_cast<uint8_t>(along(above) + row.part * (along(below) - along(above)) + 0.5F);
+      const float rounded = along(above) + row.part * (along(below) - along(above)) + kRounding;
+      to[x] = static_cast<uint8_t>(rounded);
     }
   }
 }

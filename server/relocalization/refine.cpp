@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <iterator>
 #include <limits>
-#include <ranges>
 #include <utility>
 
 namespace cairn {
@@ -60,8 +59,9 @@ double variance_of_pixel(const Camera& camera, const PoseEstimate& pose, const E
 
 void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points) {
   std::erase_if(points->points, [&](const ProjectedPoint& point) {
-    const auto level_of = [](const KeyframeSighting& s) { return s.sighting->level; };
-    const int finest = std::ranges::min(points->sightings_of(point) | std::views::transform(level_of));
+    int finest = kPyramidLevels;
+    for (const KeyframeSighting& s : points->sightings_of(point))
+      finest = std::min<int>(finest, s.sighting->level);
     const double reach = radius * (1 << finest) / kCertainty;
     return variance_of_pixel(camera, pose, point.position) > reach * reach;
   });

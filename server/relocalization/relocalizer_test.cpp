@@ -498,6 +498,7 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
     for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
       const auto corners = [](const std::vector<PlaceMatch>& matches) {
         std::vector<size_t> ids;
+        ids.reserve(matches.size());
         for (const PlaceMatch& m : matches) ids.push_back(m.corner);
         return ids;
       };

@@ -140,7 +140,9 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
   const std::string full = why_full();
   with_store(answer, [this, wanted, answer, is_live, live, full](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
+    const auto say = [answer](const wire::AdminReply& reply) -> Task {
+      return [answer, reply] { answer(reply); };
+    };
     if (maps.empty() && is_live) return say(success(live));
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1 || is_live) {
@@ -158,7 +160,9 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
 void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer) {
   with_store(answer, [this, wanted, answer](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    const auto say = [answer](wire::AdminReply reply) -> Task { return [answer, reply] { answer(reply); }; };
+    const auto say = [answer](const wire::AdminReply& reply) -> Task {
+      return [answer, reply] { answer(reply); };
+    };
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1) return say(refusal(ambiguous(wanted, maps, "")));
     // Not by mistake what can be read again tomorrow.

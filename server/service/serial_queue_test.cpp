@@ -37,6 +37,7 @@ TEST(SerialQueue, ManyQueuesUnderLoadEachKeepTheirOrderAndNeverOverlap) {
   Done done;
   WorkerPool pool(4, 0, null_logger());
   std::vector<SerialQueue> queues;
+  queues.reserve(kQueues);
   for (int q = 0; q < kQueues; ++q) queues.emplace_back(pool);
   for (int t = 0; t < kTasks; ++t) {
     for (size_t q = 0; q < kQueues; ++q) {

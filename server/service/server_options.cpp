@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/server_options.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 #include <yaml-cpp/yaml.h>
 
@@ -109,10 +110,11 @@ Result<Words> read_configuration(const std::string& path) {
     const auto key = entry.first.as<std::string>();
     const auto valid = option_names();
     if (std::find(valid.begin(), valid.end(), key) == valid.end()) {
-      return fail(ErrorCode::kConfiguration, at + "unknown key '" + key + "'" + did_you_mean(key, valid));
+      return fail(ErrorCode::kConfiguration,
+                  fmt::format("{}unknown key '{}'{}", at, key, did_you_mean(key, valid)));
     }
     if (!words.emplace(key, entry.second.as<std::string>()).second) {
-      return fail(ErrorCode::kConfiguration, at + "'" + key + "' is there twice");
+      return fail(ErrorCode::kConfiguration, fmt::format("{}'{}' is there twice", at, key));
     }
   }
   return words;
@@ -124,7 +126,7 @@ Result<ServerOptions> translate(const Words& words) {
   ServerOptions options;
   for (const auto& [name, value] : words) {
     const auto refuse = [&name = name, &value = value](const std::string& why) {
-      return fail(ErrorCode::kConfiguration, name + " '" + value + "': " + why);
+      return fail(ErrorCode::kConfiguration, fmt::format("{} '{}': {}", name, value, why));
     };
     const auto row = std::find_if(std::begin(kOptions), std::end(kOptions),
                                   [&name = name](const OptionRow& r) { return name == r.name; });
