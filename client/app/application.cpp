@@ -55,7 +55,8 @@ Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
   const auto& [model, width, height, values] = doubtful.parameters;
   if (!doubtful_camera(doubtful.parameters, sigma_of_values(doubtful))) {
     return fail(ErrorCode::kConfiguration,
-                fmt::format("a focal length of {:.4g} x {:.4g} px is none for pictures of {} x {}: is it the "
+                fmt::format("a focal length of {:.4g} x {:.4g} px is none for pictures of {} x {} that could "
+                            "be found out: is it the "
                             "calibration of this camera, in pixels of this size?",
                             values.at(0), values.at(1), width, height));
   }
@@ -438,9 +439,8 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   if (!run->source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
     log->warn(
-        "the server lists no map '{}' to track in (`cairnctl maps` lists all, deleted ones too); going on "
-        "until "
-        "it does",
+        "the server lists no map '{}' to track in (`cairnctl maps` lists all, deleted ones too); "
+        "going on until it does",
         options.map);
   }
   return track(*run);

@@ -20,8 +20,10 @@ void collect_words(const CLI::App& app, std::vector<std::string>* words) {
 
 }  // namespace
 
-std::optional<std::string> unknown_word(const CLI::App& app) {
-  const std::vector<std::string> unknown = app.remaining(true);
+std::optional<std::string> unknown_word(const CLI::App& app, const CLI::ParseError& error) {
+  if (error.get_exit_code() == 0) return std::nullopt;
+  std::vector<std::string> unknown = app.remaining(true);
+  std::erase(unknown, "--");  // says where options end
   if (unknown.empty()) return std::nullopt;
   std::vector<std::string> words;
   collect_words(app, &words);

@@ -8,8 +8,8 @@
 namespace cairn {
 
 /// "unknown argument 'X'; did you mean Y?" when a command line that could not be parsed has a word that is no
-/// option and no command: that is what is wrong with it, whatever is missing besides. To be asked of the
-/// program's App once its parse() has thrown.
-[[nodiscard]] std::optional<std::string> unknown_word(const CLI::App& app);
+/// option and no command: that is what is wrong with it, whatever is missing besides. Nothing
+/// for --help and --version. `app`: the program's, whose parse() threw `error`.
+[[nodiscard]] std::optional<std::string> unknown_word(const CLI::App& app, const CLI::ParseError& error);
 
 }  // namespace cairn

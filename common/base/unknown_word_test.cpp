@@ -21,8 +21,8 @@ std::optional<std::string> said_of(const std::string& line) {
   app.add_subcommand("status")->add_option("--source", text)->required();
   try {
     app.parse(line);
-  } catch (const CLI::ParseError&) {
-    return unknown_word(app);
+  } catch (const CLI::ParseError& error) {
+    return unknown_word(app, error);
   }
   ADD_FAILURE() << line << " was parsed";
   return std::nullopt;
@@ -43,6 +43,12 @@ TEST(UnknownWordTest, NothingWhereWordsAreMissingOrOfTheWrongKind) {
   EXPECT_EQ(said_of(""), std::nullopt);
   EXPECT_EQ(said_of("status"), std::nullopt);
   EXPECT_EQ(said_of("status --source x --domain many"), std::nullopt);
+  EXPECT_EQ(said_of("status --source x --domain many --"), std::nullopt);
+  EXPECT_EQ(said_of("status --domain 3 -- xyzzy-xyzzy"), "unknown argument 'xyzzy-xyzzy'");
+}
+
+TEST(UnknownWordTest, NothingWhereHelpIsAskedFor) {
+  EXPECT_EQ(said_of("statsu --help"), std::nullopt);
 }
 
 }  // namespace

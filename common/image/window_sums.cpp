@@ -86,7 +86,7 @@ CAIRN_AVX2 CAIRN_INLINE __m256i products(const Pairs& pairs, const uint8_t* wind
   return _mm256_add_epi32(even, odd);
 }
 
-/// The rounded exact value, as zmssd_at() has it.
+/// The exact value rounded down, as zmssd_at() has it.
 CAIRN_AVX2 CAIRN_INLINE __m256i scores(const PatchTemplate& patch, const Pairs& pairs, const GrayView& image,
                                        const WindowSums& sums, int left, int top) {
   const __m256i p = products(pairs, image.row(top) + left, image.stride);

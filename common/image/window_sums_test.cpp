@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "common/image/kernels.h"
 #include "common/image/test_textures.h"
@@ -143,6 +144,29 @@ TEST(FindAlikeTest, ExtremesDoNotOverflow) {
     kernels::find_alike(patch, flipped.view(), sums, runs, 1.0F, &limit, &found, simd);
     ASSERT_FALSE(found.empty());
     EXPECT_EQ(found.front().zmssd, 64 * 255 * 255);
+  }
+}
+
+/// The largest sums there are, on either side: a picture all white differs from one all black by its mean
+/// only.
+TEST(FindAlikeTest, WhiteIsBlackLessItsMean) {
+  const GrayImage black = test::render(40, 24, [](int, int) { return 0; });
+  const GrayImage white = test::render(40, 24, [](int, int) { return 255; });
+  const std::vector<PixelRun> runs = {{12, 12, 20}};
+  for (const auto& [of, in] : {std::pair(&black, &white), std::pair(&white, &black)}) {
+    SourcePatch source{};
+    PatchTemplate patch;
+    ASSERT_TRUE(cut_source_patch(of->view(), {12, 12}, &source));
+    ASSERT_TRUE(make_template(source, Warp::Identity(), 0, &patch));
+    const WindowSums sums(in->view());
+    for (const Simd simd : test::simd_variants()) {
+      std::vector<PatchMatch> found;
+      int limit = 1;
+      kernels::find_alike(patch, in->view(), sums, runs, 1.0F, &limit, &found, simd);
+      ASSERT_EQ(found.size(), 1U) << "the first leaves nothing that could be better";
+      EXPECT_EQ(found.front().zmssd, 0);
+      EXPECT_EQ(limit, 0);
+    }
   }
 }
 

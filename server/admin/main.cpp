@@ -519,7 +519,7 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (const auto unknown = unknown_word(app)) {
+    if (const auto unknown = unknown_word(app, error)) {
       std::fprintf(stderr, "cairnctl: %s\nRun with --help for more information.\n", unknown->c_str());
       return exit_code(ErrorCode::kUsage);
     }

@@ -82,12 +82,14 @@ int whole(float pixel) {
   return static_cast<int>(std::clamp(pixel, -kFar, kFar));
 }
 
-/// The pixels within kLineDistance of a piece of line [level px], across the direction in which it is thin,
-/// where templates fit. `runs` is replaced.
+/// The pixels within kLineDistance and a half, for rounding, of a piece of line [level px], across the
+/// direction in which it is thin, where templates fit. `runs` is replaced.
 void mark_strip(const Eigen::Vector2f& begin, const Eigen::Vector2f& end, const GrayView& image,
                 std::vector<PixelRun>* runs) {
   constexpr float kHalfWidth = kLineDistance + 0.5F;
   constexpr float kLevel = 1e-3F;  // [px] less of a rise is none
+  runs->clear();
+  if (!begin.allFinite() || !end.allFinite()) return;
   const Eigen::Vector2f line = end - begin;
   const bool is_flat = std::abs(line.x()) > std::abs(line.y());
   const Eigen::Vector2f reach =
@@ -98,7 +100,6 @@ void mark_strip(const Eigen::Vector2f& begin, const Eigen::Vector2f& end, const 
   const float beside = is_flat ? kHalfWidth * std::abs(columns_per_row) : kHalfWidth;
   const int top = std::max(kTemplateMargin, whole(std::ceil(least.y())));
   const int bottom = std::min(image.height - kTemplateMargin - 1, whole(std::floor(most.y())));
-  runs->clear();
   for (int row = top; row <= bottom; ++row) {
     const float middle = begin.x() + (static_cast<float>(row) - begin.y()) * columns_per_row;
     const int first = whole(std::ceil(std::max(middle - beside, least.x())));

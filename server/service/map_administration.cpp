@@ -127,7 +127,9 @@ void Switchboard::answer_without_map(const std::string& verb, const std::string&
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto reply = [&] {
       if (maps.empty()) return unknown_map(wanted);
-      return verb == "delete" ? success(describe(maps.front())) : deleted_map(wanted);
+      if (verb == "delete") return success(describe(maps.front()));
+      if (maps.size() > 1) return refusal(ambiguous(wanted, maps, ""));
+      return maps.front().problem ? refusal(maps.front()) : deleted_map(wanted);
     };
     return [answer, said = reply()] { answer(said); };
   });

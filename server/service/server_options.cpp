@@ -201,7 +201,7 @@ EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
   if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
   if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
     return {0, std::string(error.what()) + "\n"};
-  return complaint(kUsageExit, unknown_word(app).value_or(error.what()));
+  return complaint(kUsageExit, unknown_word(app, error).value_or(error.what()));
 }
 
 }  // namespace

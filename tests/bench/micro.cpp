@@ -151,7 +151,8 @@ BENCHMARK(BM_RefinePatch);
 /// A strip of 24 x 5 px beside a corner, as the search along an epipolar line has them.
 std::vector<PixelRun> strip_beside(Corner corner) {
   std::vector<PixelRun> runs;
-  for (int row = corner.y - 2; row <= corner.y + 2; ++row) runs.push_back({row, corner.x - 26, corner.x - 3});
+  const int first = std::max<int>(corner.x - 26, kTemplateSize);
+  for (int row = corner.y - 2; row <= corner.y + 2; ++row) runs.push_back({row, first, first + 23});
   return runs;
 }
 

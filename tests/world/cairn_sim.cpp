@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <atomic>
 #include <csignal>
 #include <cstdio>
@@ -16,6 +17,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
 #include <string>
+#include <system_error>
+#include <vector>
 
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
@@ -89,8 +92,9 @@ Status remove_frames(const std::filesystem::path& folder) {
   const std::regex name("[0-9]{5}\\.[0-9]{6}\\.png");
   std::error_code error;
   std::vector<std::filesystem::path> old;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, error)) {
-    if (std::regex_match(entry.path().filename().string(), name)) old.push_back(entry.path());
+  auto entry = std::filesystem::directory_iterator(folder, error);
+  for (; !error && entry != std::filesystem::directory_iterator(); entry.increment(error)) {
+    if (std::regex_match(entry->path().filename().string(), name)) old.push_back(entry->path());
   }
   for (const auto& path : old) {
     if (!error) std::filesystem::remove(path, error);
@@ -105,11 +109,11 @@ Status render(const RenderRequest& request) {
   std::error_code error;
   std::filesystem::create_directories(request.directory / "rgb", error);
   if (error) return fail(ErrorCode::kIo, (request.directory / "rgb").string() + ": " + error.message());
-  if (auto status = remove_frames(request.directory / "rgb"); !status) return status;
   auto list = open_file(request.directory / "rgb.txt");
   if (!list) return tl::unexpected(list.error());
   auto truth = open_file(request.directory / "groundtruth.txt");
   if (!truth) return tl::unexpected(truth.error());
+  if (auto status = remove_frames(request.directory / "rgb"); !status) return status;
   if (auto status = write_camera(request.directory, simulator->camera().parameters()); !status) return status;
   if (auto status = write_annotation(request.directory, annotate(*simulator)); !status) return status;
   if (auto status = write_label_targets(request.directory, choose_label_targets(&*simulator)); !status)
@@ -131,17 +135,17 @@ Status render(const RenderRequest& request) {
       return status;
     }
     *list << time.seconds() << ' ' << name << '\n';
-    if (written % 30 != 29 && written + 1 != count) continue;
-    std::cerr << line_start << "frame " << written + 1 << " of " << count << line_end << std::flush;
     // Whoever is killed leaves a recording that is shorter.
     list->flush();
     truth->flush();
+    if (written % 30 != 29 && written + 1 != count) continue;
+    std::cerr << line_start << "frame " << written + 1 << " of " << count << line_end << std::flush;
   }
   if (is_terminal) std::cerr << '\n';
   if (!list->flush() || !truth->flush()) {
     return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
   }
-  if (interrupted) {
+  if (written < count) {
     std::cerr << "cairn-sim: interrupted: " << request.directory.string() << " has " << written << " of "
               << count << " frames\n";
     return {};
@@ -240,15 +244,18 @@ int run(int argc, char** argv) {
   render_command->add_option("--out", request.directory, "directory to write to; made if missing")
       ->required();
   bool no_images = false;
-  render_command->add_flag("--no-images", no_images,
-                           "truth and annotation only: a tracker reads `sim:` itself");
+  render_command->add_flag(
+      "--no-images", no_images,
+      "truth and annotation only: a tracker reads `sim:` itself; pictures of an earlier recording there are "
+      "removed");
   add_simulator_options(render_command, &values);
   JudgeRequest judge_request;
   const CLI::App* judge_command = declare_judge(&app, &judge_request);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (const auto unknown = unknown_word(app)) return report({ErrorCode::kUsage, *unknown + " (--help)"});
+    if (const auto unknown = unknown_word(app, error))
+      return report({ErrorCode::kUsage, *unknown + " (--help)"});
     return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
   }
   if (list->parsed()) {
@@ -268,7 +275,9 @@ int run(int argc, char** argv) {
     if (auto status = request.options.set_option(key, value); !status) return report(status.error());
   }
   request.images = !no_images;
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_interrupt);
+  std::signal(SIGINT, on_interrupt);
+  std::signal(SIGTERM, on_interrupt);
+  if (std::signal(SIGHUP, on_interrupt) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // nohup
   if (auto status = render(request); !status) return report(status.error());
   return interrupted ? kInterrupted : 0;
 }
