@@ -16,7 +16,7 @@ constexpr size_t kFisheyeBends = 4;
 /// Reads the keys of one YAML map; each error names the file and, where the key exists, its line.
 class Keys {
  public:
-  Keys(const File& file, YAML::Node root) : file_(file), root_(std::move(root)) {}
+  Keys(const File& file, const YAML::Node& root) : file_(file), root_(root) {}
 
   [[nodiscard]] bool has(const char* key) const { return static_cast<bool>(root_[key]); }
   [[nodiscard]] YAML::Node operator[](const char* key) const { return root_[key]; }

@@ -43,6 +43,7 @@ TEST_F(MapAgreementTest, ViewsOfOnePlaceTellHowItsMapsLieToEachOther) {
     SCOPED_TRACE(round);
     const Similarity3 truth = similarity();
     std::vector<SharedView> views;
+    views.reserve(4);
     for (int i = 0; i < 4; ++i) views.push_back(seen_from(camera(), truth));
     const auto found = find_agreement(views);
     ASSERT_TRUE(found);
@@ -73,6 +74,7 @@ TEST_F(MapAgreementTest, PicturesOfSeveralPlacesAgreeInNothing) {
   size_t most = 0;
   for (int round = 0; round < 50; ++round) {
     std::vector<SharedView> views;
+    views.reserve(8);
     for (int i = 0; i < 8; ++i) views.push_back(seen_from(camera(), similarity()));
     const auto found = find_agreement(views);
     if (found) most = std::max(most, found->views.size());

@@ -37,7 +37,8 @@ Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message)
     if (!doubt) return fail(ErrorCode::kRefused, "no camera that could be found out");
   }
   auto& versions = cameras[message.camera];
-  const auto [known, is_new] = versions.try_emplace(message.version, *camera, std::move(doubt));
+  const auto [known, is_new] =
+      versions.try_emplace(message.version, AnnouncedCamera{*camera, std::move(doubt)});
   if (!is_new && known->second.camera->parameters() != message.parameters) {
     return fail(ErrorCode::kRefused, "its version " + std::to_string(message.version) + " was another");
   }
