@@ -56,8 +56,7 @@ Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
   if (!doubtful_camera(doubtful.parameters, sigma_of_values(doubtful))) {
     return fail(ErrorCode::kConfiguration,
                 fmt::format("a focal length of {:.4g} x {:.4g} px is none for pictures of {} x {} that could "
-                            "be found out: is it the "
-                            "calibration of this camera, in pixels of this size?",
+                            "be found out: is it the calibration of this camera, in pixels of this size?",
                             values.at(0), values.at(1), width, height));
   }
   return make_camera(doubtful.parameters).map([&](CameraPtr camera) {
