@@ -167,6 +167,7 @@ std::vector<SE3> solve_p3p(std::span<const Eigen::Vector3d, 3> rays,
   if (!(values(0) < 0 && values(2) > 0)) return {};
 
   std::vector<SE3> poses;
+  poses.reserve(4);
   const double ratio = std::sqrt(-values(0) / values(2));
   for (const double sign : {1.0, -1.0}) {
     const Eigen::Vector3d normal = eigen.eigenvectors().col(2) + sign * ratio * eigen.eigenvectors().col(0);

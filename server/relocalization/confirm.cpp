@@ -14,6 +14,8 @@ namespace {
 
 constexpr int kAgreeingInPart = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
+/// Of a keyframe's points, every third tells whether a pose is worth refining.
+constexpr size_t kRoughStep = 3;
 
 /// Corners of the matches that agree with the pose, ascending.
 std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span<const double> weights) {
@@ -114,6 +116,23 @@ int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const s
   }));
 }
 
+/// Whether it is worth while to refine a pose, by how alike some of the keyframe's points are there, which
+/// `result` is told. Most wrong poses end here, for a tenth of what refining them costs.
+bool is_promising(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
+                  const SE3& camera_from_map, const ConfirmOptions& options, Confirmation* result) {
+  if (result->agreeing_parts >= options.by_extent.agreeing_parts) return true;
+  ProjectedPoints points;
+  project_points(camera, camera_from_map, map, std::span(&keyframe, 1), white_share(view.small), &points,
+                 kRoughStep);
+  const Appearance rough = compare_appearance(view, camera, points);
+  result->alikeness = rough.local;
+  result->order = rough.order;
+  if (evidence(*result) >= options.least_evidence && rough.local >= options.least_alikeness) return true;
+  result->reason = fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f} only",
+                               result->agreeing, rough.local);
+  return false;
+}
+
 }  // namespace
 
 double unity(const Confirmation& said) {
@@ -126,10 +145,15 @@ double evidence(const Confirmation& said) {
 }
 
 Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, const CornerGrid& grid,
-                     const Camera& camera, const IndexedMap& map, size_t keyframe,
+                     const Camera& camera, const IndexedMap& map, size_t keyframe, const Glance& glance,
                      const ConfirmOptions& options) {
   Confirmation result;
-  const auto matches = match_anywhere(view, cells, map, keyframe, Look::kCloserIfPromising);
+  if (glance.supported == 0) {
+    result.matches = static_cast<int>(glance.distinct);
+    result.reason = fmt::format("none of {} corners alike lies as it does there", result.matches);
+    return result;
+  }
+  const auto matches = match_closer(view, cells, map, keyframe, glance);
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
@@ -150,6 +174,11 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.agreeing = pose->inliers;
   const std::vector<size_t> agree = corners_found(matches, pose->weights);
   result.agreeing_parts = count_parts(view, agree, camera, kAgreeingInPart);
+  if (!is_promising(view, camera, map, keyframe, pose->camera_from_map, options, &result)) {
+    if (do_enough_agree(options, result))
+      explain_found(view, camera, matches, pose->weights, &result.explained);
+    return result;
+  }
   const auto refined = refine(view, grid, camera, map, keyframe, *pose);
   if (!refined) {
     result.reason = refined.error().message;

@@ -13,7 +13,7 @@ namespace cairn {
 
 struct ConfirmOptions {
   int min_supported = 6;  ///< matches that moved as their neighbours did, without which no pose is tried
-  int ransac_iterations = 300;
+  int ransac_iterations = 150;
   int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
   int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
   int min_inliers = 30;      ///< of the refined pose
@@ -43,6 +43,10 @@ struct ConfirmOptions {
   /// is tried.
   int clear_agreeing = 25;
   double clear_evidence = 0.82;
+  /// With the first pose, before it is refined: with less the place is another, unless corners agree
+  /// `by_extent`.
+  double least_evidence = 0.45;
+  double least_alikeness = 0.25;
   uint64_t seed = 1;
 };
 
@@ -88,9 +92,9 @@ struct Confirmation {
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
 /// most agree (P3P in RANSAC), then the points of that keyframe and of others around the pose, and the pose
-/// from what is found. `keyframe`: index into those of the map. Deterministic.
+/// from what is found. `keyframe`: index into those of the map; `glance`: at it. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
-                                   size_t keyframe, const ConfirmOptions& options);
+                                   size_t keyframe, const Glance& glance, const ConfirmOptions& options);
 
 }  // namespace cairn

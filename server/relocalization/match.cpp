@@ -20,7 +20,7 @@ constexpr int kMaxGuidedDistance = 60;
 constexpr float kNeighbourhood = 80;    ///< [px] in the keyframe, within which matches are neighbours
 constexpr float kMotionNoise = 8;       ///< [px] of a match at a coarse level
 constexpr float kMotionChange = 0.25F;  ///< px of motion per px apart: change of scale, roll, slant
-constexpr ptrdiff_t kFewestSupporters = 2;
+constexpr int kFewestSupporters = 2;
 
 /// The farthest rival that can still refuse a match.
 constexpr int kMaxRivalDistance = static_cast<int>(kMaxDistance / kRatio);
@@ -91,12 +91,12 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   thin([](const PlaceMatch& m) { return static_cast<uint64_t>(m.corner); });
 }
 
-/// Appends what is matched of every second corner, from `first` on; a point may be there twice. `exposed`: of
-/// the keyframe.
-void match_every_second(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
-                        size_t keyframe, const DescribedPoints& exposed, size_t first,
-                        std::vector<PlaceMatch>* matches) {
+/// And what is matched of every second corner, from `first` on; a point may be there twice.
+std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<const CellList> cells,
+                                           const IndexedMap& map, size_t keyframe, size_t first,
+                                           std::vector<PlaceMatch> matches) {
   const IndexedKeyframe& indexed = *map.keyframes[keyframe];
+  const DescribedPoints& exposed = indexed.exposed_as(white_share(view.small));
   std::vector<NearDescriptor> near;
   for (size_t i = first; i < view.corners.size(); i += 2) {
     find_near(view.corners[i], cells[i], exposed, &near);
@@ -105,9 +105,10 @@ void match_every_second(const PlaceView& view, std::span<const CellList> cells, 
     const uint32_t point = exposed.points[best->index].measured;
     const Eigen::Vector3f& position = map.positions[keyframe][point];
     if (!position.allFinite()) continue;
-    matches->push_back({i, indexed.measured[point], position.cast<double>(), best->distance,
-                        indexed.sightings[point].pixel});
+    matches.push_back({i, indexed.measured[point], position.cast<double>(), best->distance,
+                       indexed.sightings[point].pixel});
   }
+  return matches;
 }
 
 /// The corners near one projected point, and what of them looks most like it.
@@ -174,16 +175,26 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
 }
 
 std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                       const IndexedMap& map, size_t keyframe, Look look) {
-  const DescribedPoints& exposed = map.keyframes[keyframe]->exposed_as(white_share(view.small));
-  std::vector<PlaceMatch> matches;
-  match_every_second(view, cells, map, keyframe, exposed, 0, &matches);
-  if (look == Look::kCloserIfPromising) {
-    std::vector<PlaceMatch> glance = matches;
-    keep_one_to_one(&glance);
-    if (keep_supported(view, glance).empty()) return glance;
-  }
-  match_every_second(view, cells, map, keyframe, exposed, 1, &matches);
+                                       const IndexedMap& map, size_t keyframe) {
+  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 0, {});
+  matches = match_every_second(view, cells, map, keyframe, 1, std::move(matches));
+  keep_one_to_one(&matches);
+  return matches;
+}
+
+Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
+                 size_t keyframe) {
+  Glance glance{.matches = match_every_second(view, cells, map, keyframe, 0, {})};
+  std::vector<PlaceMatch> distinct = glance.matches;
+  keep_one_to_one(&distinct);
+  glance.distinct = distinct.size();
+  glance.supported = keep_supported(view, distinct).size();
+  return glance;
+}
+
+std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
+                                     const IndexedMap& map, size_t keyframe, const Glance& glance) {
+  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 1, glance.matches);
   keep_one_to_one(&matches);
   return matches;
 }
@@ -242,13 +253,13 @@ void CornerGrid::find(const Eigen::Vector2d& pixel, int level, double radius,
 }
 
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, float white, ProjectedPoints* out) {
+                    std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every) {
   out->points.clear();
   out->sightings.clear();
   const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
   constexpr PointId kNone{std::numeric_limits<uint64_t>::max()};
   std::vector<size_t> next(keyframes.size());
-  for (;;) {
+  for (size_t passed = 0;; ++passed) {
     // All keyframes go through their points together, in the order of ids.
     PointId id = kNone;
     for (size_t i = 0; i < keyframes.size(); ++i) {
@@ -256,12 +267,14 @@ void project_points(const Camera& camera, const SE3& camera_from_map, const Inde
       if (next[i] < measured.size()) id = std::min(id, measured[next[i]]);
     }
     if (id == kNone) return;
+    const bool is_left_out = passed % every != 0;
     const auto first_sighting = static_cast<uint32_t>(out->sightings.size());
     const Eigen::Vector3f* position = nullptr;
     for (size_t i = 0; i < keyframes.size(); ++i) {
       const IndexedKeyframe& keyframe = *map.keyframes[keyframes[i]];
       if (next[i] == keyframe.measured.size() || keyframe.measured[next[i]] != id) continue;
       const size_t measured = next[i]++;
+      if (is_left_out) continue;
       position = &map.positions[keyframes[i]][measured];
       const Sighting& sighting = keyframe.sightings[measured];
       if (sighting.descriptions == 0) continue;
@@ -308,22 +321,33 @@ GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid, const Pr
 }
 
 std::vector<PlaceMatch> keep_supported(const PlaceView& view, std::span<const PlaceMatch> matches) {
-  std::vector<Eigen::Vector2f> motions;
-  for (const PlaceMatch& m : matches) motions.emplace_back(view.corners[m.corner].pixel - m.there);
-  const auto supports = [&](size_t a, size_t b) {
-    const float squared = (matches[a].there - matches[b].there).squaredNorm();
-    if (squared < kSamePlace * kSamePlace || squared > kNeighbourhood * kNeighbourhood) return false;
-    return (motions[a] - motions[b]).norm() <= kMotionNoise + kMotionChange * std::sqrt(squared);
+  // Most pairs lie too far apart or moved too differently whatever lies between them: told without a root.
+  constexpr float kMostChange = kMotionNoise + kMotionChange * kNeighbourhood;
+  struct Motion {
+    Eigen::Vector2f from;
+    Eigen::Vector2f by;
   };
-  const auto is_supported = [&](size_t m) {
-    ptrdiff_t supporters = 0;
-    for (size_t o = 0; o < matches.size() && supporters < kFewestSupporters; ++o)
-      supporters += supports(m, o) ? 1 : 0;
-    return supporters == kFewestSupporters;
+  std::vector<Motion> motions;
+  motions.reserve(matches.size());
+  for (const PlaceMatch& m : matches) motions.push_back({m.there, view.corners[m.corner].pixel - m.there});
+  const auto supports = [](const Motion& a, const Motion& b) {
+    const float change = (a.by - b.by).squaredNorm();
+    const float squared = (a.from - b.from).squaredNorm();
+    if (change > kMostChange * kMostChange || squared > kNeighbourhood * kNeighbourhood) return false;
+    return squared >= kSamePlace * kSamePlace &&
+           std::sqrt(change) <= kMotionNoise + kMotionChange * std::sqrt(squared);
   };
+  std::vector<int> supporters(matches.size());
+  for (size_t a = 0; a < motions.size(); ++a) {
+    for (size_t b = a + 1; b < motions.size(); ++b) {
+      if (!supports(motions[a], motions[b])) continue;
+      ++supporters[a];
+      ++supporters[b];
+    }
+  }
   std::vector<PlaceMatch> kept;
   for (size_t m = 0; m < matches.size(); ++m) {
-    if (is_supported(m)) kept.push_back(matches[m]);
+    if (supporters[m] >= kFewestSupporters) kept.push_back(matches[m]);
   }
   return kept;
 }

@@ -25,21 +25,26 @@ struct PlaceMatch {
 /// For each corner of a view the cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
-/// How much of a view is matched.
-enum class Look : uint8_t {
-  kAtAll,
-  /// At every second corner only where none of these matches is supported (keep_supported()): nearly always
-  /// the place is another then.
-  kCloserIfPromising,
-};
-
 /// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
 /// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
 /// are passed over. In the order of corners.
 [[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                                     const IndexedMap& map, size_t keyframe,
-                                                     Look look = Look::kAtAll);
+                                                     const IndexedMap& map, size_t keyframe);
+
+/// What a quick look at a keyframe tells: every second corner matched. Where none of these matches is
+/// supported (keep_supported()) the place is another, nearly always.
+struct Glance {
+  std::vector<PlaceMatch> matches;  ///< in the order of corners, a point perhaps more than once
+  size_t distinct = 0;              ///< of these, each point once
+  size_t supported = 0;
+};
+[[nodiscard]] Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
+                               size_t keyframe);
+/// Those of match_anywhere(), given what a glance at that keyframe matched.
+[[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
+                                                   const IndexedMap& map, size_t keyframe,
+                                                   const Glance& glance);
 
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
@@ -99,7 +104,7 @@ struct ProjectedPoints {
 /// Points in the image that some keyframes of the map (indices) have described, as they look in a picture of
 /// which a share is `white`. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
-                    std::span<const size_t> keyframes, float white, ProjectedPoints* out);
+                    std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every = 1);
 
 /// Projected points looked for within `radius` px of the corner's level, among corners at most a level from
 /// one at which the point was measured. Each corner and each point at most once, in the order of corners.

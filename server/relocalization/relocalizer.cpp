@@ -5,14 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <iterator>
-#include <limits>
 #include <optional>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
 
-#include "server/relocalization/map_agreement.h"
+#include "server/relocalization/rivals.h"
 #include "server/relocalization/votes.h"
 
 namespace cairn {
@@ -22,18 +20,22 @@ namespace {
 /// place is far down in both, yet at a like rank.
 constexpr size_t kFused = 128;
 
-/// So many keyframes of a place that has been confirmed are tried; then others are, which may look as much
-/// like it; then so many more at least, for the best pose.
-constexpr int kTriesOfPlace = 4;
-constexpr size_t kMoreForPose = 4;
+/// Looking for a pose is most of what a closer look costs. So many are looked for where no place is
+/// confirmed, so many more where one is, of its rivals, and then so many for the best pose there, unless the
+/// picture looks so much alike from one of its keyframes.
+constexpr size_t kMostPoses = 6;
+constexpr size_t kMoreForRivals = 3;
+constexpr size_t kMoreForPose = 2;
+constexpr double kSureAlikeness = 0.65;
 
-/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are tried, and so many
-/// in all.
+/// So many keyframes of a place that has been confirmed are tried; then others are, which may look as much
+/// like it.
+constexpr int kTriesOfPlace = 3;
+
+/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are glanced at, and so
+/// many in all.
 constexpr size_t kNeighboursOfLead = 4;
 constexpr size_t kTriesOfLeads = 4;
-
-/// Keyframes of a map that measured fewer points in common are of different places.
-constexpr size_t kInCommon = 5;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
@@ -110,127 +112,6 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
          evidence(said) >= options.confirm.clear_evidence;
 }
 
-struct Tried {
-  Ranked ranked;
-  PlaceCandidate candidate;
-  Confirmation said;
-  double mean_depth = 0;   ///< of the keyframe
-  int tries_of_place = 1;  ///< keyframes tried that are of its place
-};
-
-/// Points that both keyframes of one map measured, counted up to `enough`.
-size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b,
-                       size_t enough = std::numeric_limits<size_t>::max()) {
-  size_t shared = 0;
-  for (auto i = a.measured.begin(), j = b.measured.begin();
-       i != a.measured.end() && j != b.measured.end() && shared < enough;) {
-    if (*i < *j) {
-      ++i;
-    } else if (*j < *i) {
-      ++j;
-    } else {
-      ++shared;
-      ++i;
-      ++j;
-    }
-  }
-  return shared;
-}
-
-/// Whether a keyframe of a map is of the place of one that was tried.
-bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const Tried& tried) {
-  return map == tried.candidate.map &&
-         count_in_common(keyframe, tried.ranked.indexed(), kInCommon) == kInCommon;
-}
-
-/// What its rivals explain of a picture for which another is confirmed.
-struct Rivalry {
-  size_t most = 0;                 ///< corners that one of them explains
-  std::vector<size_t> peculiar{};  ///< corners found that none of them explains
-};
-
-/// Another map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place
-/// that has changed every other map is one: the part that stands may be what they have in common. In the map
-/// itself whatever explains corners otherwise is one.
-bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
-  if (map == judged.candidate.map || judged.said.changed) return true;
-  return std::ranges::none_of(
-      tried, [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed && !t.said.changed; });
-}
-
-/// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
-/// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
-std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
-  const double least_cosine = std::cos(kSamePose);
-  const auto is_otherwise = [&](const ExplainedCorner& e) {
-    if (rival.candidate.map != judged.candidate.map) return true;
-    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < least_cosine;
-  };
-  std::vector<size_t> corners;
-  for (const ExplainedCorner& e : rival.said.explained) {
-    if (is_otherwise(e)) corners.push_back(e.corner);
-  }
-  return corners;
-}
-
-Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
-  Rivalry rivalry{0, confirmed.said.found};
-  for (const Tried& rival : tried) {
-    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
-    const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
-    rivalry.most = std::max(rivalry.most, explained.size());
-    std::vector<size_t> left;
-    std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
-    rivalry.peculiar = std::move(left);
-  }
-  return rivalry;
-}
-
-/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
-/// aliasing of Cummins and Newman, IJRR 2008): believed is what has something to show of its own and explains
-/// clearly more than what it is not. Why it is not; nothing: it is.
-std::optional<std::string> find_why_common(const RelocOptions& options, const Tried& confirmed,
-                                           std::span<const Tried> tried) {
-  const Rivalry rivalry = compare_with_rivals(confirmed, tried);
-  const size_t found = confirmed.said.found.size();
-  const size_t explained = confirmed.said.explained.size();
-  if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * static_cast<double>(found) &&
-      static_cast<double>(explained) >= options.least_margin * static_cast<double>(rivalry.most))
-    return std::nullopt;
-  return fmt::format(
-      "more than one place looks like this: it explains {} corners, another {}, and {} of {} found are its "
-      "own only",
-      explained, rivalry.most, rivalry.peculiar.size(), found);
-}
-
-bool contradict(const Tried& a, const Tried& b) {
-  if (a.candidate.map != b.candidate.map) return false;
-  const SE3& one = a.said.camera_from_map;
-  const SE3& other = b.said.camera_from_map;
-  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
-}
-
-/// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
-/// with which corners in more parts of the picture agree, or else more corners, stands, if nothing else
-/// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
-std::optional<std::string> find_why_contradicted(const Tried& judged, std::span<const Tried> tried) {
-  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_parts, t.said.agreeing); };
-  const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
-    return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
-  });
-  if (wider == tried.end()) return std::nullopt;
-  return fmt::format("{} corners in {} of {} parts agree with another pose in this map, {} in {} with this",
-                     wider->said.agreeing, wider->said.agreeing_parts, kParts, judged.said.agreeing,
-                     judged.said.agreeing_parts);
-}
-
-/// Why what looks right by itself is not believed, given all else that has been tried; nothing: it is.
-std::optional<std::string> find_why_refused(const RelocOptions& options, const Tried& judged,
-                                            std::span<const Tried> tried) {
-  auto refusal = find_why_contradicted(judged, tried);
-  return refusal ? refusal : find_why_common(options, judged, tried);
-}
-
 /// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
 /// and inliers do not tell. Then what looks right and is common, then the rest, in the order they were tried.
 std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
@@ -245,8 +126,15 @@ std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
   return candidates;
 }
 
-/// Which keyframes are tried.
-enum class Tries : uint8_t { kRivalsFirst, kAll };
+/// A keyframe that was glanced at.
+struct Glanced {
+  Ranked ranked;
+  const KeyframePose* pose;
+  Glance glance;
+};
+
+/// Which keyframes are looked at closer: not those of a place of which enough have been, or these, too.
+enum class Tries : uint8_t { kOfOpenPlaces, kOfAnyPlace };
 
 /// One question on its way through the keyframes.
 class Inquiry {
@@ -257,14 +145,17 @@ class Inquiry {
   /// Tries the most promising keyframes of the index that have not been tried. True: one of them is clear.
   bool search(const PlaceIndex& index, const QueryPicture& picture) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
-    const size_t before = tried_.size();
+    const size_t before = asked_.size();
+    const size_t most_poses = poses_ + kMostPoses;
     const NearPictures near(index, picture, options_.search);
-    if (try_out(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone))) return true;
-    const auto fused = fuse(near.alike(kFused), vote(index, near.maps(), view_, cells_, kFused), picture);
-    if (try_out(fused, before + shortlist)) return true;
-    if (!is_any_confirmed() && follow_leads(picture)) return true;
-    if (!is_any_confirmed()) return false;
-    return try_out(fused, std::max(before + shortlist, tried_.size() + kMoreForPose), Tries::kAll);
+    glance(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone));
+    if (look_closer(most_poses)) return true;
+    const auto voted = vote(index, near.maps(), view_, cells_, kFused);
+    glance(fuse(near.alike(kFused), voted, picture), before + shortlist);
+    if (look_closer(most_poses)) return true;
+    if (!is_any_confirmed() && follow_leads(picture, most_poses)) return true;
+    return is_any_believed(0) && !is_any_believed(kSureAlikeness) &&
+           look_closer(poses_ + kMoreForPose, Tries::kOfAnyPlace);
   }
   /// By what it shows itself, whoever else shows the same.
   [[nodiscard]] bool is_any_confirmed() const {
@@ -281,6 +172,15 @@ class Inquiry {
   }
 
  private:
+  /// Whether a place is confirmed from a keyframe that shows it so much alike, and not refused for what
+  /// others show.
+  [[nodiscard]] bool is_any_believed(double least_alikeness) const {
+    return std::ranges::any_of(tried_, [&](const Tried& t) {
+      return t.said.confirmed && t.said.alikeness >= least_alikeness &&
+             !find_why_refused(options_, t, tried_);
+    });
+  }
+
   /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
   /// rivals.
   [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
@@ -326,11 +226,12 @@ class Inquiry {
 
   /// A neighbour of what is half known may see the place better, and stand too low by picture and words to be
   /// tried. True: one is clear.
-  bool follow_leads(const QueryPicture& picture) {
-    const size_t most = tried_.size() + kTriesOfLeads;
+  bool follow_leads(const QueryPicture& picture, size_t most_poses) {
+    const size_t most = asked_.size() + kTriesOfLeads;
     for (const Ranked& lead : leads()) {
-      if (tried_.size() >= most) return false;
-      if (try_out(neighbours_of(lead, picture), most)) return true;
+      if (asked_.size() >= most) return false;
+      glance(neighbours_of(lead, picture), most);
+      if (look_closer(most_poses)) return true;
     }
     return false;
   }
@@ -345,23 +246,61 @@ class Inquiry {
     tried_.push_back(std::move(tried));
   }
 
-  /// Asks geometry about the keyframes that it has not been asked about, until one is clear (true) or `most`
-  /// have been tried in all.
-  bool try_out(std::span<const Ranked> ranked, size_t most, Tries tries = Tries::kRivalsFirst) {
+  /// Glances at the keyframes that have not been asked about, until `most` have been in all. Those that show
+  /// something of the picture wait for a closer look, most of it first.
+  void glance(std::span<const Ranked> ranked, size_t most) {
     for (const Ranked& r : ranked) {
-      if (tried_.size() >= most) return false;
-      if (was_asked(r.indexed())) continue;
+      if (asked_.size() >= most) break;
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
-      if (pose == nullptr) continue;
-      if (tries == Tries::kRivalsFirst && is_settled(r.indexed(), r.map->snapshot->map)) continue;
-      Confirmation said = confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, options_.confirm);
+      if (pose == nullptr || was_asked(r.indexed())) continue;
       asked_.push_back(&r.indexed());
-      PlaceCandidate candidate = make_candidate(r, said, *pose);
-      add({r, std::move(candidate), std::move(said), static_cast<double>(pose->mean_depth)});
-      if (is_clear(tried_.back().said, options_) && !find_why_refused(options_, tried_.back(), tried_))
-        return true;
+      Glanced glanced{r, pose, glance_at(view_, cells_, *r.map, r.keyframe)};
+      if (glanced.glance.supported > 0) {
+        waiting_.push_back(std::move(glanced));
+      } else {
+        try_out(glanced);
+      }
     }
-    return false;
+    std::ranges::stable_sort(waiting_, std::greater(), [](const Glanced& g) { return g.glance.supported; });
+  }
+
+  /// Looks closer at those that wait, until one is clear (true) or so many poses have been looked for in all.
+  bool look_closer(size_t most_poses, Tries tries = Tries::kOfOpenPlaces) {
+    std::vector<Glanced> left;
+    bool is_found = false;
+    for (Glanced& g : waiting_) {
+      const bool is_next = !is_found && is_worth_while(g, most_poses, tries);
+      if (!is_next) {
+        left.push_back(std::move(g));
+        continue;
+      }
+      const Tried& tried = try_out(g);
+      poses_ += tried.said.supported >= options_.confirm.min_supported ? 1 : 0;
+      is_found = is_clear(tried.said, options_) && !find_why_refused(options_, tried, tried_);
+    }
+    waiting_ = std::move(left);
+    return is_found;
+  }
+
+  /// Where a place is confirmed its rivals are looked at, unless it is refused already, then nothing but
+  /// another of its keyframes can help.
+  [[nodiscard]] bool is_worth_while(const Glanced& g, size_t most_poses, Tries tries) const {
+    if (tries == Tries::kOfAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
+    const IndexedKeyframe& keyframe = g.ranked.indexed();
+    const MapId& map = g.ranked.map->snapshot->map;
+    if (poses_ >= most_poses + kMoreForRivals || is_settled(keyframe, map)) return false;
+    return is_any_believed(0) || std::ranges::any_of(tried_, [&](const Tried& t) {
+             return t.said.confirmed && is_of_place(keyframe, map, t);
+           });
+  }
+
+  const Tried& try_out(const Glanced& g) {
+    const Ranked& r = g.ranked;
+    Confirmation said =
+        confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, g.glance, options_.confirm);
+    PlaceCandidate candidate = make_candidate(r, said, *g.pose);
+    add({r, std::move(candidate), std::move(said), static_cast<double>(g.pose->mean_depth)});
+    return tried_.back();
   }
 
   const Camera& camera_;
@@ -370,6 +309,8 @@ class Inquiry {
   CornerGrid grid_;
   std::vector<CellList> cells_;
   std::vector<const IndexedKeyframe*> asked_;
+  std::vector<Glanced> waiting_;  ///< for a closer look, the most promising first
+  size_t poses_ = 0;              ///< that were looked for
   std::vector<Tried> tried_;
 };
 

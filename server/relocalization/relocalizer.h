@@ -23,10 +23,10 @@ enum class RelocMethod : uint8_t {
 
 struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
-  /// Keyframes that geometry is asked about before the words are: the most alike in the tiny images.
+  /// Keyframes that are glanced at before the words are asked: the most alike in the tiny images.
   int by_picture_alone = 2;
-  /// Keyframes that geometry is asked about by picture and words, those included. Then come, where nothing is
-  /// confirmed, four neighbours of those that are half known, else four more at least for the best pose.
+  /// Keyframes that are glanced at by picture and words, those included; then, where nothing is confirmed,
+  /// four neighbours of those that are half known. Geometry is asked about those of which most is seen.
   int shortlist = 16;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
   PictureSearch search = PictureSearch::kForest;

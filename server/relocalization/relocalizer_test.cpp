@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <tuple>
 
 #include "server/relocalization/exact_map.h"
@@ -118,8 +119,9 @@ TEST_F(RelocalizerTest, CornersThatThePoseExplainsOtherwiseAreNotHeldAgainstIt) 
   const auto image = scene().render(Scene::pose(5), 105);
   const PlaceView view = describe_image(image->view());
   const auto ask = [&](const IndexedMap& map) {
-    return confirm(view, probed_cells(view), CornerGrid(view, *scene().camera()), *scene().camera(), map,
-                   kKeyframe, {});
+    const auto cells = probed_cells(view);
+    return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), map, kKeyframe,
+                   glance_at(view, cells, map, kKeyframe), {});
   };
   const IndexedMapPtr exact = map().index();
   const Confirmation plain = ask(*exact);
@@ -174,7 +176,7 @@ RelocOptions few_agree() {
 }
 
 /// Parts of a picture show what those on the other side of it show.
-GrayImage with_strange_parts(const GrayView& image, std::initializer_list<size_t> parts) {
+GrayImage with_strange_parts(const GrayView& image, const std::vector<size_t>& parts) {
   const auto width = static_cast<size_t>(image.width) / kPartsAcross;
   const auto height = static_cast<size_t>(image.height) / kPartsDown;
   GrayImage changed(image);
@@ -212,7 +214,8 @@ TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheM
     const auto cells = probed_cells(view);
     const CornerGrid grid(view, *scene().camera());
     const auto ask = [&](const ConfirmOptions& options) {
-      return confirm(view, cells, grid, *scene().camera(), *indexed, 1, options);
+      return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
+                     options);
     };
     EXPECT_EQ(ask(by_picture).strange_parts, 0);
     for (size_t part = 0; part < kParts; ++part) {
@@ -256,7 +259,8 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   const CornerGrid grid(view, *scene().camera());
   const IndexedMapPtr indexed = map().index();
   const auto ask = [&](const ConfirmOptions& options) {
-    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, options);
+    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
+                   options);
   };
   const auto explains = [](const Confirmation& said) {
     return std::ranges::includes(said.explained, said.found, {}, &ExplainedCorner::corner);
@@ -492,30 +496,60 @@ TEST_F(RelocalizerTest, TheMemoryOfAnIndexIsAboutWhatIsSaid) {
 TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
   const auto cells = probed_cells(view);
-  size_t closer_at_its_place = 0;
-  size_t glances = 0;
+  const CornerGrid grid(view, *scene().camera());
+  size_t promising_at_its_place = 0;
+  size_t done_with = 0;
   for (const IndexedMapPtr& indexed : index_.maps()) {
     for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
-      const auto corners = [](const std::vector<PlaceMatch>& matches) {
-        std::vector<size_t> ids;
-        ids.reserve(matches.size());
-        for (const PlaceMatch& m : matches) ids.push_back(m.corner);
-        return ids;
-      };
+      const Glance glance = glance_at(view, cells, *indexed, k);
+      EXPECT_TRUE(std::ranges::all_of(glance.matches, [](const PlaceMatch& m) { return m.corner % 2 == 0; }));
+      EXPECT_LE(glance.distinct, glance.matches.size());
       const auto all = match_anywhere(view, cells, *indexed, k);
-      const auto found = match_anywhere(view, cells, *indexed, k, Look::kCloserIfPromising);
-      if (corners(found) == corners(all)) {
-        closer_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
+      const auto closer = match_closer(view, cells, *indexed, k, glance);
+      EXPECT_TRUE(std::ranges::equal(closer, all, {}, &PlaceMatch::corner, &PlaceMatch::corner));
+      if (glance.supported > 0) {
+        promising_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
         continue;
       }
-      ++glances;
-      EXPECT_TRUE(keep_supported(view, found).empty());
+      ++done_with;
       EXPECT_LT(keep_supported(view, all).size(), static_cast<size_t>(ConfirmOptions{}.min_supported));
-      EXPECT_TRUE(std::ranges::all_of(corners(found), [](size_t corner) { return corner % 2 == 0; }));
+      const Confirmation said = confirm(view, cells, grid, *scene().camera(), *indexed, k, glance, {});
+      EXPECT_FALSE(said.confirmed);
+      EXPECT_EQ(said.matches, static_cast<int>(glance.distinct)) << "no closer look";
     }
   }
-  EXPECT_EQ(closer_at_its_place, 3U);
-  EXPECT_GT(glances, 0U);
+  EXPECT_EQ(promising_at_its_place, 3U);
+  EXPECT_GT(done_with, 0U);
+}
+
+/// The corners of a place with the picture of another: a pose is found, and what is seen at the points by it
+/// is something else.
+TEST_F(RelocalizerTest, APoseByWhichThePictureIsNotAlikeIsNotRefined) {
+  const auto image = scene().render(Scene::pose(5), 105);
+  PlaceView view = describe_image(image->view());
+  const auto cells = probed_cells(view);
+  const CornerGrid grid(view, *scene().camera());
+  const IndexedMapPtr indexed = map().index();
+  const auto ask = [&](const ConfirmOptions& options) {
+    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
+                   options);
+  };
+  ConfirmOptions options;
+  options.by_extent.agreeing_parts = kParts + 1;  // as if they lay in a few parts
+  ASSERT_TRUE(ask(options).confirmed);
+  std::vector<size_t> all_parts(kParts);
+  std::iota(all_parts.begin(), all_parts.end(), 0);
+  view.small = with_strange_parts(GrayImage(view.small.view()).view(), all_parts);
+  const Confirmation said = ask(options);
+  EXPECT_FALSE(said.confirmed);
+  EXPECT_EQ(said.inliers, 0) << "not refined";
+  EXPECT_TRUE(said.alikeness < options.least_alikeness || evidence(said) < options.least_evidence);
+  EXPECT_GE(said.agreeing, options.enough_agreeing);
+  EXPECT_GE(said.explained.size(), static_cast<size_t>(said.agreeing)) << "as a rival it explains them";
+  EXPECT_GT(ask({}).inliers, 0) << "corners agree all about the picture: a part may have moved";
+  options.least_alikeness = -kNever;
+  options.least_evidence = -kNever;
+  EXPECT_GT(ask(options).inliers, 0);
 }
 
 TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {

@@ -19,18 +19,28 @@ CellList nearest_cells(const Descriptor& descriptor) {
   // Keys are distance, then index, in 16 bits that compare as signed numbers: of equal distances the lower
   // index comes first. A distance of 256, all bits different, would not fit and counts as 255: a tie that
   // would tell only if nearly all cells were alike. Each goes into its place among the eight least without a
-  // branch, whose outcome nothing could foretell: what is greater moves up by one.
+  // branch, whose outcome nothing could foretell: what is greater moves up by one. Even and odd cells go by
+  // themselves, since each step waits for the one before.
   static_assert(kProbedCells == 8 && kVocabularyCells == 256, "a vector of keys of 16 bits");
   const __m128i least = _mm_setr_epi16(std::numeric_limits<int16_t>::min(), 0, 0, 0, 0, 0, 0, 0);
-  __m128i best = _mm_set1_epi16(std::numeric_limits<int16_t>::max());
-  for (int cell = 0; cell < static_cast<int>(kVocabularyCells); ++cell) {
+  const auto insert = [&](int16_t key, __m128i* best) {
+    const __m128i moved_up = _mm_or_si128(_mm_slli_si128(*best, 2), least);
+    *best = _mm_max_epi16(moved_up, _mm_min_epi16(*best, _mm_set1_epi16(key)));
+  };
+  const auto key_of = [&](int cell) {
     const int distance = std::min<int>(distances[static_cast<size_t>(cell)], 255);
-    const __m128i key = _mm_set1_epi16(static_cast<int16_t>((distance - 128) * 256 + cell));
-    const __m128i moved_up = _mm_or_si128(_mm_slli_si128(best, 2), least);
-    best = _mm_max_epi16(moved_up, _mm_min_epi16(best, key));
+    return static_cast<int16_t>((distance - 128) * 256 + cell);
+  };
+  __m128i even = _mm_set1_epi16(std::numeric_limits<int16_t>::max());
+  __m128i odd = even;
+  for (int cell = 0; cell < static_cast<int>(kVocabularyCells); cell += 2) {
+    insert(key_of(cell), &even);
+    insert(key_of(cell + 1), &odd);
   }
   std::array<int16_t, kProbedCells> keys;
-  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), best);
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), odd);
+  for (const int16_t key : keys) insert(key, &even);
+  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), even);
   CellList cells;
   std::ranges::transform(keys, cells.begin(), [](int16_t key) { return static_cast<CellId>(key & 0xFF); });
   return cells;

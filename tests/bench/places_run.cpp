@@ -85,7 +85,8 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
   const auto cells = probed_cells(view);
   const CornerGrid grid(view, camera);
   for (const Voted& v : vote_everywhere(index, view, cells, static_cast<size_t>(options.shortlist))) {
-    const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe, options.confirm);
+    const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe,
+                                      glance_at(view, cells, *v.map, v.keyframe), options.confirm);
     if (!said.confirmed) continue;
     const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
     return Said{v.map->snapshot->map, k->id, said.camera_from_map * k->camera_from_map.inverse()};
@@ -207,7 +208,8 @@ class Examination {
       return std::tuple(c.confirmed, c.inliers, c.agreeing, c.supported);
     };
     for (size_t k = 0; k < map.keyframes.size(); ++k) {
-      const Confirmation said = confirm(view, cells, grid, *place.camera, map, k, options.confirm);
+      const Confirmation said =
+          confirm(view, cells, grid, *place.camera, map, k, glance_at(view, cells, map, k), options.confirm);
       if (k > 0 && merit(said) <= merit(most)) continue;
       most = said;
       best = k;

@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/rivals.h"
+
+#include <fmt/format.h>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "server/relocalization/map_agreement.h"
+
+namespace cairn {
+namespace {
+
+/// What its rivals explain of a picture for which another is confirmed.
+struct Rivalry {
+  size_t most = 0;                 ///< corners that one of them explains
+  std::vector<size_t> peculiar{};  ///< corners found that none of them explains
+};
+
+/// Another map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place
+/// that has changed every other map is one: the part that stands may be what they have in common. In the map
+/// itself whatever explains corners otherwise is one.
+bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
+  if (map == judged.candidate.map || judged.said.changed) return true;
+  return std::ranges::none_of(
+      tried, [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed && !t.said.changed; });
+}
+
+/// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
+/// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
+std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
+  const double least_cosine = std::cos(kSamePose);
+  const auto is_otherwise = [&](const ExplainedCorner& e) {
+    if (rival.candidate.map != judged.candidate.map) return true;
+    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < least_cosine;
+  };
+  std::vector<size_t> corners;
+  for (const ExplainedCorner& e : rival.said.explained) {
+    if (is_otherwise(e)) corners.push_back(e.corner);
+  }
+  return corners;
+}
+
+Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
+  Rivalry rivalry{0, confirmed.said.found};
+  for (const Tried& rival : tried) {
+    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
+    const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
+    rivalry.most = std::max(rivalry.most, explained.size());
+    std::vector<size_t> left;
+    std::ranges::set_difference(rivalry.peculiar, explained, std::back_inserter(left));
+    rivalry.peculiar = std::move(left);
+  }
+  return rivalry;
+}
+
+/// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
+/// aliasing of Cummins and Newman, IJRR 2008): believed is what has something to show of its own and explains
+/// clearly more than what it is not. Why it is not; nothing: it is.
+std::optional<std::string> find_why_common(const RelocOptions& options, const Tried& confirmed,
+                                           std::span<const Tried> tried) {
+  const Rivalry rivalry = compare_with_rivals(confirmed, tried);
+  const size_t found = confirmed.said.found.size();
+  const size_t explained = confirmed.said.explained.size();
+  if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * static_cast<double>(found) &&
+      static_cast<double>(explained) >= options.least_margin * static_cast<double>(rivalry.most))
+    return std::nullopt;
+  return fmt::format(
+      "more than one place looks like this: it explains {} corners, another {}, and {} of {} found are its "
+      "own only",
+      explained, rivalry.most, rivalry.peculiar.size(), found);
+}
+
+bool contradict(const Tried& a, const Tried& b) {
+  if (a.candidate.map != b.candidate.map) return false;
+  const SE3& one = a.said.camera_from_map;
+  const SE3& other = b.said.camera_from_map;
+  return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
+}
+
+/// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
+/// with which corners in more parts of the picture agree, or else more corners, stands, if nothing else
+/// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
+std::optional<std::string> find_why_contradicted(const Tried& judged, std::span<const Tried> tried) {
+  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_parts, t.said.agreeing); };
+  const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
+    return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
+  });
+  if (wider == tried.end()) return std::nullopt;
+  return fmt::format("{} corners in {} of {} parts agree with another pose in this map, {} in {} with this",
+                     wider->said.agreeing, wider->said.agreeing_parts, kParts, judged.said.agreeing,
+                     judged.said.agreeing_parts);
+}
+
+/// Other keyframes by which the camera would be there as well, and which show something else in parts of the
+/// picture: where these are so many, the one that does not is right by chance. Not asked of a place that has
+/// changed. Why a pose is not believed; nothing: it is.
+std::optional<std::string> find_why_outvoted(const RelocOptions& options, const Tried& judged,
+                                             std::span<const Tried> tried) {
+  constexpr ptrdiff_t kToOne = 3;
+  if (judged.said.changed) return std::nullopt;
+  const auto is_same = [&](const Tried& t) {
+    return t.candidate.map == judged.candidate.map && t.said.inliers > 0 && !contradict(t, judged);
+  };
+  const auto pro =
+      std::ranges::count_if(tried, [&](const Tried& t) { return t.said.confirmed && is_same(t); });
+  const auto con = std::ranges::count_if(tried, [&](const Tried& t) {
+    return !t.said.confirmed && t.said.strange_parts > options.confirm.by_picture.strange_parts && is_same(t);
+  });
+  if (con < kToOne * pro) return std::nullopt;
+  return fmt::format("{} keyframes show this place otherwise in part, {} as it is", con, pro);
+}
+
+}  // namespace
+
+size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b, size_t enough) {
+  size_t shared = 0;
+  for (auto i = a.measured.begin(), j = b.measured.begin();
+       i != a.measured.end() && j != b.measured.end() && shared < enough;) {
+    if (*i < *j) {
+      ++i;
+    } else if (*j < *i) {
+      ++j;
+    } else {
+      ++shared;
+      ++i;
+      ++j;
+    }
+  }
+  return shared;
+}
+
+bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const Tried& tried) {
+  return map == tried.candidate.map &&
+         count_in_common(keyframe, tried.ranked.indexed(), kInCommon) == kInCommon;
+}
+
+std::optional<std::string> find_why_refused(const RelocOptions& options, const Tried& judged,
+                                            std::span<const Tried> tried) {
+  auto refusal = find_why_contradicted(judged, tried);
+  if (!refusal) refusal = find_why_outvoted(options, judged, tried);
+  return refusal ? refusal : find_why_common(options, judged, tried);
+}
+
+}  // namespace cairn
