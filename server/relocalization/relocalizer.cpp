@@ -148,8 +148,11 @@ class Inquiry {
     const size_t before = asked_.size();
     const size_t most_poses = poses_ + kMostPoses;
     const NearPictures near(index, picture, options_.search);
-    glance(near.alike(shortlist), before + static_cast<size_t>(options_.by_picture_alone));
-    if (look_closer(most_poses)) return true;
+    const auto alike = near.alike(shortlist);
+    for (size_t n = 1; n <= static_cast<size_t>(options_.by_picture_alone); ++n) {
+      glance(alike, before + n);
+      if (look_closer(most_poses)) return true;
+    }
     const auto voted = vote(index, near.maps(), view_, cells_, kFused);
     glance(fuse(near.alike(kFused), voted, picture), before + shortlist);
     if (look_closer(most_poses)) return true;
