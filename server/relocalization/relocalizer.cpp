@@ -5,7 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
-#include <optional>
+#include <iterator>
+#include <span>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
@@ -147,12 +148,15 @@ class Inquiry {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = asked_.size();
     const size_t most_poses = poses_ + kMostPoses;
+    // Those of the maps searched before wait until these have been glanced at, too.
+    std::vector<Glanced> before_these = std::exchange(waiting_, {});
     const NearPictures near(index, picture, options_.search);
     const auto alike = near.alike(shortlist);
     for (size_t n = 1; n <= static_cast<size_t>(options_.by_picture_alone); ++n) {
       glance(alike, before + n);
       if (look_closer(most_poses)) return true;
     }
+    std::ranges::move(before_these, std::back_inserter(waiting_));
     const auto voted = vote(index, near.maps(), view_, cells_, kFused);
     glance(fuse(near.alike(kFused), voted, picture), before + shortlist);
     if (look_closer(most_poses)) return true;
@@ -285,16 +289,13 @@ class Inquiry {
     return is_found;
   }
 
-  /// Where a place is confirmed its rivals are looked at, unless it is refused already, then nothing but
-  /// another of its keyframes can help.
+  /// Where a place is believed, more of its rivals are looked at than where none is.
   [[nodiscard]] bool is_worth_while(const Glanced& g, size_t most_poses, Tries tries) const {
     if (tries == Tries::kOfAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
     const IndexedKeyframe& keyframe = g.ranked.indexed();
     const MapId& map = g.ranked.map->snapshot->map;
-    if (poses_ >= most_poses + kMoreForRivals || is_settled(keyframe, map)) return false;
-    return is_any_believed(0) || std::ranges::any_of(tried_, [&](const Tried& t) {
-             return t.said.confirmed && is_of_place(keyframe, map, t);
-           });
+    if (is_settled(keyframe, map)) return false;
+    return poses_ < most_poses + (is_any_believed(0) ? kMoreForRivals : 0);
   }
 
   const Tried& try_out(const Glanced& g) {
