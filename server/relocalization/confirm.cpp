@@ -117,7 +117,7 @@ int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const s
 }
 
 /// Whether it is worth while to refine a pose, by how alike some of the keyframe's points are there, which
-/// `result` is told. Most wrong poses end here, for a tenth of what refining them costs.
+/// `result` is told. Most wrong poses end here, for a small part of what refining them costs.
 bool is_promising(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
                   const SE3& camera_from_map, const ConfirmOptions& options, Confirmation* result) {
   if (result->agreeing_parts >= options.by_extent.agreeing_parts) return true;
@@ -128,8 +128,9 @@ bool is_promising(const PlaceView& view, const Camera& camera, const IndexedMap&
   result->alikeness = rough.local;
   result->order = rough.order;
   if (evidence(*result) >= options.least_evidence && rough.local >= options.least_alikeness) return true;
-  result->reason = fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f} only",
-                               result->agreeing, rough.local);
+  result->reason =
+      fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f}: {:.2f} in all",
+                  result->agreeing, rough.local, evidence(*result));
   return false;
 }
 

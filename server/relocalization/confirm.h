@@ -71,11 +71,13 @@ struct Confirmation {
   int met = 0;              ///< matches of these that there could be (GuidedMatches)
   int parts = 0;            ///< of kParts, with an inlier in them
   int agreeing_parts = 0;   ///< of kParts, with two in them at least of those that are `agreeing`
-  double alikeness = -1;    ///< Appearance::local
-  double order = -1;        ///< Appearance::order
-  int strange_parts = 0;    ///< Appearance::strange_parts
+  /// Appearance::local and order, where the pose was not worth refining of some points of the keyframe alone
+  double alikeness = -1;
+  double order = -1;
+  int strange_parts = 0;      ///< Appearance::strange_parts
   std::vector<size_t> found;  ///< corners on which points lie by the refined pose: as many as `inliers`
-  /// `supported`, and `found` unless few agree and it is refused; ascending, each corner once
+  /// `supported`, and unless few agree and it is refused `found`, or those that are `agreeing` where the pose
+  /// was not refined; ascending, each corner once
   std::vector<ExplainedCorner> explained;
   std::string reason;  ///< why it is not confirmed
 };
@@ -91,8 +93,9 @@ struct Confirmation {
 [[nodiscard]] double evidence(const Confirmation& said);
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
-/// most agree (P3P in RANSAC), then the points of that keyframe and of others around the pose, and the pose
-/// from what is found. `keyframe`: index into those of the map; `glance`: at it. Deterministic.
+/// most agree (P3P in RANSAC), then, if the picture looks a little like it there, the points of that keyframe
+/// and of others around the pose, and the pose from what is found. `keyframe`: index into those of the map;
+/// `glance`: at it. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
                                    size_t keyframe, const Glance& glance, const ConfirmOptions& options);

@@ -102,7 +102,7 @@ struct ProjectedPoints {
   }
 };
 /// Points in the image that some keyframes of the map (indices) have described, as they look in a picture of
-/// which a share is `white`. `out` keeps its memory.
+/// which a share is `white`; of these, in the order of ids, one of `every` so many. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
                     std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every = 1);
 

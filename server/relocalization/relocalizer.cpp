@@ -232,11 +232,11 @@ class Inquiry {
   }
 
   /// A neighbour of what is half known may see the place better, and stand too low by picture and words to be
-  /// tried. True: one is clear.
+  /// tried. Nothing is glanced at that could not be looked at closer. True: one is clear.
   bool follow_leads(const QueryPicture& picture, size_t most_poses) {
     const size_t most = asked_.size() + kTriesOfLeads;
     for (const Ranked& lead : leads()) {
-      if (asked_.size() >= most) return false;
+      if (asked_.size() >= most || poses_ >= most_poses) return false;
       glance(neighbours_of(lead, picture), most);
       if (look_closer(most_poses)) return true;
     }

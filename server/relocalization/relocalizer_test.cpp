@@ -48,6 +48,13 @@ class RelocalizerTest : public ::testing::Test {
   [[nodiscard]] const Scene& scene() const { return places_->scene; }
   [[nodiscard]] const ExactMap& map() const { return places_->map; }
 
+  [[nodiscard]] Confirmation ask_second_keyframe(const PlaceView& view, const ConfirmOptions& options) const {
+    const auto cells = probed_cells(view);
+    const IndexedMap& indexed = *index_.find(map().snapshot()->map);
+    return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), indexed, 1,
+                   glance_at(view, cells, indexed, 1), options);
+  }
+
   const Places* places_ = nullptr;
   PlaceIndex index_;
 };
@@ -255,13 +262,7 @@ TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
 TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirmed) {
   const auto image = scene().render(Scene::pose(5), 105);
   const PlaceView view = describe_image(image->view());
-  const auto cells = probed_cells(view);
-  const CornerGrid grid(view, *scene().camera());
-  const IndexedMapPtr indexed = map().index();
-  const auto ask = [&](const ConfirmOptions& options) {
-    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
-                   options);
-  };
+  const auto ask = [&](const ConfirmOptions& options) { return ask_second_keyframe(view, options); };
   const auto explains = [](const Confirmation& said) {
     return std::ranges::includes(said.explained, said.found, {}, &ExplainedCorner::corner);
   };
@@ -527,13 +528,7 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
 TEST_F(RelocalizerTest, APoseByWhichThePictureIsNotAlikeIsNotRefined) {
   const auto image = scene().render(Scene::pose(5), 105);
   PlaceView view = describe_image(image->view());
-  const auto cells = probed_cells(view);
-  const CornerGrid grid(view, *scene().camera());
-  const IndexedMapPtr indexed = map().index();
-  const auto ask = [&](const ConfirmOptions& options) {
-    return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
-                   options);
-  };
+  const auto ask = [&](const ConfirmOptions& options) { return ask_second_keyframe(view, options); };
   ConfirmOptions options;
   options.by_extent.agreeing_parts = kParts + 1;  // as if they lay in a few parts
   ASSERT_TRUE(ask(options).confirmed);

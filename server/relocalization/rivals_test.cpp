@@ -73,7 +73,7 @@ TEST(Rivals, WhatAnotherMapExplainsAsWellIsNotBelieved) {
   all[1].said.explained.resize(70);
   EXPECT_TRUE(is_believed(all)) << "it explains more, and three of ten are its own";
   all[1].said.explained.resize(0);
-  for (size_t corner = 0; corner < 85; ++corner)
+  for (size_t corner = 0; corner < 78; ++corner)
     all[1].said.explained.push_back({corner, {0, 0, 1}, {0, 0, 1}});
   EXPECT_FALSE(is_believed(all)) << "too few are its own";
 }
