@@ -89,7 +89,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   take_camera(snapshot);
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
-  keep_proven_map(result);
+  settle_trial(result);
   const bool sent = send_proposals(result, frame);
   link_.publish_state(result, frame.time);
   const auto cpu = thread_cpu_time() - cpu_start;
@@ -169,10 +169,15 @@ bool FrameLoop::try_place(const PlaceAnswer& answer) {
   return true;
 }
 
-/// A tracker that has found its pose in the map it was in stays there, whatever was suggested meanwhile.
-void FrameLoop::keep_proven_map(const FrameResult& result) {
-  if (!on_trial_ || !result.pose_measured) return;
-  if (on_trial_ != result.map) link_.use_map(result.map, result.epoch, result.revision);
+/// Where its pose is measured the tracker stays, whatever was suggested meanwhile. A place that does not hold
+/// gives way to the map it was last tracked in: who is lost looks there by itself.
+void FrameLoop::settle_trial(const FrameResult& result) {
+  if (result.pose_measured) proven_ = {result.map, result.epoch, result.revision};
+  if (!on_trial_) return;
+  const bool has_failed =
+      result.map == on_trial_ && result.state == TrackingState::kLost && !result.on_trial && proven_.map;
+  if (!result.pose_measured && !has_failed) return;
+  if (on_trial_ != proven_.map) link_.use_map(proven_.map, proven_.epoch, proven_.revision);
   on_trial_ = {};
 }
 
@@ -229,6 +234,7 @@ void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState sta
   tracker_.start_over(start->wish);
   lost_ = {};
   on_trial_ = {};
+  proven_ = {};
   has_tracked_ = false;
 }
 

@@ -54,7 +54,7 @@ class FrameLoop {
   void deliver_place(const PlaceAnswer& answer);
   /// Whether the tracker will.
   [[nodiscard]] bool try_place(const PlaceAnswer& answer);
-  void keep_proven_map(const FrameResult& result);
+  void settle_trial(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
   struct StartOver {
@@ -87,6 +87,12 @@ class FrameLoop {
   bool has_tracked_ = false;
   Timestamp asked_;  ///< of the frame of the latest question
   MapId on_trial_;   ///< in use because a place in it was suggested, and not proven yet
+  struct ProvenMap {
+    MapId map;
+    Epoch epoch;
+    Revision revision;
+  };
+  ProvenMap proven_;  ///< of the last pose measured since it started (over)
 };
 
 }  // namespace cairn

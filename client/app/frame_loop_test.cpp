@@ -222,6 +222,32 @@ TEST(FrameLoop, ATrackerThatFindsBackByItselfStaysInItsMap) {
   EXPECT_THAT(proven.link.sent, ElementsAre("use 1 at 5"));
 }
 
+TEST(FrameLoop, AMapWhosePlaceDoesNotHoldIsLeftForTheOneLastTrackedIn) {
+  const auto on_trial = [](FrameResult& result) {
+    lost(result);
+    result.map = MapId{{7}};
+    result.on_trial = true;
+  };
+  const auto refuted = [](FrameResult& result) {
+    lost(result);
+    result.map = MapId{{7}};
+  };
+  for (const auto& trial : {std::vector<ScriptedTracker::Step>{refuted}, {on_trial, refuted}}) {
+    std::vector<ScriptedTracker::Step> script = {tracking, asking};
+    script.insert(script.end(), trial.begin(), trial.end());
+    script.emplace_back(lost);
+    Rig rig(script);
+    rig.options.pace = Pace::kLockstep;
+    rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
+    ASSERT_TRUE(rig.run());
+    EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle", "use 7 at 5", "settle", "use 1 at 0"));
+  }
+  Rig never_tracked({lost, refuted, lost});
+  never_tracked.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed);
+  ASSERT_TRUE(never_tracked.run());
+  EXPECT_THAT(never_tracked.link.sent, ElementsAre("use 7 at 5"));
+}
+
 TEST(FrameLoop, ProposalsAreSentAndOnlyLockstepWaitsForThem) {
   for (const Pace pace : {Pace::kMax, Pace::kRealtime, Pace::kLockstep}) {
     Rig rig({with_seed, starting, with_keyframe, tracking});

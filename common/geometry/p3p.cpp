@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -75,9 +74,12 @@ double steepest_cubic_root(const std::array<double, 4>& c) {
   return best;
 }
 
-/// Newton on the three range equations from a good start.
-Eigen::Vector3d polish(const RangeEquations& e, Eigen::Vector3d lambda) {
-  for (int iteration = 0; iteration < 4; ++iteration) {
+/// Newton on the three range equations from a good start: it squares the error, so what is left after a small
+/// step is rounding. Nothing: there is no root, planes and conic but for rounding do not meet.
+std::optional<Eigen::Vector3d> polish(const RangeEquations& e, Eigen::Vector3d lambda) {
+  constexpr int kMostSteps = 10;
+  constexpr double kSmallStep = 1e-8;
+  for (int iteration = 0; iteration < kMostSteps; ++iteration) {
     Eigen::Matrix3d jacobian;
     Eigen::Vector3d residual;
     for (int k = 0; k < 3; ++k) {
@@ -85,11 +87,11 @@ Eigen::Vector3d polish(const RangeEquations& e, Eigen::Vector3d lambda) {
       residual(k) = lambda.dot(m_lambda) - e.squared_distance[static_cast<size_t>(k)];
       jacobian.row(k) = 2 * m_lambda.transpose();
     }
-    const Eigen::Vector3d step = jacobian.partialPivLu().solve(residual);
-    if (!step.allFinite()) break;
+    const Eigen::Vector3d step = jacobian.inverse() * residual;
     lambda -= step;
+    if (step.squaredNorm() < kSmallStep * kSmallStep * lambda.squaredNorm()) return lambda;
   }
-  return lambda;
+  return std::nullopt;
 }
 
 /// Ranges along a direction (up to sign and length), scaled to the distances; nothing unless all are
@@ -105,13 +107,46 @@ std::optional<Eigen::Vector3d> ranges_along(const RangeEquations& e, Eigen::Vect
     measured += e.squared_distance[k];
   }
   if (!(model > 0)) return std::nullopt;
-  const Eigen::Vector3d lambda = polish(e, std::sqrt(measured / model) * direction);
-  if (!lambda.allFinite() || !(lambda.minCoeff() > 0)) return std::nullopt;
-  return lambda;
+  const auto lambda = polish(e, std::sqrt(measured / model) * direction);
+  return lambda && lambda->minCoeff() > 0 ? lambda : std::nullopt;
+}
+
+/// A symmetric matrix of rank two: its eigenvalues of either sign, and unit eigenvectors.
+struct OppositeEigen {
+  double negative, positive;
+  Eigen::Vector3d of_negative, of_positive;
+};
+
+/// The eigenvector of a simple eigenvalue: what is normal to the rows of what it makes singular, by the two
+/// that tell most.
+Eigen::Vector3d eigenvector(const Eigen::Matrix3d& symmetric, double eigenvalue) {
+  const Eigen::Matrix3d m = symmetric - eigenvalue * Eigen::Matrix3d::Identity();
+  const std::array<Eigen::Vector3d, 3> normals{m.col(0).cross(m.col(1)), m.col(0).cross(m.col(2)),
+                                               m.col(1).cross(m.col(2))};
+  return std::max_element(normals.begin(), normals.end(),
+                          [](const auto& u, const auto& v) { return u.squaredNorm() < v.squaredNorm(); })
+      ->normalized();
+}
+
+/// Nothing: the two are not of opposite signs. That the third is zero is taken for granted.
+std::optional<OppositeEigen> opposite_eigen(const Eigen::Matrix3d& m) {
+  const double minors = m(0, 0) * m(1, 1) - m(0, 1) * m(0, 1) + m(0, 0) * m(2, 2) - m(0, 2) * m(0, 2) +
+                        m(1, 1) * m(2, 2) - m(1, 2) * m(1, 2);
+  if (!(minors < 0)) return std::nullopt;
+  const double half_trace = m.trace() / 2;
+  const double larger = half_trace + std::copysign(std::sqrt(half_trace * half_trace - minors), half_trace);
+  const double smaller = minors / larger;
+  const double negative = std::min(larger, smaller);
+  const double positive = std::max(larger, smaller);
+  return OppositeEigen{negative, positive, eigenvector(m, negative), eigenvector(m, positive)};
 }
 
 /// Directions where the plane normal^T lambda = 0 meets the conic lambda^T D lambda = 0.
-std::vector<Eigen::Vector3d> plane_conic_directions(const Eigen::Vector3d& normal, const Eigen::Matrix3d& D) {
+struct Directions {
+  std::array<Eigen::Vector3d, 2> of;
+  size_t count = 0;
+};
+Directions plane_conic_directions(const Eigen::Vector3d& normal, const Eigen::Matrix3d& D) {
   const Eigen::Vector3d u = normal.unitOrthogonal();
   const Eigen::Vector3d v = normal.normalized().cross(u);
   const double a = u.dot(D * u);
@@ -123,9 +158,7 @@ std::vector<Eigen::Vector3d> plane_conic_directions(const Eigen::Vector3d& norma
   discriminant = std::sqrt(std::max(discriminant, 0.0));
   // a s^2 + 2 b s w + c w^2 = 0 for lambda = s u + w v, both roots without cancellation.
   const double q = -(b + std::copysign(discriminant, b));
-  std::vector<Eigen::Vector3d> directions{c * u + q * v, q * u + a * v};
-  if (discriminant == 0) directions.pop_back();
-  return directions;
+  return {{c * u + q * v, q * u + a * v}, discriminant == 0 ? size_t{1} : size_t{2}};
 }
 
 SE3 pose_from_ranges(std::span<const Eigen::Vector3d, 3> rays, std::span<const Eigen::Vector3d, 3> points,
@@ -161,18 +194,18 @@ std::vector<SE3> solve_p3p(std::span<const Eigen::Vector3d, 3> rays,
   const auto cubic = pencil_determinant(D1, D2);
   if (cubic[3] == 0) return {};
   const Eigen::Matrix3d degenerate = D1 + steepest_cubic_root(cubic) * D2;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(degenerate);
-  const Eigen::Vector3d& values = eigen.eigenvalues();
-  // The middle eigenvalue is the zero one; real planes need the outer two of opposite signs.
-  if (!(values(0) < 0 && values(2) > 0)) return {};
+  // Real planes need eigenvalues of opposite signs.
+  const auto eigen = opposite_eigen(degenerate);
+  if (!eigen) return {};
 
   std::vector<SE3> poses;
   poses.reserve(4);
-  const double ratio = std::sqrt(-values(0) / values(2));
+  const double ratio = std::sqrt(-eigen->negative / eigen->positive);
   for (const double sign : {1.0, -1.0}) {
-    const Eigen::Vector3d normal = eigen.eigenvectors().col(2) + sign * ratio * eigen.eigenvectors().col(0);
-    for (const auto& direction : plane_conic_directions(normal, D2)) {
-      if (const auto lambda = ranges_along(e, direction))
+    const Eigen::Vector3d normal = eigen->of_positive + sign * ratio * eigen->of_negative;
+    const Directions directions = plane_conic_directions(normal, D2);
+    for (size_t i = 0; i < directions.count; ++i) {
+      if (const auto lambda = ranges_along(e, directions.of[i]))
         poses.push_back(pose_from_ranges(rays, points_in_map, *lambda));
     }
   }

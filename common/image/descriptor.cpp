@@ -2,12 +2,9 @@
 #include "common/image/descriptor.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
 #include <vector>
-
-#include "common/image/kernels.h"
 
 namespace cairn {
 namespace {
@@ -121,101 +118,7 @@ void smooth_once(const GrayView& image, GrayImage* out) {
   }
 }
 
-template <class Distance>
-NearestDescriptor scan(std::span<const Descriptor> set, const Distance& distance_to) {
-  NearestDescriptor nearest;
-  for (size_t i = 0; i < set.size(); ++i) {
-    const int distance = distance_to(set[i]);
-    if (distance < nearest.distance) {
-      nearest.second_distance = nearest.distance;
-      nearest.distance = distance;
-      nearest.index = static_cast<int>(i);
-    } else if (distance < nearest.second_distance) {
-      nearest.second_distance = distance;
-    }
-  }
-  return nearest;
-}
-
-#define CAIRN_POPCNT __attribute__((target("popcnt")))
-
-CAIRN_POPCNT inline int distance_popcnt(const Descriptor& a, const Descriptor& b) {
-  return __builtin_popcountll(a[0] ^ b[0]) + __builtin_popcountll(a[1] ^ b[1]) +
-         __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]);
-}
-
-/// What may still be of interest to find_nearest_few().
-class Few {
- public:
-  Few(int limit, float ratio, std::vector<NearDescriptor>* out)
-      : least_(limit), limit_(limit), ratio_(ratio), out_(*out) {}
-  CAIRN_INLINE void offer(uint32_t index, int distance) {
-    if (distance > limit_) return;
-    out_.push_back({index, distance});
-    if (distance >= least_) return;
-    least_ = distance;
-    limit_ = std::min(limit_, farthest_within_ratio(distance, ratio_));
-  }
-
- private:
-  int least_;
-  int limit_;
-  float ratio_;
-  std::vector<NearDescriptor>& out_;
-};
-
-CAIRN_POPCNT void find_nearest_few_popcnt(const Descriptor& query, std::span<const Descriptor> set,
-                                          std::span<const IndexRange> ranges, Few few) {
-  const Descriptor q = query;
-  for (const IndexRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, distance_popcnt(q, set[i]));
-  }
-}
-
-CAIRN_POPCNT NearestDescriptor find_nearest_popcnt(const Descriptor& query, std::span<const Descriptor> set) {
-  NearestDescriptor nearest;
-  const Descriptor q = query;
-  for (size_t i = 0; i < set.size(); ++i) {
-    const int distance = distance_popcnt(q, set[i]);
-    if (distance >= nearest.second_distance) continue;
-    if (distance < nearest.distance) {
-      nearest.second_distance = nearest.distance;
-      nearest.distance = distance;
-      nearest.index = static_cast<int>(i);
-    } else {
-      nearest.second_distance = distance;
-    }
-  }
-  return nearest;
-}
-
-CAIRN_POPCNT void distances_popcnt(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out) {
-  const Descriptor q = query;
-  for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(distance_popcnt(q, d));
-}
-
-bool has_popcnt() {
-  static const bool has = __builtin_cpu_supports("popcnt");
-  return has;
-}
-
 }  // namespace
-
-void kernels::find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
-                               std::span<const IndexRange> ranges, int limit, float ratio,
-                               std::vector<NearDescriptor>* out, Simd simd) {
-  Few few(limit, ratio, out);
-  if (simd != Simd::kScalar && has_popcnt()) return find_nearest_few_popcnt(query, set, ranges, few);
-  for (const IndexRange& range : ranges) {
-    for (uint32_t i = range.begin; i < range.end; ++i) few.offer(i, descriptor_distance(query, set[i]));
-  }
-}
-
-int descriptor_distance(const Descriptor& a, const Descriptor& b) {
-  int distance = 0;
-  for (size_t i = 0; i < a.size(); ++i) distance += std::popcount(a[i] ^ b[i]);
-  return distance;
-}
 
 void smooth_for_descriptors(const GrayView& image, GrayImage* out) {
   if (image.empty()) {
@@ -245,22 +148,6 @@ bool describe(const GrayView& smoothed, Corner corner, Descriptor* out) {
     (*out)[word] = bits;
   }
   return true;
-}
-
-void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out) {
-  if (has_popcnt()) return distances_popcnt(query, set, out);
-  for (const Descriptor& d : set) *out++ = static_cast<uint16_t>(descriptor_distance(query, d));
-}
-
-void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
-                      std::span<const IndexRange> ranges, int limit, float ratio,
-                      std::vector<NearDescriptor>* out) {
-  kernels::find_nearest_few(query, set, ranges, limit, ratio, out, best_simd());
-}
-
-NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set) {
-  if (has_popcnt()) return find_nearest_popcnt(query, set);
-  return scan(set, [&](const Descriptor& d) { return descriptor_distance(query, d); });
 }
 
 }  // namespace cairn

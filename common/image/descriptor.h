@@ -49,10 +49,8 @@ struct IndexRange {
 [[nodiscard]] constexpr int farthest_within_ratio(int least, float ratio) {
   return static_cast<int>(static_cast<float>(least) / ratio) + 1;
 }
-/// Of some ranges of a set the nearest, if it is at most `limit` away, and all within the limit whose
-/// distance times `ratio` (0 < ratio <= 1) is at most that of the nearest. May include others within the
-/// limit, but none beyond farthest_within_ratio() of the nearest before it. Appended in the order of the
-/// ranges.
+/// Of some ranges of a set the nearest, if it is at most `limit` away, and all that lie no farther than
+/// farthest_within_ratio() of it (0 < ratio <= 1). Appended in the order of the ranges.
 void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
                       std::span<const IndexRange> ranges, int limit, float ratio,
                       std::vector<NearDescriptor>* out);

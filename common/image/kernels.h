@@ -39,7 +39,10 @@ void find_alike(const PatchTemplate& patch, const GrayView& level_image, const W
                                                           const Eigen::Vector2f& start, int max_iterations,
                                                           float max_shift, int max_zmssd, Simd simd);
 
-/// By population count where the machine has it, whatever the width; kScalar: without.
+/// These three by population count, where the machine has it, of words, or of vectors instead of kAvx2.
+void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out, Simd simd);
+[[nodiscard]] NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set,
+                                             Simd simd);
 void find_nearest_few(const Descriptor& query, std::span<const Descriptor> set,
                       std::span<const IndexRange> ranges, int limit, float ratio,
                       std::vector<NearDescriptor>* out, Simd simd);

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "server/relocalization/appearance.h"
@@ -67,9 +68,19 @@ bool does_the_rest_stand(const ConfirmOptions& options, const Confirmation& said
   return do_enough_agree(options, said) && speak(options.by_extent, said);
 }
 
+/// The fewer agree, the more the rest has to say, and there is no step between few and enough.
+ConfirmOptions::Witnesses by_picture(const ConfirmOptions& options, const Confirmation& said) {
+  ConfirmOptions::Witnesses needed = options.by_picture;
+  const double lacking = options.many_agreeing - said.agreeing;
+  const double at_most = options.many_agreeing - options.enough_agreeing + 1;
+  needed.evidence =
+      std::lerp(needed.evidence, options.by_few.evidence, std::clamp(lacking / at_most, 0.0, 1.0));
+  return needed;
+}
+
 bool does_look_right(const ConfirmOptions& options, const Confirmation& said) {
   if (!do_enough_agree(options, said)) return speak(options.by_few, said);
-  return speak(options.by_picture, said) || speak(options.by_points, said);
+  return speak(by_picture(options, said), said) || speak(options.by_points, said);
 }
 
 void judge(const ConfirmOptions& options, Confirmation* result) {
@@ -116,22 +127,35 @@ int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const s
   }));
 }
 
-/// Whether it is worth while to refine a pose, by how alike some of the keyframe's points are there, which
+/// Whether it is worth while to refine the pose, by how alike some of the keyframe's points are there, which
 /// `result` is told. Most wrong poses end here, for a small part of what refining them costs.
-bool is_promising(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
-                  const SE3& camera_from_map, const ConfirmOptions& options, Confirmation* result) {
-  if (result->agreeing_parts >= options.by_extent.agreeing_parts) return true;
+Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
+                     const ConfirmOptions& options, Confirmation* result) {
+  if (result->agreeing_parts >= options.by_extent.agreeing_parts) return {};
   ProjectedPoints points;
-  project_points(camera, camera_from_map, map, std::span(&keyframe, 1), white_share(view.small), &points,
-                 kRoughStep);
+  project_points(camera, *result->camera_from_map, map, std::span(&keyframe, 1), white_share(view.small),
+                 &points, kRoughStep);
   const Appearance rough = compare_appearance(view, camera, points);
   result->alikeness = rough.local;
   result->order = rough.order;
-  if (evidence(*result) >= options.least_evidence && rough.local >= options.least_alikeness) return true;
-  result->reason =
-      fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f}: {:.2f} in all",
-                  result->agreeing, rough.local, evidence(*result));
-  return false;
+  if (evidence(*result) >= options.least_evidence && rough.local >= options.least_alikeness) return {};
+  return fail(ErrorCode::kDegenerate,
+              fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f}: {:.2f} in all",
+                          result->agreeing, rough.local, evidence(*result)));
+}
+
+/// What is seen by the refined pose.
+void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined, Confirmation* result) {
+  result->camera_from_map = refined.pose.camera_from_map;
+  result->inliers = refined.pose.inliers;
+  result->expected = static_cast<int>(refined.points.points.size());
+  result->met = static_cast<int>(refined.guided.met);
+  result->found = corners_found(refined.guided.matches, refined.pose.weights);
+  result->parts = count_parts(view, result->found, camera, 1);
+  const Appearance appearance = compare_appearance(view, camera, refined.points);
+  result->alikeness = appearance.local;
+  result->order = appearance.order;
+  result->strange_parts = appearance.strange_parts;
 }
 
 }  // namespace
@@ -172,34 +196,23 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
              : pose.error().message;
     return result;
   }
+  result.camera_from_map = pose->camera_from_map;
   result.agreeing = pose->inliers;
   const std::vector<size_t> agree = corners_found(matches, pose->weights);
   result.agreeing_parts = count_parts(view, agree, camera, kAgreeingInPart);
-  if (!is_promising(view, camera, map, keyframe, pose->camera_from_map, options, &result)) {
-    if (do_enough_agree(options, result))
-      explain_found(view, camera, matches, pose->weights, &result.explained);
-    return result;
-  }
-  const auto refined = refine(view, grid, camera, map, keyframe, *pose);
-  if (!refined) {
+  const auto refined = check_roughly(view, camera, map, keyframe, options, &result).and_then([&] {
+    return refine(view, grid, camera, map, keyframe, *pose);
+  });
+  if (refined) {
+    take_refined(view, camera, *refined, &result);
+    result.found_otherwise = count_found_otherwise(supported, agree, result.found);
+    judge(options, &result);
+  } else {
     result.reason = refined.error().message;
-    return result;
   }
-  const auto& [final_pose, points, guided] = *refined;
-  result.camera_from_map = final_pose.camera_from_map;
-  result.inliers = final_pose.inliers;
-  result.expected = static_cast<int>(points.points.size());
-  result.met = static_cast<int>(guided.met);
-  result.found = corners_found(guided.matches, final_pose.weights);
-  result.found_otherwise = count_found_otherwise(supported, agree, result.found);
-  result.parts = count_parts(view, result.found, camera, 1);
-  const Appearance appearance = compare_appearance(view, camera, points);
-  result.alikeness = appearance.local;
-  result.order = appearance.order;
-  result.strange_parts = appearance.strange_parts;
-  judge(options, &result);
-  if (result.confirmed || do_enough_agree(options, result))
-    explain_found(view, camera, guided.matches, final_pose.weights, &result.explained);
+  if (!result.confirmed && !do_enough_agree(options, result)) return result;
+  explain_found(view, camera, refined ? refined->guided.matches : matches,
+                refined ? refined->pose.weights : pose->weights, &result.explained);
   return result;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,7 @@ struct ConfirmOptions {
   int ransac_iterations = 150;
   int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
   int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
+  int many_agreeing = 16;    ///< up to which `by_picture` asks for more evidence, as `by_few` does
   int min_inliers = 30;      ///< of the refined pose
   int min_parts = 5;         ///< of kParts of the picture, in which inliers lie
   /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
@@ -61,7 +63,9 @@ struct ExplainedCorner {
 struct Confirmation {
   bool confirmed = false;
   bool changed = false;  ///< confirmed by ConfirmOptions::by_extent alone: what is seen differs in part
-  SE3 camera_from_map;
+  /// Of the refined pose; of the one from three matches, where that was refused or could not be refined;
+  /// nothing: none was found with which ConfirmOptions::min_agreeing agree
+  std::optional<SE3> camera_from_map;
   int matches = 0;          ///< by descriptors alone; of half of the corners where none of these is supported
   int supported = 0;        ///< of these, by their neighbours
   int agreeing = 0;         ///< of all, with the pose from three that are supported
@@ -71,13 +75,13 @@ struct Confirmation {
   int met = 0;              ///< matches of these that there could be (GuidedMatches)
   int parts = 0;            ///< of kParts, with an inlier in them
   int agreeing_parts = 0;   ///< of kParts, with two in them at least of those that are `agreeing`
-  /// Appearance::local and order, where the pose was not worth refining of some points of the keyframe alone
+  /// Appearance::local and order: by the refined pose, or else by the first, of some points of the keyframe
   double alikeness = -1;
   double order = -1;
   int strange_parts = 0;      ///< Appearance::strange_parts
   std::vector<size_t> found;  ///< corners on which points lie by the refined pose: as many as `inliers`
-  /// `supported`, and unless few agree and it is refused `found`, or those that are `agreeing` where the pose
-  /// was not refined; ascending, each corner once
+  /// `supported`, and unless few agree and it is refused `found`, or those that are `agreeing` where there is
+  /// no refined pose; ascending, each corner once
   std::vector<ExplainedCorner> explained;
   std::string reason;  ///< why it is not confirmed
 };

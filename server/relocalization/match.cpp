@@ -44,7 +44,7 @@ void find_near(const PlaceCorner& corner, const CellList& cells, const Described
     return IndexRange{begin_of[from], begin_of[to + 1]};
   });
   near->clear();
-  find_nearest_few(corner.descriptor, exposed.descriptors, within, kMaxRivalDistance, kRatio, near);
+  find_nearest_few(corner.descriptor, exposed.descriptors, within, kMaxDistance, kRatio, near);
 }
 
 /// The nearest, and of those elsewhere the next, if that matters; nothing: none is near enough. Map points
@@ -92,12 +92,24 @@ void keep_one_to_one(std::vector<PlaceMatch>* matches) {
   thin([](const PlaceMatch& m) { return static_cast<uint64_t>(m.corner); });
 }
 
+/// What is spread over memory and will be needed: waited for once, in a row, and not piece by piece.
+template <typename T>
+void prefetch(std::span<const T> items) {
+  constexpr size_t kCacheLine = 64;
+  const auto bytes = std::as_bytes(items);
+  for (size_t i = 0; i < bytes.size(); i += kCacheLine) __builtin_prefetch(&bytes[i]);
+}
+
 /// And what is matched of every second corner, from `first` on; a point may be there twice.
 std::vector<PlaceMatch> match_every_second(const PlaceView& view, std::span<const CellList> cells,
                                            const IndexedMap& map, size_t keyframe, size_t first,
                                            std::vector<PlaceMatch> matches) {
   const IndexedKeyframe& indexed = *map.keyframes[keyframe];
   const DescribedPoints& exposed = indexed.exposed_as(white_share(view.small));
+  prefetch<uint32_t>(exposed.begin_of);
+  prefetch<Descriptor>(exposed.descriptors);
+  prefetch<DescribedPoint>(exposed.points);
+  prefetch<Sighting>(indexed.sightings);
   std::vector<NearDescriptor> near;
   for (size_t i = first; i < view.corners.size(); i += 2) {
     find_near(view.corners[i], cells[i], exposed, &near);

@@ -21,16 +21,16 @@ namespace {
 /// place is far down in both, yet at a like rank.
 constexpr size_t kFused = 128;
 
-/// Looking for a pose is most of what a closer look costs. So many are looked for where no place is
-/// confirmed, so many more where one is, of its rivals, and then so many for the best pose there, unless the
-/// picture looks so much alike from one of its keyframes.
+/// Looking for a pose is most of what a closer look costs. So many are looked for in a search, so many more
+/// where a place is believed, of its rivals, and then so many for the best pose there, unless the picture
+/// looks so much alike from one of its keyframes.
 constexpr size_t kMostPoses = 6;
 constexpr size_t kMoreForRivals = 3;
 constexpr size_t kMoreForPose = 2;
 constexpr double kSureAlikeness = 0.65;
 
-/// So many keyframes of a place that has been confirmed are tried; then others are, which may look as much
-/// like it.
+/// So many keyframes of a place that has been confirmed are tried, those included that a glance ruled out;
+/// then others are, which may look as much like it.
 constexpr int kTriesOfPlace = 3;
 
 /// Where nothing is confirmed, so many neighbours of each keyframe that is half known are glanced at, and so
@@ -103,7 +103,8 @@ PlaceCandidate make_candidate(const Ranked& ranked, const Confirmation& said, co
   candidate.inliers = said.inliers;
   candidate.confirmed = said.confirmed;
   candidate.reason = said.reason;
-  candidate.camera_from_keyframe = said.camera_from_map * keyframe.camera_from_map.inverse();
+  if (said.camera_from_map)
+    candidate.camera_from_keyframe = *said.camera_from_map * keyframe.camera_from_map.inverse();
   return candidate;
 }
 
@@ -161,7 +162,7 @@ class Inquiry {
     glance(fuse(near.alike(kFused), voted, picture), before + shortlist);
     if (look_closer(most_poses)) return true;
     if (!is_any_confirmed() && follow_leads(picture, most_poses)) return true;
-    return is_any_believed(0) && !is_any_believed(kSureAlikeness) &&
+    return is_any_believed() && most_alike_believed_ < kSureAlikeness &&
            look_closer(poses_ + kMoreForPose, Tries::kOfAnyPlace);
   }
   /// By what it shows itself, whoever else shows the same.
@@ -179,14 +180,8 @@ class Inquiry {
   }
 
  private:
-  /// Whether a place is confirmed from a keyframe that shows it so much alike, and not refused for what
-  /// others show.
-  [[nodiscard]] bool is_any_believed(double least_alikeness) const {
-    return std::ranges::any_of(tried_, [&](const Tried& t) {
-      return t.said.confirmed && t.said.alikeness >= least_alikeness &&
-             !find_why_refused(options_, t, tried_);
-    });
-  }
+  /// Whether a place is confirmed and not refused for what others show.
+  [[nodiscard]] bool is_any_believed() const { return most_alike_believed_ >= 0; }
 
   /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
   /// rivals.
@@ -243,7 +238,7 @@ class Inquiry {
     return false;
   }
 
-  /// Counts it among what was tried of its place.
+  /// Counts it among what was tried of its place. It may be a rival of any that were believed.
   void add(Tried tried) {
     for (Tried& before : tried_) {
       if (!is_of_place(before.ranked.indexed(), before.candidate.map, tried)) continue;
@@ -251,6 +246,12 @@ class Inquiry {
       ++tried.tries_of_place;
     }
     tried_.push_back(std::move(tried));
+    most_alike_believed_ = -1;
+    for (const Tried& t : tried_) {
+      if (t.said.confirmed && t.said.alikeness > most_alike_believed_ &&
+          !find_why_refused(options_, t, tried_))
+        most_alike_believed_ = t.said.alikeness;
+    }
   }
 
   /// Glances at the keyframes that have not been asked about, until `most` have been in all. Those that show
@@ -295,7 +296,7 @@ class Inquiry {
     const IndexedKeyframe& keyframe = g.ranked.indexed();
     const MapId& map = g.ranked.map->snapshot->map;
     if (is_settled(keyframe, map)) return false;
-    return poses_ < most_poses + (is_any_believed(0) ? kMoreForRivals : 0);
+    return poses_ < most_poses + (is_any_believed() ? kMoreForRivals : 0);
   }
 
   const Tried& try_out(const Glanced& g) {
@@ -316,6 +317,7 @@ class Inquiry {
   std::vector<Glanced> waiting_;  ///< for a closer look, the most promising first
   size_t poses_ = 0;              ///< that were looked for
   std::vector<Tried> tried_;
+  double most_alike_believed_ = -1;  ///< of those confirmed and not refused; -1: there is none
 };
 
 PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const TinyImage& tiny) {
@@ -335,13 +337,13 @@ PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const
 
 PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
                        const RelocOptions& options, const SearchScope& scope) {
-  const PlaceIndex first = index.only(scope.first);
-  if (scope.only && !scope.first.empty()) return relocalize(first, camera, view, options);
+  const bool has_first = !scope.first.empty();
+  if (scope.only && has_first) return relocalize(index.only(scope.first), camera, view, options);
   const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
   if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, picture.tiny);
   PlaceAnswer result;
   Inquiry inquiry(camera, view, options);
-  if (scope.first.empty() || !inquiry.search(first, picture)) inquiry.search(index, picture);
+  if (!has_first || !inquiry.search(index.only(scope.first), picture)) inquiry.search(index, picture);
   const bool is_any_confirmed = inquiry.is_any_confirmed();
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {

@@ -35,7 +35,7 @@ std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged)
   const double least_cosine = std::cos(kSamePose);
   const auto is_otherwise = [&](const ExplainedCorner& e) {
     if (rival.candidate.map != judged.candidate.map) return true;
-    return e.ray.dot((judged.said.camera_from_map * e.position).normalized()) < least_cosine;
+    return e.ray.dot((*judged.said.camera_from_map * e.position).normalized()) < least_cosine;
   };
   std::vector<size_t> corners;
   for (const ExplainedCorner& e : rival.said.explained) {
@@ -76,8 +76,8 @@ std::optional<std::string> find_why_common(const RelocOptions& options, const Tr
 
 bool contradict(const Tried& a, const Tried& b) {
   if (a.candidate.map != b.candidate.map) return false;
-  const SE3& one = a.said.camera_from_map;
-  const SE3& other = b.said.camera_from_map;
+  const SE3& one = *a.said.camera_from_map;
+  const SE3& other = *b.said.camera_from_map;
   return separation(one, other, std::min(a.mean_depth, b.mean_depth)) > kSamePose;
 }
 

@@ -89,7 +89,7 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
                                       glance_at(view, cells, *v.map, v.keyframe), options.confirm);
     if (!said.confirmed) continue;
     const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
-    return Said{v.map->snapshot->map, k->id, said.camera_from_map * k->camera_from_map.inverse()};
+    return Said{v.map->snapshot->map, k->id, *said.camera_from_map * k->camera_from_map.inverse()};
   }
   return std::nullopt;
 }
