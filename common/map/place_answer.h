@@ -35,11 +35,11 @@ struct PlaceCandidate {
   Epoch epoch;
   Revision revision;  ///< with whose positions it was judged
   KeyframeId keyframe;
-  SE3 camera_from_keyframe;
-  float score = 0;   ///< of the tiny images; the method's own unit (relocalizer.h)
-  int matches = 0;   ///< corners that look like points of the keyframe and agree on a pose
-  int inliers = 0;   ///< points of the map around that pose which it explains
-  int expected = 0;  ///< points of the map around that pose which project into the picture
+  SE3 camera_from_keyframe;  ///< not confirmed: the last pose tried; none was found: the keyframe's own
+  float score = 0;           ///< of the tiny images; the method's own unit (relocalizer.h)
+  int matches = 0;           ///< corners that look like points of the keyframe and agree on a pose
+  int inliers = 0;           ///< points of the map around that pose which it explains
+  int expected = 0;          ///< points of the map around that pose which project into the picture
   bool confirmed = false;
   std::string reason;  ///< for a person: why it is not confirmed
 };

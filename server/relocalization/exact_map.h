@@ -6,6 +6,7 @@
 #include "common/image/place.h"
 #include "common/map/place_answer.h"
 #include "server/mapping/test_scene.h"
+#include "server/relocalization/match.h"
 #include "server/relocalization/place_index.h"
 
 /// Maps of made scenes for tests, without a map maker, and what a camera sees of them.
@@ -47,6 +48,10 @@ class ExactMap {
   std::vector<KeyframeView> views_;
   MapSnapshotPtr snapshot_;
 };
+
+/// What match_closer() finds, after a glance.
+[[nodiscard]] std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map,
+                                                size_t keyframe);
 
 /// The camera that an answer's best candidate says, in the map's frame.
 [[nodiscard]] SE3 camera_of(const PlaceAnswer& answer, const MapSnapshot& map);

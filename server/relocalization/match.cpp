@@ -187,14 +187,6 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
   return cells;
 }
 
-std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                       const IndexedMap& map, size_t keyframe) {
-  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 0, {});
-  matches = match_every_second(view, cells, map, keyframe, 1, std::move(matches));
-  keep_one_to_one(&matches);
-  return matches;
-}
-
 Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
                  size_t keyframe) {
   Glance glance{.matches = match_every_second(view, cells, map, keyframe, 0, {})};

@@ -25,13 +25,6 @@ struct PlaceMatch {
 /// For each corner of a view the cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
-/// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
-/// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
-/// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
-/// are passed over. In the order of corners.
-[[nodiscard]] std::vector<PlaceMatch> match_anywhere(const PlaceView& view, std::span<const CellList> cells,
-                                                     const IndexedMap& map, size_t keyframe);
-
 /// What a quick look at a keyframe tells: every second corner matched. Where none of these matches is
 /// supported (keep_supported()) the place is another, nearly always.
 struct Glance {
@@ -41,7 +34,11 @@ struct Glance {
 };
 [[nodiscard]] Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
                                size_t keyframe);
-/// Those of match_anywhere(), given what a glance at that keyframe matched.
+/// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
+/// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
+/// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
+/// are passed over. In the order of corners.
+/// `glance`: at that keyframe, whose matches need not be looked for again.
 [[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
                                                    const IndexedMap& map, size_t keyframe,
                                                    const Glance& glance);

@@ -12,6 +12,8 @@
 #include <random>
 #include <tuple>
 
+#include "server/relocalization/exact_map.h"
+
 namespace cairn {
 namespace {
 
@@ -98,7 +100,7 @@ struct Tally {
   int spared = 0;  ///< refused if what is at the same place were a rival
 };
 
-/// The rule of match_anywhere(), one point after the other and none left out.
+/// The rule of match_closer(), one point after the other and none left out.
 class PlainRule {
  public:
   explicit PlainRule(const IndexedMap& map) : map_(map), keyframe_(*map.keyframes[0]) {
@@ -186,10 +188,6 @@ class PlainRule {
   Tally tally_;
 };
 
-std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map) {
-  return match_anywhere(view, probed_cells(view), map, 0);
-}
-
 void expect_same(const std::vector<PlaceMatch>& found, const std::vector<PlaceMatch>& expected) {
   ASSERT_EQ(found.size(), expected.size());
   for (size_t i = 0; i < found.size(); ++i) {
@@ -239,7 +237,7 @@ TEST(Match, WhatIsFoundIsWhatThePlainRuleFinds) {
     const IndexedMap map = drawn.index();
     PlainRule plain(map);
     const auto expected = plain.match(view);
-    expect_same(match_all(view, map), expected);
+    expect_same(testing::match_all(view, map, 0), expected);
     EXPECT_LT(expected.size(), static_cast<size_t>(plain.tally().matched)) << "points gone, or wanted twice";
     sum.too_far += plain.tally().too_far;
     sum.refused += plain.tally().refused;
@@ -288,7 +286,7 @@ TEST(Match, WhatIsOnTheEdgeOfTheRule) {
     PlaceView view;
     view.corners.push_back({{50, 60}, 0, look});
     const IndexedMap map = drawn.index();
-    const auto found = match_all(view, map);
+    const auto found = testing::match_all(view, map, 0);
     EXPECT_EQ(found.size(), pair.is_matched ? 1U : 0U);
     expect_same(found, PlainRule(map).match(view));
   }

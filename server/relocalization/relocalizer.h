@@ -40,7 +40,8 @@ struct RelocOptions {
   double least_margin = 1.25;
 };
 
-/// Which maps a question is put to.
+/// Which maps a question is put to. The paper's method, which has one answer and nothing that confirms it,
+/// knows `only`.
 struct SearchScope {
   std::vector<MapId> first;  ///< before the others; empty: all at once
   bool only = false;  ///< `first`, unless that is empty, and no others; else these, unless a place is clear

@@ -259,6 +259,25 @@ TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
   }
 }
 
+TEST_F(RelocalizerTest, TheFewerCornersAgreeTheMoreEvidenceIsAsked) {
+  const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
+  ConfirmOptions options;
+  options.by_points.evidence = options.by_extent.alikeness = kNever;
+  const Confirmation clear = ask_second_keyframe(view, options);
+  ASSERT_TRUE(clear.confirmed) << clear.reason;
+  options.by_picture.evidence = evidence(clear) - 0.01;
+  options.by_few.evidence = evidence(clear) + 0.01;
+  options.enough_agreeing = clear.agreeing;
+  const auto is_confirmed_of = [&](int many) {
+    options.many_agreeing = many;
+    return ask_second_keyframe(view, options).confirmed;
+  };
+  EXPECT_TRUE(is_confirmed_of(clear.agreeing)) << "many agree";
+  EXPECT_FALSE(is_confirmed_of(clear.agreeing + 4)) << "hardly enough: 0.8 of the way to what few need";
+  options.enough_agreeing = clear.agreeing - 5;
+  EXPECT_TRUE(is_confirmed_of(clear.agreeing + 3)) << "a third of the way";
+}
+
 TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirmed) {
   const auto image = scene().render(Scene::pose(5), 105);
   const PlaceView view = describe_image(image->view());
@@ -458,7 +477,7 @@ TEST_F(RelocalizerTest, MatchingInCellsFindsMostOfWhatAFullSearchFinds) {
   const auto cells = probed_cells(view);
   const IndexedMap& indexed = *index_.find(map().snapshot()->map);
   const IndexedKeyframe& keyframe = *indexed.keyframes[1];
-  const auto matches = match_anywhere(view, cells, indexed, 1);
+  const auto matches = testing::match_all(view, indexed, 1);
   size_t near = 0;
   size_t found = 0;
   for (size_t i = 0; i < view.corners.size(); ++i) {
@@ -505,9 +524,7 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
       const Glance glance = glance_at(view, cells, *indexed, k);
       EXPECT_TRUE(std::ranges::all_of(glance.matches, [](const PlaceMatch& m) { return m.corner % 2 == 0; }));
       EXPECT_LE(glance.distinct, glance.matches.size());
-      const auto all = match_anywhere(view, cells, *indexed, k);
-      const auto closer = match_closer(view, cells, *indexed, k, glance);
-      EXPECT_TRUE(std::ranges::equal(closer, all, {}, &PlaceMatch::corner, &PlaceMatch::corner));
+      const auto all = match_closer(view, cells, *indexed, k, glance);
       if (glance.supported > 0) {
         promising_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
         continue;

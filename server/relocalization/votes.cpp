@@ -8,8 +8,8 @@
 namespace cairn {
 namespace {
 
-/// Cells that a corner takes a word of: its point shows one of three with 0.3 probability, the nearest alone
-/// with 0.2 (README.md).
+/// Nearest cells of a corner, of each of which it takes a word: the nearest alone has its point's word
+/// seldom (README.md).
 constexpr size_t kVotingCells = 3;
 constexpr double kVoteUnit = 256;  ///< of the integer sums, per unit of the logarithm
 
