@@ -34,6 +34,7 @@ Between locate(int reduced, int size) {
 void reduce(const GrayView& image, int left, int top, int width, int height, GrayImage* out) {
   out->resize(width, height);
   std::vector<Between> columns;
+  columns.reserve(static_cast<size_t>(width));
   for (int x = 0; x < width; ++x) columns.push_back(locate(left + x, image.width));
   for (int y = 0; y < height; ++y) {
     const Between row = locate(top + y, image.height);

@@ -201,8 +201,8 @@ class KeptMap {
 
   /// As by a server that ends and starts again. With a store of its own.
   void restart() {
-    runner_->save_last_changes();
     end_work();
+    runner_->save_last_changes();
     store_.reset();
     store_ = std::move(*MapPersistence::start(folder_, null_logger()));
     std::vector<RestoredMap> restored = store_->restore({}, 1, RestoredImages::kLetGo);
@@ -214,8 +214,8 @@ class KeptMap {
   }
   /// It keeps its last changes and lets go of the store.
   void end() {
-    runner_->save_last_changes();
     end_work();
+    runner_->save_last_changes();
     store_.reset();
   }
   /// The map that comes back from its file, whole. When everybody has let go of the store. Not the rows as
