@@ -46,7 +46,7 @@ class StatsTest : public ::testing::Test {
 };
 
 TEST_F(StatsTest, AKeyframesPointsCountFromItsFrameToTheFirstThatHasThem) {
-  const auto revision_with = [](std::vector<uint64_t> keyframes) {
+  const auto revision_with = [](const std::vector<uint64_t>& keyframes) {
     auto patches = std::make_shared<PatchBlock>();
     for (const uint64_t keyframe : keyframes) {
       PointSource source;

@@ -319,7 +319,7 @@ TEST(Recordings, OpenAndDecode) {
   if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set";
   int sequences = 0;
   for (const auto& entry : fs::directory_iterator(data)) {
-    const auto dir = entry.path();
+    const auto& dir = entry.path();
     std::string uri;
     if (fs::exists(dir / "rgb.txt")) uri = "tum:" + dir.string();
     if (fs::exists(dir / "video.mp4")) {

@@ -417,8 +417,8 @@ void Tracker::State::report_search() {
   }
 }
 
-Tracker::Tracker(CameraPtr camera, const TrackerOptions& options)
-    : state_(std::make_unique<State>(std::move(camera), options)) {}
+Tracker::Tracker(const CameraPtr& camera, const TrackerOptions& options)
+    : state_(std::make_unique<State>(camera, options)) {}
 Tracker::~Tracker() = default;
 
 const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,

@@ -116,7 +116,7 @@ enum class NewMap : uint8_t { kWhereNotKnown, kInAnyCase };
 
 class Tracker {
  public:
-  Tracker(CameraPtr camera, const TrackerOptions& options);
+  Tracker(const CameraPtr& camera, const TrackerOptions& options);
   ~Tracker();
   Tracker(const Tracker&) = delete;
   Tracker& operator=(const Tracker&) = delete;
