@@ -38,6 +38,7 @@ struct TrackerOptions {
       0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
   float running_out =
       0.7F;  ///< of the points found at best since the last keyframe: below, one is needed soon
+  int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
   double need_distance = 0.3;  ///< of keyframe_distance, which is enough then
   int trail_count = 1000;      ///< trails begun in the first frame
   bool make_maps = true;       ///< seeds are proposed while there is no map

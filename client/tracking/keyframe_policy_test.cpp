@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/keyframe_policy.h"
+
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+constexpr int kMany = 300;  // points found
+
+class KeyframePolicyTest : public ::testing::Test {
+ protected:
+  /// Frames until one is offered, all with `found` points at `distance`; at most `most` are tried.
+  int frames_until_offer(int found, double distance, int most = 200) {
+    for (int frame = 1; frame <= most; ++frame) {
+      policy_.next_frame();
+      if (policy_.wants(found, distance)) return frame;
+    }
+    return most + 1;
+  }
+  const TrackerOptions options_;
+  const double soon_ = options_.keyframe_distance * options_.need_distance;  // enough in need
+  KeyframePolicy policy_{options_};
+};
+
+TEST_F(KeyframePolicyTest, AViewThatIsKnownWellIsOfferedFromTheFullDistanceOn) {
+  EXPECT_GT(frames_until_offer(kMany, 0.99 * options_.keyframe_distance), 200);
+  EXPECT_LE(frames_until_offer(kMany, options_.keyframe_distance), 1);
+  EXPECT_EQ(frames_until_offer(kMany, options_.keyframe_distance), options_.frames_between_keyframes);
+}
+
+TEST_F(KeyframePolicyTest, WhereTheMapRunsOutLessDistanceIsEnough) {
+  ASSERT_FALSE(policy_.wants(kMany, 0));
+  EXPECT_GT(frames_until_offer(static_cast<int>(0.71 * kMany), soon_), 200);
+  EXPECT_LE(frames_until_offer(static_cast<int>(0.69 * kMany), soon_), 1);
+}
+
+// An offer may be refused: what was found at best before it is forgotten, and the next few points lost would
+// make a frame too poor to build upon.
+TEST_F(KeyframePolicyTest, WherePointsAreScarceItIsOfferedSoonWhateverWasFoundBefore) {
+  const int scarce = options_.scarce_points - 1;
+  EXPECT_LE(frames_until_offer(scarce, soon_), 5);
+  EXPECT_LE(frames_until_offer(scarce, soon_), 5);
+  EXPECT_GT(frames_until_offer(scarce, 0.99 * soon_), 200);
+  EXPECT_GT(frames_until_offer(options_.scarce_points, soon_), 200);
+}
+
+}  // namespace
+}  // namespace cairn
