@@ -13,7 +13,7 @@ namespace cairn {
 
 class TrackerAdapter final : public TrackingEngine {
  public:
-  TrackerAdapter(CameraPtr camera, const TrackerOptions& options) : tracker_(std::move(camera), options) {}
+  TrackerAdapter(const CameraPtr& camera, const TrackerOptions& options) : tracker_(camera, options) {}
 
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe) override {

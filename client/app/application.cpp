@@ -52,13 +52,6 @@ struct ChosenCamera {
 };
 
 Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
-  const auto& [model, width, height, values] = doubtful.parameters;
-  if (!doubtful_camera(doubtful.parameters, sigma_of_values(doubtful))) {
-    return fail(ErrorCode::kConfiguration,
-                fmt::format("a focal length of {:.4g} x {:.4g} px is none for pictures of {} x {} that could "
-                            "be found out: is it the calibration of this camera, in pixels of this size?",
-                            values.at(0), values.at(1), width, height));
-  }
   return make_camera(doubtful.parameters).map([&](CameraPtr camera) {
     return ChosenCamera{std::move(camera), sigma_of_values(doubtful)};
   });
@@ -169,7 +162,15 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   return session;
 }
 
-/// The files of a run, opened before anything else so that a wrong path is told at once.
+/// A wrong path is told before the run, and what is there from an earlier one is kept until this one begins.
+Status check_outputs(const TrackOptions& options) {
+  for (const auto& path : {options.trajectory, options.stats, options.video}) {
+    if (Status writable = path ? check_writable(*path) : Status(); !writable) return writable;
+  }
+  return {};
+}
+
+/// The files of a run.
 struct Outputs {
   std::unique_ptr<TrajectoryRecorder> trajectory;
   std::unique_ptr<VideoWriter> video;
@@ -311,7 +312,6 @@ struct Run {
   bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
-  Outputs outputs;
   std::unique_ptr<Viewer> viewer;  ///< may be null
   std::vector<TimedLabel> labels;  ///< to be placed on the way
 
@@ -336,8 +336,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   Result<std::vector<TimedLabel>> labels;
   if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
   if (!labels) return tl::unexpected(labels.error());
-  auto outputs = open_outputs(options, camera, log);
-  if (!outputs) return tl::unexpected(outputs.error());
+  if (auto status = check_outputs(options); !status) return tl::unexpected(status.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   auto session = Session::open(session_options(options, chosen->sigma), camera, log);
   if (!session) return tl::unexpected(session.error());
@@ -350,20 +349,35 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration),
              std::move(ahead),
              std::move(*session),
-             std::move(*outputs),
              std::move(viewer),
              std::move(*labels)};
 }
 
+/// Of the end, when frames were tracked: whether what was asked for is there. Logged where it is not.
+int judge(const Run& run, const RunStats& stats, const Status& kept) {
+  if (!kept && !run.options.saved_calibration) run.log->warn("{}", kept.error().message);
+  if (!kept && run.options.saved_calibration) return report_error(kept.error(), run.log);
+  const size_t undecodable = stats.frames_total() - stats.frames_decoded();
+  if (2 * undecodable > stats.frames_total()) {
+    return report_error(
+        {ErrorCode::kDamaged, fmt::format("{}: {} of {} frames could not be decoded", run.options.source,
+                                          undecodable, stats.frames_total())},
+        run.log);
+  }
+  return 0;
+}
+
 int track(Run& run) {
+  auto outputs = open_outputs(run.options, run.camera, run.log);
+  if (!outputs) return report_error(outputs.error(), run.log);
   TrackerAdapter tracker(run.camera, tracker_options(run.options));
   SessionAdapter link(*run.session);
   SteadyClock clock;
   RunStats stats(run.options.stats ? RunStats::FrameList::kKept : RunStats::FrameList::kLeftOut);
   Narrator narrator(run.log, clock, run.source->frame_count());
   std::vector<FrameObserver*> observers = {&stats};
-  if (run.outputs.trajectory) observers.push_back(run.outputs.trajectory.get());
-  if (run.outputs.video) observers.push_back(run.outputs.video.get());
+  if (outputs->trajectory) observers.push_back(outputs->trajectory.get());
+  if (outputs->video) observers.push_back(outputs->video.get());
   if (run.viewer) observers.push_back(run.viewer.get());
   std::optional<LabelPlacer> placer;
   if (run.options.labels)
@@ -398,15 +412,13 @@ int track(Run& run) {
   const Status kept = keeper ? keeper->finish() : Status();
 
   const auto session = link.status();
-  const auto closed = close_outputs(run.outputs, stats, session, run.options, run.log);
+  const auto closed = close_outputs(*outputs, stats, session, run.options, run.log);
   if (stats.frames_decoded() > 0) {
     for (const auto& line : stats.summary_lines()) run.log->info("{}", line);
   }
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
-  if (const int code = kept ? 0 : report_error(kept.error(), run.log);
-      code != 0 && run.options.saved_calibration)
-    return code;
+  if (const int code = judge(run, stats, kept); code != 0) return code;
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!*finished && !quit) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {

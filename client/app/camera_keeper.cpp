@@ -11,6 +11,10 @@ namespace cairn {
 Status check_writable(const std::filesystem::path& path) {
   std::error_code unknown;
   const bool was_there = std::filesystem::exists(path, unknown);
+  // What reads from a pipe would see it end.
+  if (was_there && !std::filesystem::is_regular_file(path, unknown) &&
+      !std::filesystem::is_directory(path, unknown))
+    return {};
   if (!std::ofstream(path, std::ios::binary | std::ios::app))
     return fail(ErrorCode::kIo, cannot_be_written(path));
   if (!was_there) std::filesystem::remove(path, unknown);
@@ -29,8 +33,8 @@ void CameraKeeper::on_camera(const CameraNews& news) {
 
 Status CameraKeeper::finish() const {
   if (!latest_ || !latest_->frozen) {
-    log_->warn("the camera is not known well enough, none was written: {}",
-               latest_ ? describe(*latest_) : "no map was made long enough");
+    return fail(ErrorCode::kDegenerate, "the camera is not known well enough, none was written: " +
+                                            (latest_ ? describe(*latest_) : "no map was made long enough"));
   }
   return written_;
 }

@@ -10,7 +10,7 @@
 
 namespace cairn {
 
-/// Whether a file could be written there; leaves what is there as it is.
+/// Whether a file could be written there; leaves what is there as it is, and what is no file unasked.
 [[nodiscard]] Status check_writable(const std::filesystem::path& path);
 
 /// Writes a camera that was found out as Kalibr's yaml, when it is known.
@@ -19,7 +19,7 @@ class CameraKeeper final : public FrameObserver {
   CameraKeeper(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
 
   void on_camera(const CameraNews& news) override;
-  /// After a run: says so when the camera is not known. Error: it is, but could not be written.
+  /// After a run. Errors: kDegenerate, the camera is not known; kIo, it is, but could not be written.
   [[nodiscard]] Status finish() const;
 
  private:

@@ -163,7 +163,6 @@ Result<std::unique_ptr<FrameSource>> open_v4l2_source(const SourceUri& uri) {
     capture->set(cv::CAP_PROP_FRAME_WIDTH, size->width);
     capture->set(cv::CAP_PROP_FRAME_HEIGHT, size->height);
     capture->set(cv::CAP_PROP_FPS, *fps);
-    capture->set(cv::CAP_PROP_BUFFERSIZE, 1);  // more would only add latency
     return std::make_unique<V4l2Source>(uri.path, std::move(capture));
   } catch (const cv::Exception& exception) {
     return fail(ErrorCode::kIo, uri.path + ": " + exception.err);

@@ -23,6 +23,10 @@ bool is_focal_length(double focal, int width, int height) {
   return sides >= 0.1 && sides <= 20;
 }
 
+bool is_pixel_aspect(double aspect) {
+  return aspect >= 0.2 && aspect <= 5;
+}
+
 std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
   std::vector<double> sigma(camera.parameters.values.size(), 0.0);
   for (const size_t focal : {0, 1}) sigma[focal] = camera.focal_sigma * camera.parameters.values[focal];
@@ -40,7 +44,7 @@ std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters
   const double aspect = parameters.values[1] / focal;
   const auto lies = [](double value, double least, double most) { return value >= least && value <= most; };
   constexpr double kRounding = 1e-9;  // of a sigma that went through a product with the focal length
-  const bool sound = is_focal_length(focal, parameters.width, parameters.height) && lies(aspect, 0.2, 5) &&
+  const bool sound = is_focal_length(focal, parameters.width, parameters.height) && is_pixel_aspect(aspect) &&
                      lies(focal_sigma, kLeastDoubt * (1 - kRounding), 1 + kRounding) &&
                      lies(sigma[kK1], kLeastDoubt, 1);
   if (!sound) return std::nullopt;

@@ -17,6 +17,9 @@ inline constexpr size_t kDoubtfulValues = 9;
 /// Whether a camera could have it: 0.1 to 20 times the longer side of its picture.
 [[nodiscard]] bool is_focal_length(double focal, int width, int height);
 
+/// Height of a pixel in widths: 0.2 to 5.
+[[nodiscard]] bool is_pixel_aspect(double aspect);
+
 /// A camera and how far its values are believed.
 struct DoubtfulCamera {
   CameraParameters parameters;  ///< pinhole-radtan, all nine values

@@ -7,7 +7,9 @@
 #include <locale>
 #include <sstream>
 #include <string>
+#include <utility>
 
+#include "common/geometry/camera_guess.h"
 #include "common/image/limits.h"
 #include "common/io/calibration_formats.h"
 #include "common/io/text.h"
@@ -20,6 +22,50 @@ using calibration::wrong;
 constexpr size_t kMaxCalibrationBytes = size_t{1} << 20;
 constexpr size_t kRadtanValues = 9;
 constexpr size_t kKalibrRadtanValues = 8;
+
+/// `chain.yaml#cam1`, unless a file has that very name: the file, and the camera in it.
+std::pair<std::filesystem::path, std::string> split_camera(const std::filesystem::path& path) {
+  const std::string text = path.string();
+  const size_t mark = text.rfind('#');
+  std::error_code error;
+  if (mark == std::string::npos || std::filesystem::exists(path, error)) return {path, ""};
+  return {text.substr(0, mark), text.substr(mark + 1)};
+}
+
+/// Whether the distortion can be undone half-way to the longer sides of the picture; a fisheye may show no
+/// more.
+bool can_be_undone(const Camera& camera) {
+  const double radius = 0.25 * std::min(camera.width(), camera.height());
+  const Eigen::Vector2d middle(0.5 * (camera.width() - 1), 0.5 * (camera.height() - 1));
+  constexpr double kClose = 0.5;  // [px]
+  for (const Eigen::Vector2d& side : {Eigen::Vector2d(radius, 0), Eigen::Vector2d(0, radius)}) {
+    for (const Eigen::Vector2d& pixel : {Eigen::Vector2d(middle - side), Eigen::Vector2d(middle + side)}) {
+      const auto back = camera.project(camera.unproject(pixel));
+      if (!back || (*back - pixel).norm() > kClose) return false;
+    }
+  }
+  return true;
+}
+
+/// Why no camera of pictures can be so, or nothing: a slip of the pen that would cost a map, told before it
+/// does.
+std::string implausible(const Camera& camera) {
+  const int width = camera.width();
+  const int height = camera.height();
+  const auto& v = camera.parameters().values;
+  std::ostringstream why;
+  if (!is_focal_length(v[0], width, height) || !is_focal_length(v[1], width, height)) {
+    why << "focal lengths " << v[0] << " and " << v[1] << " px for a picture of " << width << "x" << height;
+  } else if (!is_pixel_aspect(v[1] / v[0])) {
+    why << "focal lengths " << v[0] << " and " << v[1] << " px, far from each other";
+  } else if (!camera.in_image({v[2], v[3]})) {
+    why << "the principal point " << v[2] << ", " << v[3] << " lies outside the picture of " << width << "x"
+        << height;
+  } else if (!can_be_undone(camera)) {
+    why << "its distortion folds the picture over half-way to its edge";
+  }
+  return why.str();
+}
 
 /// A text stream that writes doubles as they are, with the comment at its top.
 std::ostringstream start_text(std::string_view comment) {
@@ -72,42 +118,48 @@ std::string format_kalibr(const CameraParameters& parameters, std::string_view c
   return text.str();
 }
 
-/// The file appears under its name when it is complete.
+/// A file appears under its name when it is complete. What is no file (/dev/stdout) is not replaced by one.
 Status write_whole(const std::filesystem::path& path, const std::string& text) {
+  std::error_code error;
+  const bool replaces =
+      !std::filesystem::exists(path, error) || std::filesystem::is_regular_file(path, error);
   auto staged = path;
-  staged += ".part";
+  if (replaces) staged += ".part";
   {
     std::ofstream file(staged, std::ios::binary | std::ios::trunc);
     file << text;
     file.flush();
-    if (!file) return fail(ErrorCode::kIo, cannot_be_written(staged));
+    if (!file) return fail(ErrorCode::kIo, cannot_be_written(path));
   }
-  std::error_code error;
-  std::filesystem::rename(staged, path, error);
+  if (replaces) std::filesystem::rename(staged, path, error);
   if (error) return fail(ErrorCode::kIo, path.string() + ": cannot be written: " + error.message());
   return {};
 }
 
 }  // namespace
 
-Result<CameraParameters> read_calibration(const std::filesystem::path& path,
+Result<CameraParameters> read_calibration(const std::filesystem::path& name,
                                           std::optional<PictureSize> picture_size) {
+  const auto [path, camera_name] = split_camera(name);
   auto content = read_file(path, kMaxCalibrationBytes);
   if (!content) {
     content.error().message += "; pass --calibration FILE";
     return tl::unexpected(content.error());
   }
-  const calibration::File file{path, *content, picture_size};
+  const calibration::File file{path, *content, picture_size, camera_name};
   auto parameters =
       calibration::looks_like_yaml(*content) ? calibration::parse_yaml(file) : calibration::parse_text(file);
   if (!parameters) return parameters;
-  if (const auto camera = make_camera(*parameters); !camera)
-    return wrong(path.string() + ": " + camera.error().message);
+  const auto camera = make_camera(*parameters);
+  if (!camera) return wrong(path.string() + ": " + camera.error().message);
   if (parameters->width > kMaxImageSide || parameters->height > kMaxImageSide) {
     return wrong(path.string() + ": " + std::to_string(parameters->width) + "x" +
                  std::to_string(parameters->height) + " px; at most " + std::to_string(kMaxImageSide) +
                  " a side are served: scale pictures and calibration down");
   }
+  if (const std::string why = implausible(**camera); !why.empty())
+    return wrong(path.string() + ": " + why +
+                 "; is it the calibration of this camera, in pixels of this size?");
   return parameters;
 }
 
@@ -120,13 +172,18 @@ Status write_calibration_txt(const std::filesystem::path& path, const CameraPara
   return write_whole(path, format_txt(parameters, comment));
 }
 
-Status write_calibration_kalibr(const std::filesystem::path& path, const CameraParameters& parameters,
-                                std::string_view comment) {
+Result<std::string> format_calibration_kalibr(const CameraParameters& parameters, std::string_view comment) {
   if (parameters.model == CameraModel::kPinholeRadtan && parameters.values.size() == kRadtanValues &&
       parameters.values.back() != 0) {
-    return wrong(path.string() + ": Kalibr's radtan has no k3; write camera.txt");
+    return wrong("Kalibr's radtan has no k3; write camera.txt");
   }
-  return write_whole(path, format_kalibr(parameters, comment));
+  return format_kalibr(parameters, comment);
+}
+
+Status write_calibration_kalibr(const std::filesystem::path& path, const CameraParameters& parameters,
+                                std::string_view comment) {
+  const auto text = format_calibration_kalibr(parameters, comment);
+  return text ? write_whole(path, *text) : wrong(path.string() + ": " + text.error().message);
 }
 
 }  // namespace cairn

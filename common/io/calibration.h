@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
 #include <string_view>
 
 #include "common/base/result.h"
@@ -11,19 +12,20 @@
 namespace cairn {
 
 /// Reads a calibration, its format told by its content:
-///  * one line `width height fx fy cx cy [k1 k2 p1 p2 [k3]]` (camera.txt; '#' begins a comment);
+///  * one line `width height fx fy cx cy [k1 k2 p1 p2 [k3]]` (camera.txt; '#' begins a comment; blanks
+///  between numbers);
 ///  * PTAM's camera.cfg, `Camera.Parameters=[ fx fy cx cy w ]` in units of the picture's sides, or its five
 ///  numbers
 ///    alone: `picture_size` must be given;
-///  * Kalibr's camchain yaml, camera cam0 (pinhole with radtan, equidistant, fov or none), and EuRoC's
-///  sensor.yaml;
+///  * Kalibr's camchain yaml (pinhole with radtan, equidistant, fov or none), and EuRoC's sensor.yaml; of a
+///  camchain with several cameras `FILE#cam1` takes one;
 ///  * OpenCV's FileStorage yaml: camera_matrix, distortion_coefficients (4 or 5), image_width, image_height;
 ///  * ROS' camera_info yaml: the same keys with distortion_model plumb_bob, rational_polynomial (its
 ///  denominator being
 ///    zero), equidistant or fisheye.
 /// Pinhole-radtan has all nine values [fx fy cx cy k1 k2 p1 p2 k3]. The result makes a camera (make_camera).
-/// Pixel (0,0) is the centre of the first pixel. Errors (kNotFound, kIo, kConfiguration) name file, line and
-/// remedy. Thread-safe.
+/// Pixel (0,0) is the centre of the first pixel. Errors (kNotFound, kIo, kConfiguration: also for what no
+/// camera can be, a principal point beside the picture, say) name file, line and remedy. Thread-safe.
 [[nodiscard]] Result<CameraParameters> read_calibration(const std::filesystem::path& path,
                                                         std::optional<PictureSize> picture_size = {});
 
@@ -32,8 +34,11 @@ namespace cairn {
 [[nodiscard]] Status write_calibration_txt(const std::filesystem::path& path,
                                            const CameraParameters& parameters, std::string_view comment = {});
 
-/// Writes Kalibr's yaml with one camera, cam0: every model, but kConfiguration for a k3, which Kalibr does
-/// not have. Otherwise as write_calibration_txt().
+/// Kalibr's yaml with one camera, cam0: every model, but kConfiguration for a k3, which Kalibr does not have.
+[[nodiscard]] Result<std::string> format_calibration_kalibr(const CameraParameters& parameters,
+                                                            std::string_view comment = {});
+
+/// Writes it. Otherwise as write_calibration_txt().
 [[nodiscard]] Status write_calibration_kalibr(const std::filesystem::path& path,
                                               const CameraParameters& parameters,
                                               std::string_view comment = {});

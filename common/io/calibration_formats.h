@@ -15,6 +15,7 @@ struct File {
   const std::filesystem::path& path;
   const std::string& content;
   std::optional<PictureSize> picture_size;
+  std::string_view camera;  ///< which of a Kalibr camchain; empty: its only one
 };
 
 /// Whether the first line of data looks like YAML; else it is a text of numbers.
@@ -26,6 +27,8 @@ struct File {
 [[nodiscard]] Result<CameraParameters> parse_yaml(const File& file);
 
 [[nodiscard]] tl::unexpected<Error> wrong(std::string message);
+/// For a camera that was named to a file whose format names none.
+[[nodiscard]] tl::unexpected<Error> names_no_camera(const File& file);
 /// Image sides come as numbers in every format; anything but a positive whole number is 0.
 [[nodiscard]] int side_from_number(double value);
 

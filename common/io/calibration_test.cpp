@@ -138,40 +138,63 @@ cam1:
   camera_model: pinhole
   distortion_coeffs: [0, 0, 0, 0]
   distortion_model: radtan
-  intrinsics: [1, 2, 3, 4]
-  resolution: [5, 6]
+  intrinsics: [500, 501, 320, 240]
+  resolution: [640, 480]
 )";
 
-TEST_F(Calibration, KalibrGivesItsFirstCamera) {
-  const auto equidistant = read_calibration(write(kCamchain));
+TEST_F(Calibration, OfACamchainOneIsNamed) {
+  const auto second = read_calibration(write(kCamchain).string() + "#cam1");
+  ASSERT_TRUE(second) << second.error().message;
+  EXPECT_THAT(second->values, ElementsAre(500, 501, 320, 240, 0, 0, 0, 0, 0));
+  expect_error(kCamchain, "cam0, cam1; say which");
+  EXPECT_THAT(read_calibration(directory_.path() / "camera.txt#cam7").error().message,
+              HasSubstr("cam0, cam1; say which"));
+  const std::string alone = std::string(kCamchain).substr(std::string(kCamchain).find("cam1:"));
+  const auto only = read_calibration(write(alone));
+  ASSERT_TRUE(only) << only.error().message;
+  EXPECT_EQ(only->values, second->values);
+  write("640 480 525 525 320 240\n");
+  EXPECT_THAT(read_calibration(directory_.path() / "camera.txt#cam0").error().message,
+              HasSubstr("only Kalibr's camchains"));
+  const auto odd = directory_.path() / "desk#cam1";  // a name like any other
+  std::ofstream(odd) << "640 480 525 525 320 240\n";
+  EXPECT_TRUE(read_calibration(odd));
+}
+
+TEST_F(Calibration, KalibrGivesItsCamera) {
+  const auto equidistant = read_calibration(write(kCamchain).string() + "#cam0");
   ASSERT_TRUE(equidistant) << equidistant.error().message;
   EXPECT_EQ(equidistant->model, CameraModel::kKannalaBrandt);
   EXPECT_EQ(equidistant->width, 512);
   EXPECT_EQ(equidistant->height, 513);
   EXPECT_THAT(equidistant->values,
               ElementsAre(190.97, 190.98, 254.93, 256.89, -0.0012, 0.0034, -0.0056, 0.0078));
-  const auto radtan = read_calibration(write(replaced(kCamchain, "equidistant", "radtan")));
+  const auto radtan =
+      read_calibration(write(replaced(kCamchain, "equidistant", "radtan")).string() + "#cam0");
   ASSERT_TRUE(radtan) << radtan.error().message;
   EXPECT_EQ(radtan->model, CameraModel::kPinholeRadtan);
   EXPECT_THAT(radtan->values,
               ElementsAre(190.97, 190.98, 254.93, 256.89, -0.0012, 0.0034, -0.0056, 0.0078, 0));
-  const auto none = read_calibration(write(
-      replaced(replaced(kCamchain, "equidistant", "none"), "[-0.0012, 0.0034, -0.0056, 0.0078]", "[]")));
+  const auto none = read_calibration(
+      write(replaced(replaced(kCamchain, "equidistant", "none"), "[-0.0012, 0.0034, -0.0056, 0.0078]", "[]"))
+          .string() +
+      "#cam0");
   ASSERT_TRUE(none) << none.error().message;
   EXPECT_THAT(none->values, ElementsAre(190.97, 190.98, 254.93, 256.89, 0, 0, 0, 0, 0));
 }
 
 TEST_F(Calibration, KalibrErrorsNameTheKeyAndTheRemedy) {
-  expect_error(replaced(kCamchain, "camera_model: pinhole", "camera_model: omni"),
+  const std::string first = std::string(kCamchain).substr(0, std::string(kCamchain).find("cam1:"));
+  expect_error(replaced(first, "camera_model: pinhole", "camera_model: omni"),
                ":3: camera_model 'omni' is not read; calibrate with Kalibr's pinhole-radtan or pinhole-equi");
-  expect_error(replaced(kCamchain, "equidistant", "unified"), ":5: distortion_model 'unified'");
-  expect_error(replaced(kCamchain, "equidistant", "fov"), ":4: 4 distortion coefficients, not 1");
-  expect_error(replaced(kCamchain, "0.0034, ", ""), ":4: 3 distortion coefficients, not 4");
-  expect_error(replaced(kCamchain, "190.97, ", ""), ":6: intrinsics: 3 numbers, not 4");
-  expect_error(replaced(kCamchain, "190.97", "wide"), ":6: intrinsics: not a number");
-  expect_error(replaced(kCamchain, "[512, 513]", "[512, 0]"), ":7: resolution");
-  expect_error(replaced(kCamchain, "  resolution: [512, 513]\n", ""), "no 'resolution'");
-  expect_error(replaced(kCamchain, "[190.97, 190.98, 254.93, 256.89]", "190.97"), "intrinsics is not a list");
+  expect_error(replaced(first, "equidistant", "unified"), ":5: distortion_model 'unified'");
+  expect_error(replaced(first, "equidistant", "fov"), ":4: 4 distortion coefficients, not 1");
+  expect_error(replaced(first, "0.0034, ", ""), ":4: 3 distortion coefficients, not 4");
+  expect_error(replaced(first, "190.97, ", ""), ":6: intrinsics: 3 numbers, not 4");
+  expect_error(replaced(first, "190.97", "wide"), ":6: intrinsics: not a number");
+  expect_error(replaced(first, "[512, 513]", "[512, 0]"), ":7: resolution");
+  expect_error(replaced(first, "  resolution: [512, 513]\n", ""), "no 'resolution'");
+  expect_error(replaced(first, "[190.97, 190.98, 254.93, 256.89]", "190.97"), "intrinsics is not a list");
   expect_error("cam0: 3\n", ":1: cam0");
 }
 
@@ -261,6 +284,19 @@ TEST_F(Calibration, OneLineErrorsNameTheLine) {
   expect_error("640.5 480 525 525 320 240\n", "whole numbers");
   expect_error("0 480 525 525 320 240\n", "whole numbers");
   expect_error("640 480 -525 525 320 240\n", "camera.txt: ");
+}
+
+TEST_F(Calibration, WhatNoCameraCanBeIsRefused) {
+  expect_error("640 480 502,3 501,7 321,4 238,2\n", "decimal point");
+  expect_error("640 480 502.3 70 320 240\n", "far from each other");
+  expect_error("640 480 5 5 320 240\n", "focal lengths 5 and 5 px for a picture of 640x480");
+  expect_error("640 480 525 525 9999 240\n", "principal point 9999, 240 lies outside");
+  expect_error("640 480 525 525 320 -1\n", "principal point");
+  expect_error("640 480 500 500 320 240 -18 0 0 0\n", "folds the picture over");
+  for (const char* content : {"640 480 160 160 10 470 -0.3 0.05 0 0\n", "640 480 12000 3000 320 240\n"}) {
+    const auto odd = read_calibration(write(content));
+    EXPECT_TRUE(odd) << odd.error().message;
+  }
 }
 
 TEST_F(Calibration, MissingFileSaysWhatToDo) {

@@ -13,6 +13,18 @@ constexpr size_t kRadtanValues = 9;
 constexpr size_t kPtamValues = 5;
 constexpr std::string_view kPtamKey = "Camera.Parameters";
 
+/// Between blanks alone: a comma may be a decimal one, and half of the numbers would be those behind it.
+std::vector<std::string_view> words_of(std::string_view text) {
+  constexpr std::string_view kBlanks = " \t\r";
+  std::vector<std::string_view> words;
+  for (text = trim(text); !text.empty(); text = trim(text)) {
+    const size_t end = std::min(text.find_first_of(kBlanks), text.size());
+    words.push_back(text.substr(0, end));
+    text.remove_prefix(end);
+  }
+  return words;
+}
+
 /// The line's numbers; a comment may follow them. PTAM's key, '=' and brackets are left out.
 Result<std::vector<double>> numbers_of(const File& file, const TextLine& line) {
   std::string text(line.text.substr(0, line.text.find_first_of("#;")));
@@ -23,11 +35,14 @@ Result<std::vector<double>> numbers_of(const File& file, const TextLine& line) {
     }
   }
   std::vector<double> numbers;
-  for (const auto field : split_fields(text)) {
-    const auto number = parse_number(field);
+  for (const auto word : words_of(text)) {
+    const auto number = parse_number(word);
     if (!number) {
-      return wrong(
-          at_line(file.path, line.number, in_quotes(field) + " is not a number; " + std::string(kFormats)));
+      const bool has_comma = word.find(',') != std::string_view::npos;
+      return wrong(at_line(
+          file.path, line.number,
+          in_quotes(word) + " is not a number; " +
+              (has_comma ? "write a decimal point, and blanks between numbers" : std::string(kFormats))));
     }
     numbers.push_back(*number);
   }
@@ -63,12 +78,18 @@ tl::unexpected<Error> wrong(std::string message) {
   return fail(ErrorCode::kConfiguration, std::move(message));
 }
 
+tl::unexpected<Error> names_no_camera(const File& file) {
+  return wrong(file.path.string() + ": no camera '" + std::string(file.camera) +
+               "' in it; only Kalibr's camchains name theirs");
+}
+
 int side_from_number(double value) {
   if (!(value >= 1) || value > std::numeric_limits<int>::max() || value != std::floor(value)) return 0;
   return static_cast<int>(value);
 }
 
 Result<CameraParameters> parse_text(const File& file) {
+  if (!file.camera.empty()) return names_no_camera(file);
   const auto lines = data_lines(file.content);
   if (lines.empty()) return wrong(file.path.string() + ": no calibration in it; " + std::string(kFormats));
   const auto ptam = std::find_if(lines.begin(), lines.end(),
@@ -82,9 +103,10 @@ Result<CameraParameters> parse_text(const File& file) {
   if (!numbers) return tl::unexpected(numbers.error());
   if (counts_in_picture_sides(*numbers)) return from_ptam(file, *numbers);
   if (numbers->size() != 6 && numbers->size() != 10 && numbers->size() != 11) {
-    return wrong(
-        at_line(file.path, number,
-                std::to_string(numbers->size()) + " numbers, not 6, 10 or 11; " + std::string(kFormats)));
+    return wrong(at_line(file.path, number,
+                         std::to_string(numbers->size()) +
+                             " numbers, not 6, 10 or 11 (PTAM's five are in picture sizes, not pixels); " +
+                             std::string(kFormats)));
   }
   CameraParameters parameters;
   parameters.width = side_from_number((*numbers)[0]);

@@ -181,13 +181,43 @@ Result<CameraParameters> parse_kalibr(const Keys& keys) {
                   std::move(*bends));
 }
 
+/// cam0, cam1, ...; OpenCV's camera_matrix is none.
+bool names_camera(const YAML::Node& key) {
+  constexpr std::string_view kPrefix = "cam";
+  if (!key.IsScalar() || !key.Scalar().starts_with(kPrefix)) return false;
+  const auto number = std::string_view(key.Scalar()).substr(kPrefix.size());
+  return !number.empty() && number.find_first_not_of("0123456789") == std::string_view::npos;
+}
+
+/// The keys of a camchain's cameras.
+std::vector<std::string> cameras_of(const YAML::Node& root) {
+  std::vector<std::string> names;
+  for (const auto& entry : root) {
+    if (names_camera(entry.first)) names.push_back(entry.first.Scalar());
+  }
+  return names;
+}
+
+/// Which camera's lens is meant cannot be guessed: with another's all would look well and be wrong.
+Result<std::string> choose_camera(const File& file, const std::vector<std::string>& names) {
+  if (file.camera.empty() && names.size() == 1) return names.front();
+  if (std::find(names.begin(), names.end(), file.camera) != names.end()) return std::string(file.camera);
+  std::string all;
+  for (const auto& name : names) all += (all.empty() ? "" : ", ") + name;
+  return wrong(file.path.string() + ": cameras in it: " + all + "; say which with --calibration " +
+               file.path.string() + "#" + names.front());
+}
+
 Result<CameraParameters> parse_document(const File& file, const YAML::Node& root) {
   if (!root.IsMap()) return wrong(file.path.string() + ": not a calibration; " + std::string(kFormats));
   const Keys keys(file, root);
-  if (keys.has("cam0")) {
-    if (!keys["cam0"].IsMap()) return keys.error_at("cam0", "cam0 is not a map of keys");
-    return parse_kalibr(Keys(file, keys["cam0"]));
+  if (const auto names = cameras_of(root); !names.empty()) {
+    const auto name = choose_camera(file, names);
+    if (!name) return tl::unexpected(name.error());
+    if (!root[*name].IsMap()) return keys.error_at(name->c_str(), *name + " is not a map of keys");
+    return parse_kalibr(Keys(file, root[*name]));
   }
+  if (!file.camera.empty()) return names_no_camera(file);
   if (keys.has("intrinsics") || keys.has("camera_model")) return parse_kalibr(keys);
   return parse_opencv(keys);
 }

@@ -8,6 +8,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import signal
 import struct
 import subprocess
@@ -113,9 +114,9 @@ class OnTheDesk(unittest.TestCase):
                        "--headless", "--trajectory", self.folder / f"{name}.txt", "--stats", self.folder / f"{name}.json",
                        *more)
 
-    def track(self, server, name, *more, **of_source):
+    def track(self, server, name, *more, code=0, **of_source):
         done = subprocess.run(self.arguments(server, name, *more, **of_source), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
-        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertEqual(done.returncode, code, done.stderr)
         return json.loads((self.folder / f"{name}.json").read_text()), done.stderr
 
     def ate_mm(self, name):
@@ -178,6 +179,8 @@ class Labels(OnTheDesk):
 
 
 class Cameras(OnTheDesk):
+    FRAMES = 400  # until three more keyframes agree
+
     def test_a_camera_of_which_nothing_is_known_is_found_out_written_and_kept_with_the_map(self):
         saved = self.folder / "found.yaml"
         store = self.folder / "store"
@@ -227,7 +230,7 @@ class Cameras(OnTheDesk):
         (brief / "rgb.txt").write_text("".join(rows[:60]))  # and no camera.txt
         saved = self.folder / "unknown.yaml"
         with ServerProcess() as server:
-            stats, said = self.track(server, "brief", "--save-calibration", saved, "--pace", "lockstep", recording="brief")
+            stats, said = self.track(server, "brief", "--save-calibration", saved, "--pace", "lockstep", recording="brief", code=1)
         self.assertIsNotNone(stats["first_map_frame"], said)
         self.assertIn("the camera is found out while the map grows", said)
         self.assertIn("the camera is not known well enough, none was written: focal length", said)
@@ -407,7 +410,33 @@ class Faults(OnTheDesk):
         done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--calibration", wrong, "--headless"),
                               stderr=subprocess.PIPE, text=True, timeout=LIMIT)
         self.assertEqual(done.returncode, 3, done.stderr)
-        self.assertIn(f"{wrong}: a focal length of 50 x 50 px is none for pictures of 640 x 480", done.stderr)
+        self.assertIn(f"{wrong}: focal lengths 50 and 50 px for a picture of 640x480", done.stderr)
+
+    def test_without_a_server_what_an_earlier_run_left_is_kept(self):
+        kept = {self.folder / f"kept.{end}": f"of an earlier run: {end}" for end in ("txt", "json", "mp4")}
+        for path, text in kept.items():
+            path.write_text(text)
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", FIRST_DOMAIN + DOMAINS - 1, "--headless",
+                                      "--pace", "lockstep", "--trajectory", self.folder / "kept.txt",
+                                      "--stats", self.folder / "kept.json", "--video", self.folder / "kept.mp4"),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 4, done.stderr)
+        for path, text in kept.items():
+            self.assertEqual(path.read_text(), text)
+
+    def test_a_recording_that_is_mostly_damaged_is_no_success(self):
+        damaged = self.folder / "damaged"
+        (damaged / "rgb").mkdir(parents=True)
+        shutil.copy(self.folder / "desk/camera.txt", damaged)
+        rows = (self.folder / "desk/rgb.txt").read_text().splitlines(keepends=True)[:41]
+        (damaged / "rgb.txt").write_text("".join(rows))
+        for i, name in enumerate(row.split()[1] for row in rows if not row.startswith("#")):
+            picture = (self.folder / "desk" / name).read_bytes()
+            (damaged / name).write_bytes(picture if i < 15 else picture[:100])
+        with ServerProcess() as server:
+            stats, said = self.track(server, "damaged", "--pace", "lockstep", recording="damaged", code=6)
+        self.assertIn("25 of 40 frames could not be decoded", said)
+        self.assertEqual(stats["frames_total"], 40)
 
     def test_a_server_that_hangs_for_five_seconds_while_the_map_starts(self):
         with ServerProcess() as server:

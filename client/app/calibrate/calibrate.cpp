@@ -4,11 +4,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <cstdio>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "client/app/calibrate/view_picker.h"
+#include "client/app/camera_keeper.h"
 #include "common/io/calibration.h"
 
 namespace cairn {
@@ -123,6 +125,14 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
+/// Minutes before a camera are not to be lost to a file that could be written when they began.
+int print_instead(const std::string& yaml, const Error& error, const Logger& log) {
+  std::fputs(yaml.c_str(), stdout);
+  std::fflush(stdout);
+  return report_error(
+      {error.code, error.message + "; the calibration is on stdout instead: save it from there"}, log);
+}
+
 int draw(const CalibrateOptions& options, const Logger& log) {
   constexpr int kSquarePixels = 100;
   const auto picture = draw_board(options.board, kSquarePixels);
@@ -171,6 +181,9 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   if (options.draw) return draw(options, log);
   const auto board = make_board(options.board);
   if (!board) return report_error(board.error(), log);
+  if (const auto writable = check_writable(options.out); !writable) {
+    return report_error({writable.error().code, writable.error().message + "; pass another --out FILE"}, log);
+  }
   auto source = open_source(options.source);
   if (!source) return report_error(source.error(), log);
   log->info("{}; looking for a {}", (*source)->describe(), (*board)->describe());
@@ -187,9 +200,11 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
     log->error("poor: not written; follow the advice above");
     return 1;
   }
-  const auto written = write_calibration_kalibr(options.out, report->calibration.parameters,
-                                                comment_of(*report, options, **board));
-  if (!written) return report_error(written.error(), log);
+  const std::string comment = comment_of(*report, options, **board);
+  const auto& parameters = report->calibration.parameters;
+  if (const auto written = write_calibration_kalibr(options.out, parameters, comment); !written) {
+    return print_instead(format_calibration_kalibr(parameters, comment).value_or(""), written.error(), log);
+  }
   log->info("{}: written to {}", name_of(report->verdict.grade), options.out.string());
   return 0;
 }

@@ -46,7 +46,8 @@ struct CalibrateReport {
                                                      const std::function<bool()>& stop_requested);
 
 /// The command; its exit code: 0 for a good or usable calibration, which is written as Kalibr yaml, 1 for a
-/// poor one, which is not.
+/// poor one, which is not. That the file cannot be written is told before the source is opened; if it comes
+/// about later, the yaml goes to stdout.
 [[nodiscard]] int run_calibrate(const CalibrateOptions& options, const Logger& log,
                                 const std::function<bool()>& stop_requested);
 

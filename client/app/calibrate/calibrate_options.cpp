@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "client/app/calibrate/calibrate.h"
+#include "common/base/unknown_word.h"
+#include "common/base/version.h"
 
 namespace cairn {
 namespace {
@@ -17,6 +19,8 @@ constexpr const char* kDescription =
     "Move the board through the whole picture, near and far, tilted to each side; hold it still for a "
     "moment.";
 constexpr const char* kFooter =
+    "ChArUco boards: as --draw draws them (OpenCV 4.6 and later, upper left square black). With an even "
+    "number of rows, those of OpenCV before 4.6 and of calib.io (white) are recognised too.\n"
     "Exit codes: 0 good or usable (written), 1 poor (not written), else as cairn-track\n\n"
     "Examples:\n"
     "  cairn-track calibrate --board charuco --squares 10x7 --draw board.png\n"
@@ -63,6 +67,7 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--draw", words.draw, "only draws the board to print (.png)")->type_name("FILE");
   app.add_flag("-v,--verbose", words.verbose, "more words");
   app.add_flag("-q,--quiet", words.quiet, "warnings only");
+  app.set_version_flag("--version", "cairn-track " + std::string(version()));
 }
 
 ParseExit usage(const std::string& message) {
@@ -118,8 +123,10 @@ std::variant<CalibrateOptions, ParseExit> parse_calibrate_options(std::vector<st
     app.parse(std::move(arguments));
   } catch (const CLI::CallForHelp&) {
     return ParseExit{0, app.help()};
+  } catch (const CLI::CallForVersion& version) {
+    return ParseExit{0, std::string(version.what()) + "\n"};
   } catch (const CLI::ParseError& error) {
-    return usage(error.what());
+    return usage(unknown_word(app, error).value_or(error.what()));
   }
   const bool dictionary_given = app.count("--dictionary") > 0;
   return translate(std::move(words), dictionary_given);

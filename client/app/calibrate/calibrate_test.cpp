@@ -2,16 +2,23 @@
 #include "client/app/calibrate/calibrate.h"
 
 #include <gmock/gmock.h>
+#include <spdlog/sinks/ostream_sink.h>
 
 #include <cstdlib>
 #include <fstream>
+#include <limits>
+#include <opencv2/aruco.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <optional>
+#include <sstream>
+#include <utility>
 
 #include "client/app/calibrate/test_boards.h"
 #include "client/app/calibrate/view_picker.h"
 #include "common/io/calibration.h"
 #include "common/io/test_directory.h"
+#include "common/io/text.h"
 
 namespace cairn {
 namespace {
@@ -86,7 +93,10 @@ INSTANTIATE_TEST_SUITE_P(
              {CameraModel::kKannalaBrandt, 640, 480, {280, 281, 322, 237, 0.03, -0.012, 0.006, -0.001}}},
         Case{"ChessboardRadtan",
              BoardDescription::Kind::kChessboard,
-             {CameraModel::kPinholeRadtan, 640, 480, {610, 608, 322, 235, 0.08, -0.1, 0, 0}}}),
+             {CameraModel::kPinholeRadtan, 640, 480, {410, 408, 322, 235, 0.08, -0.1, 0, 0}}},
+        Case{"ChessboardFisheye",
+             BoardDescription::Kind::kChessboard,
+             {CameraModel::kKannalaBrandt, 640, 480, {280, 281, 322, 237, 0.03, -0.012, 0.006, -0.001}}}),
     [](const auto& tested) { return tested.param.name; });
 
 TEST_P(RenderedBoards, GiveTheCameraThatSawThem) {
@@ -101,10 +111,9 @@ TEST_P(RenderedBoards, GiveTheCameraThatSawThem) {
   RecordProperty("rms", std::to_string(report->calibration.rms));
   EXPECT_LT(report->calibration.rms, 0.3);
   EXPECT_NE(report->verdict.grade, Grade::kPoor);
-  for (size_t i = 0; i < 4; ++i) {
-    EXPECT_NEAR(values[i], tested.truth.values[i], 0.003 * tested.truth.values[0])
-        << i << " sigma " << sigma[i];
-  }
+  for (size_t i = 0; i < 4; ++i) EXPECT_NEAR(values[i], tested.truth.values[i], 4 * sigma[i]) << i;
+  // What shifts all corners alike shifts the principal point; sigma does not tell.
+  for (size_t i = 2; i < 4; ++i) EXPECT_NEAR(values[i], tested.truth.values[i], 0.2) << i;
   // Where the board was, both cameras see a ray within a fraction of a pixel.
   const auto truth = make_or_fail(tested.truth);
   const auto found = make_or_fail(report->calibration.parameters);
@@ -113,9 +122,198 @@ TEST_P(RenderedBoards, GiveTheCameraThatSawThem) {
       const Eigen::Vector2d pixel(x * truth->width(), y * truth->height());
       const auto seen = found->project(truth->unproject(pixel));
       ASSERT_TRUE(seen);
-      EXPECT_LT((*seen - pixel).norm(), 2) << pixel.transpose();
+      EXPECT_LT((*seen - pixel).norm(), 0.3) << pixel.transpose();
     }
   }
+}
+
+/// A board of OpenCV before 4.6, and of calib.io: the square in the lower left is black, whatever the rows.
+GrayImage draw_older_charuco(const BoardDescription& description, int square_px) {
+  const auto dictionary = cv::aruco::getPredefinedDictionary(cv::aruco::DICT_4X4_50);
+  const int marker_px = static_cast<int>(description.marker * square_px);
+  cv::Mat picture((description.rows + 2) * square_px, (description.columns + 2) * square_px, CV_8U,
+                  cv::Scalar(255));
+  int id = 0;
+  for (int y = 0; y < description.rows; ++y) {
+    for (int x = 0; x < description.columns; ++x) {
+      const cv::Point corner((x + 1) * square_px, (y + 1) * square_px);
+      if ((x + description.rows - 1 - y) % 2 == 0) {
+        picture(cv::Rect(corner, cv::Size(square_px, square_px))).setTo(0);
+        continue;
+      }
+      cv::Mat marker;
+      cv::aruco::drawMarker(dictionary, id++, marker_px, marker);
+      const int gap = (square_px - marker_px) / 2;
+      marker.copyTo(picture(cv::Rect(corner + cv::Point(gap, gap), marker.size())));
+    }
+  }
+  return GrayImage(GrayView{picture.data, picture.cols, picture.rows, static_cast<int>(picture.step)});
+}
+
+struct PrintedBoard {
+  std::string name;
+  BoardDescription description;
+  bool older = false;
+  double sign = 1;  ///< -1: Board numbers it upside down
+};
+
+void PrintTo(const PrintedBoard& tested, std::ostream* out) {
+  *out << tested.name;
+}
+
+BoardDescription charuco_of(int columns, int rows, std::string dictionary = "4x4_50") {
+  BoardDescription description = description_of(BoardDescription::Kind::kCharuco);
+  description.columns = columns;
+  description.rows = rows;
+  description.dictionary = std::move(dictionary);
+  return description;
+}
+
+class FoundCorners : public ::testing::TestWithParam<PrintedBoard> {};
+INSTANTIATE_TEST_SUITE_P(All, FoundCorners,
+                         ::testing::Values(PrintedBoard{"Chessboard",
+                                                        description_of(BoardDescription::Kind::kChessboard),
+                                                        false, -1},
+                                           PrintedBoard{"Charuco", charuco_of(10, 7)},
+                                           PrintedBoard{"LargeCharuco", charuco_of(12, 9, "5x5_100")},
+                                           PrintedBoard{"CharucoOfEvenRows", charuco_of(9, 6)},
+                                           PrintedBoard{"OlderCharucoOfEvenRows", charuco_of(9, 6), true},
+                                           PrintedBoard{"OlderCharucoOfEvenSides", charuco_of(10, 8), true},
+                                           PrintedBoard{"OlderCharucoOfOddRows", charuco_of(10, 7), true}),
+                         [](const auto& tested) { return tested.param.name; });
+
+/// How far off the corners of a view are, with the origin at whatever crossing fits the first.
+std::vector<Eigen::Vector2d> errors_of(const BoardView& view, const PrintedBoard& tested, const SE3& pose,
+                                       const Camera& camera) {
+  const auto seen_at = [&](const Eigen::Vector2d& on_board) {
+    return camera.project(pose * Eigen::Vector3d(on_board.x(), on_board.y(), 0)).value();
+  };
+  Eigen::Vector2d origin(0, 0);
+  double nearest = std::numeric_limits<double>::max();
+  for (int y = 1; y < tested.description.rows; ++y) {
+    for (int x = 1; x < tested.description.columns; ++x) {
+      const Eigen::Vector2d crossing(x, y);
+      const double distance = (view.pixels[0] - seen_at(crossing)).norm();
+      if (distance >= nearest) continue;
+      nearest = distance;
+      origin = crossing - tested.sign * view.on_board[0].head<2>();
+    }
+  }
+  std::vector<Eigen::Vector2d> errors;
+  for (size_t i = 0; i < view.size(); ++i)
+    errors.emplace_back(view.pixels[i] - seen_at(origin + tested.sign * view.on_board[i].head<2>()));
+  return errors;
+}
+
+TEST_P(FoundCorners, LieWhereTheyAreSeen) {
+  constexpr int kSquare = 40;
+  constexpr int kViews = 8;
+  const PrintedBoard& tested = GetParam();
+  const int columns = tested.description.columns;
+  const int rows = tested.description.rows;
+  const auto camera =
+      make_or_fail({CameraModel::kPinholeRadtan, 640, 480, {520, 523, 314, 246, -0.21, 0.06, 8e-4, -5e-4}});
+  const auto board = make_board(tested.description);
+  ASSERT_TRUE(board) << board.error().message;
+  auto drawn = tested.older ? draw_older_charuco(tested.description, kSquare)
+                            : draw_board(tested.description, kSquare).value();
+  const BoardPainter painter(camera, std::move(drawn), kSquare, kSquare);
+  std::mt19937 random(kSeed);
+  Eigen::Vector2d sum(0, 0);
+  int corners = 0;
+  for (int i = 0; i < kViews; ++i) {
+    const SE3 pose = testing::random_pose(*camera, columns, rows, 0.75, &random);
+    const auto view = (*board)->find(*painter.paint(pose, 2.0, &random));
+    if (!view) continue;
+    for (const auto& error : errors_of(*view, tested, pose, *camera)) {
+      EXPECT_LT(error.norm(), 1.5);
+      sum += error;
+      ++corners;
+    }
+  }
+  EXPECT_GT(corners, kViews * (columns - 1) * (rows - 1) / 2);
+  EXPECT_LT(sum.norm() / corners, 0.03) << sum.transpose() / corners;
+}
+
+/// The command, with a folder of pictures of a board.
+class CalibrateCommand : public ::testing::Test {
+ protected:
+  CalibrateCommand() {
+    const auto pictures = directory_.path() / "pictures";
+    std::filesystem::create_directory(pictures);
+    std::filesystem::create_directory(directory_.path() / "out");
+    const Case tested{"",
+                      BoardDescription::Kind::kCharuco,
+                      {CameraModel::kPinholeRadtan, 640, 480, {520, 520, 320, 240, 0, 0, 0, 0}}};
+    for (const auto& picture : paint_views(tested, kPictures, 2)) {
+      const cv::Mat pixels(picture->height(), picture->width(), CV_8U, const_cast<uint8_t*>(picture->row(0)),
+                           static_cast<size_t>(picture->stride()));
+      cv::imwrite((pictures / (std::to_string(10 + written_++) + ".png")).string(), pixels);
+    }
+    options_.source = "images:" + pictures.string() + "?fps=1";
+    options_.board = description_of(BoardDescription::Kind::kCharuco);
+    options_.out = directory_.path() / "out" / "camera.yaml";
+  }
+
+  /// What it says, and its exit code.
+  std::pair<std::string, int> run(const std::function<bool()>& stop_requested) const {
+    std::ostringstream said;
+    const auto log =
+        std::make_shared<spdlog::logger>("", std::make_shared<spdlog::sinks::ostream_sink_mt>(said));
+    const int code = run_calibrate(options_, log, stop_requested);
+    return {said.str(), code};
+  }
+
+  static constexpr int kPictures = 12;
+  TestDirectory directory_;
+  CalibrateOptions options_;
+
+ private:
+  int written_ = 0;
+};
+
+TEST_F(CalibrateCommand, WritesWhatItFound) {
+  const auto [said, code] = run(kNever);
+  EXPECT_EQ(code, 0) << said;
+  EXPECT_TRUE(read_calibration(options_.out)) << said;
+}
+
+TEST_F(CalibrateCommand, TellsAtOnceThatTheFileCannotBeWritten) {
+  options_.out = directory_.path() / "nowhere" / "camera.yaml";
+  int looks = 0;
+  const auto [said, code] = run([&] { return ++looks > kPictures; });
+  EXPECT_EQ(code, 3);
+  EXPECT_EQ(looks, 0);
+  EXPECT_THAT(said, HasSubstr(options_.out.string() + ": cannot be written"));
+  EXPECT_THAT(said, HasSubstr("pass another --out"));
+  options_.out = directory_.path();
+  EXPECT_EQ(run(kNever).second, 3);
+}
+
+TEST_F(CalibrateCommand, LeavesAnOldFileUntilItHasANewOne) {
+  std::ofstream(options_.out) << "old";
+  EXPECT_EQ(run([] { return true; }).second, 1);
+  EXPECT_EQ(read_file(options_.out).value(), "old");
+}
+
+TEST_F(CalibrateCommand, PrintsWhatItCannotWrite) {
+  int looks = 0;
+  const auto folder = options_.out.parent_path();
+  ::testing::internal::CaptureStdout();
+  const auto [said, code] = run([&] {
+    if (++looks == kPictures) std::filesystem::remove_all(folder);
+    return false;
+  });
+  const std::string printed = ::testing::internal::GetCapturedStdout();
+  EXPECT_EQ(code, 3);
+  EXPECT_THAT(said, HasSubstr(options_.out.string() + ": cannot be written"));
+  EXPECT_THAT(said, HasSubstr("stdout"));
+  EXPECT_THAT(said, ::testing::Not(HasSubstr(".part")));
+  const auto saved = directory_.path() / "saved.yaml";
+  std::ofstream(saved) << printed;
+  const auto read = read_calibration(saved);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_NEAR(read->values[0], 520, 2);
 }
 
 TEST(Calibrate, SaysWhatItSawWhenThereIsNoBoard) {
@@ -225,6 +423,7 @@ TEST(CalibrateOptions, AreChecked) {
   };
   EXPECT_THAT(text({}), HasSubstr("--board"));
   EXPECT_THAT(text({"--board", "cheese"}), HasSubstr("charuco"));
+  EXPECT_THAT(text({"--bord", "charuco"}), HasSubstr("unknown argument '--bord'; did you mean --board?"));
   EXPECT_THAT(text({"--board", "charuco", "--out", "a"}), HasSubstr("--squares 10x7"));
   EXPECT_THAT(text({"--board", "charuco", "--squares", "10x", "--out", "a"}), HasSubstr("--squares 10x7"));
   EXPECT_THAT(text({"--board", "charuco", "--squares", "10x7", "--out", "a"}), HasSubstr("--source"));
@@ -237,6 +436,9 @@ TEST(CalibrateOptions, AreChecked) {
   EXPECT_EQ(std::get<CalibrateOptions>(good).model, CameraModel::kKannalaBrandt);
   const auto help = parse_calibrate_options({"--help"});
   EXPECT_EQ(std::get<ParseExit>(help).code, 0);
+  const auto version = parse_calibrate_options({"--version"});
+  EXPECT_EQ(std::get<ParseExit>(version).code, 0);
+  EXPECT_THAT(std::get<ParseExit>(version).text, ::testing::StartsWith("cairn-track "));
 }
 
 TEST(Boards, WrongOnesAreRefusedWithTheRemedy) {
