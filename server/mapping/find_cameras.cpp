@@ -77,7 +77,7 @@ BundleReport solve_from_several(BundleProblem* problem, const BundleOptions& opt
   return best;
 }
 
-constexpr size_t kClusters = 5;  ///< of keyframes that follow on each other: parts of the motion
+constexpr size_t kParts = 5;  ///< of the motion: keyframes that follow on each other
 
 using Residuals = std::vector<Eigen::Vector2d>;
 
@@ -95,34 +95,81 @@ Residuals residuals_of(const BundleProblem& problem) {
   return residuals;
 }
 
-/// d residual / d one of the values that describe a camera, with poses and points re-adjusted, by a finite
-/// step to another camera. Empty when that could not be solved.
-Residuals total_derivative(const BundleProblem& solved, const Residuals& residuals, size_t camera,
-                           const CameraPtr& other, double step, const BundleOptions& options) {
-  BundleProblem moved = solved;
-  moved.free_cameras.clear();
-  for (BundlePose& pose : moved.poses) {
-    if (pose.free_camera == static_cast<int>(camera)) pose.camera = other;
-    pose.free_camera = -1;
+/// The problem with what Tukey's weights left of each observation as its own weight, to be solved as it is: a
+/// cut-off found anew would be another problem's.
+BundleProblem with_weights_kept(const BundleProblem& solved, const Residuals& residuals,
+                                double squared_cutoff) {
+  BundleProblem kept = solved;
+  kept.free_cameras.clear();
+  kept.observations.clear();
+  for (size_t i = 0; i < residuals.size(); ++i) {
+    const double weight =
+        residuals[i].allFinite() ? tukey_weight(residuals[i].squaredNorm(), squared_cutoff) : 0;
+    if (weight <= 0) continue;
+    kept.observations.push_back(solved.observations[i]);
+    kept.observations.back().inverse_sigma *= std::sqrt(weight);
   }
-  if (!other || !solve_bundle(&moved, options).usable) return {};
-  Residuals derivative = residuals_of(moved);
-  for (size_t i = 0; i < residuals.size(); ++i) derivative[i] = (derivative[i] - residuals[i]) / step;
+  return kept;
+}
+
+/// Finds out how the residuals follow when a camera is another one and poses and points are adjusted to it.
+class Follower {
+ public:
+  Follower(const BundleProblem& solved, const Residuals& residuals, double squared_cutoff,
+           const BundleOptions& options)
+      : measured_(solved),
+        adjusted_(with_weights_kept(solved, residuals, squared_cutoff)),
+        options_(options) {
+    // Far below what a step of a hundredth of the focal length changes, which is little: all else makes up
+    // for it.
+    options_.function_tolerance = 1e-10;
+    options_.max_iterations = 40;
+    options_.rounds = 1;
+    options_.min_squared_cutoff = 1e12;
+  }
+
+  /// Empty when that could not be solved.
+  [[nodiscard]] Residuals residuals_with(size_t camera, const CameraPtr& other) const {
+    BundleProblem moved = adjusted_;
+    set_camera(&moved, camera, other);
+    if (!other || !solve_bundle(&moved, options_).usable) return {};
+    BundleProblem measured = measured_;
+    measured.poses = std::move(moved.poses);
+    measured.points = std::move(moved.points);
+    return residuals_of(measured);
+  }
+
+ private:
+  void set_camera(BundleProblem* problem, size_t camera, const CameraPtr& other) const {
+    for (size_t i = 0; i < problem->poses.size(); ++i) {
+      problem->poses[i].free_camera = -1;
+      if (measured_.poses[i].free_camera == static_cast<int>(camera)) problem->poses[i].camera = other;
+    }
+  }
+
+  const BundleProblem& measured_;
+  BundleProblem adjusted_;
+  BundleOptions options_;
+};
+
+/// d residual / d one of the values that describe a camera, with poses and points re-adjusted.
+Residuals total_derivative(const Follower& follower, const Residuals& residuals, size_t camera,
+                           const CameraPtr& other, double step) {
+  Residuals derivative = follower.residuals_with(camera, other);
+  for (size_t i = 0; i < derivative.size(); ++i) derivative[i] = (derivative[i] - residuals[i]) / step;
   return derivative;
 }
 
 /// By log f and k1.
-std::array<Residuals, kIntrinsics> intrinsic_derivatives(const BundleProblem& solved,
-                                                         const Residuals& residuals, size_t camera,
-                                                         const BundleOptions& options) {
+std::array<Residuals, kIntrinsics> intrinsic_derivatives(const Follower& follower, const Residuals& residuals,
+                                                         size_t camera, const Camera& now) {
   constexpr double kStep = 0.01;
   std::array<Residuals, kIntrinsics> derivatives;
-  const Camera& now = *solved.free_cameras[camera].camera;
   for (int k = 0; k < kIntrinsics; ++k) {
     Intrinsics intrinsics = intrinsics_of(now);
     intrinsics[k] += kStep;
     derivatives[static_cast<size_t>(k)] =
-        total_derivative(solved, residuals, camera, with_intrinsics(now, intrinsics), kStep, options);
+        total_derivative(follower, residuals, camera, with_intrinsics(now, intrinsics), kStep);
   }
   return derivatives;
 }
@@ -139,18 +186,41 @@ std::array<TakenForGiven, 3> taken_for_given(const Camera& camera) {
 }
 
 /// By each of them, in units of its sigma.
-std::vector<Residuals> given_derivatives(const BundleProblem& solved, const Residuals& residuals,
-                                         size_t camera, const BundleOptions& options) {
+std::vector<Residuals> given_derivatives(const Follower& follower, const Residuals& residuals, size_t camera,
+                                         const Camera& now) {
   std::vector<Residuals> derivatives;
-  const Camera& now = *solved.free_cameras[camera].camera;
   for (const TakenForGiven& given : taken_for_given(now)) {
     CameraParameters parameters = now.parameters();
     parameters.values.resize(std::max(parameters.values.size(), given.value + 1), 0.0);
     parameters.values[given.value] += given.sigma;
     derivatives.push_back(
-        total_derivative(solved, residuals, camera, make_camera(parameters).value_or(nullptr), 1.0, options));
+        total_derivative(follower, residuals, camera, make_camera(parameters).value_or(nullptr), 1.0));
   }
   return derivatives;
+}
+
+/// What the observations say of a camera's intrinsics: sum of J^T J and of J^T r.
+struct Evidence {
+  Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
+  Intrinsics pull = Intrinsics::Zero();
+
+  void add(double weight, const Eigen::Matrix2d& J, const Eigen::Vector2d& residual) {
+    curvature += weight * J.transpose() * J;
+    pull += weight * J.transpose() * residual;
+  }
+};
+
+/// Jackknife (Tukey 1958): how far the solution would move without each part of the motion, by one step of
+/// Gauss and Newton. Unlike the pulls of the parts alone (sandwich) it does not take for agreement that a
+/// part which tells most has drawn the solution to itself.
+Eigen::Matrix2d jackknife(const Eigen::Matrix2d& curvature, const std::vector<Evidence>& parts) {
+  constexpr double kOfSquares = static_cast<double>(kParts - 1) / kParts;
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  for (const Evidence& part : parts) {
+    const Intrinsics move = (curvature - part.curvature).inverse() * part.pull;
+    sum += kOfSquares * move * move.transpose();
+  }
+  return sum;
 }
 
 /// Covariance of one camera's intrinsics: the spread of what the parts of the motion want of them, or the
@@ -161,45 +231,42 @@ Eigen::Matrix2d honest_covariance(const BundleProblem& problem, const Residuals&
                                   double squared_cutoff) {
   Eigen::Matrix2d curvature =
       prior_pull(camera, *camera.camera, squared_cutoff).curvature.asDiagonal().toDenseMatrix();
-  std::vector<Intrinsics> pulls(kClusters, Intrinsics::Zero());
+  std::vector<Evidence> parts(kParts);
   std::vector<Intrinsics> pulls_of_given(by_given.size(), Intrinsics::Zero());
   for (size_t i = 0; i < residuals.size(); ++i) {
     Eigen::Matrix2d J;
     for (int k = 0; k < kIntrinsics; ++k) J.col(k) = derivatives[static_cast<size_t>(k)][i];
     if (!J.allFinite() || !residuals[i].allFinite()) continue;
     const double weight = tukey_weight(residuals[i].squaredNorm(), squared_cutoff);
-    curvature += weight * J.transpose() * J;
-    const size_t cluster =
-        static_cast<size_t>(problem.observations[i].pose) * kClusters / problem.poses.size();
-    pulls[cluster] += weight * J.transpose() * residuals[i];
+    const size_t part = static_cast<size_t>(problem.observations[i].pose) * kParts / problem.poses.size();
+    parts[part].add(weight, J, residuals[i]);
     for (size_t g = 0; g < by_given.size(); ++g) {
       if (by_given[g][i].allFinite()) pulls_of_given[g] += weight * J.transpose() * by_given[g][i];
     }
   }
-  const auto sum_of_squares = [](const std::vector<Intrinsics>& all) {
-    Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
-    for (const Intrinsics& pull : all) sum += pull * pull.transpose();
-    return sum;
-  };
-  constexpr double kUnbiased = static_cast<double>(kClusters) / (kClusters - 1);
+  for (const Evidence& part : parts) curvature += part.curvature;
+  const Eigen::Matrix2d spread = jackknife(curvature, parts);
   const Eigen::Matrix2d inverse = curvature.inverse();
-  const Eigen::Matrix2d spread = kUnbiased * inverse * sum_of_squares(pulls) * inverse;
-  const Eigen::Matrix2d given = inverse * sum_of_squares(pulls_of_given) * inverse;
+  Eigen::Matrix2d given = Eigen::Matrix2d::Zero();
+  for (const Intrinsics& pull : pulls_of_given) given += inverse * pull * (inverse * pull).transpose();
   return (spread(0, 0) > camera.covariance(0, 0) ? spread : camera.covariance) + given;
 }
 
 /// Nothing when it could not be judged: a problem that could not be solved, or no more time.
-std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, const Residuals& residuals, size_t camera,
-                                     double squared_cutoff, const BundleOptions& options) {
-  const auto derivatives = intrinsic_derivatives(problem, residuals, camera, options);
-  const auto by_given = given_derivatives(problem, residuals, camera, options);
+std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera, double squared_cutoff,
+                                     const BundleOptions& options) {
+  const FreeCamera& judged = problem.free_cameras[camera];
+  const Follower follower(problem, residuals_of(problem), squared_cutoff, options);
+  const Residuals residuals = follower.residuals_with(camera, judged.camera);
+  if (residuals.empty()) return std::nullopt;
+  const auto derivatives = intrinsic_derivatives(follower, residuals, camera, *judged.camera);
+  const auto by_given = given_derivatives(follower, residuals, camera, *judged.camera);
   const auto is_there = [](const Residuals& d) { return !d.empty(); };
   const bool known = std::all_of(derivatives.begin(), derivatives.end(), is_there) &&
                      std::all_of(by_given.begin(), by_given.end(), is_there);
   const bool was_stopped = options.should_stop && options.should_stop();
   if (!known || was_stopped) return std::nullopt;
-  return honest_covariance(problem, residuals, derivatives, by_given, problem.free_cameras[camera],
-                           squared_cutoff);
+  return honest_covariance(problem, residuals, derivatives, by_given, judged, squared_cutoff);
 }
 
 }  // namespace
@@ -209,11 +276,10 @@ BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) 
   for (const FreeCamera& c : problem->free_cameras) before.push_back(c.covariance);
   const BundleReport report = solve_from_several(problem, options);
   if (!report.usable) return report;
-  const Residuals residuals = residuals_of(*problem);
   for (size_t c = 0; c < problem->free_cameras.size(); ++c) {
     FreeCamera& camera = problem->free_cameras[c];
-    const auto judged = camera.judge ? judge(*problem, residuals, c, report.squared_cutoff, options)
-                                     : std::optional<Eigen::Matrix2d>();
+    const auto judged =
+        camera.judge ? judge(*problem, c, report.squared_cutoff, options) : std::optional<Eigen::Matrix2d>();
     camera.covariance = judged.value_or(before[c]);
     camera.judge = judged.has_value();
   }

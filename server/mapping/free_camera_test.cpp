@@ -160,6 +160,39 @@ TEST(FindCameras, SigmaOwnsUpToWhatIsTakenForGiven) {
   EXPECT_LT(sigma, 0.2) << "so large a sigma says nothing";
 }
 
+/// Adds what no two keyframes have in common: each picture is a little larger or smaller than it should be.
+void breathe(BundleProblem* problem, double sigma, Random* random) {
+  std::vector<double> size(problem->poses.size());
+  for (double& s : size) s = random->normal(sigma);
+  const Eigen::Vector2d middle(320, 240);
+  for (BundleObservation& o : problem->observations)
+    o.pixel += size[static_cast<size_t>(o.pose)] * (o.pixel - middle);
+}
+
+TEST(FindCameras, SigmaIsTheSpreadOfRepeatedRunsThoughErrorsAreNotIndependent) {
+  constexpr int kRuns = 40;
+  double errors = 0;
+  double promised = 0;
+  double formally_promised = 0;
+  Random random(5);
+  for (int run = 0; run < kRuns; ++run) {
+    BundleProblem problem = desk_scene(simple_camera(525, -0.03), &random);
+    breathe(&problem, 0.01, &random);
+    free_the_camera(&problem, simple_camera(525, -0.03), {0.35, 0.1});
+    problem.free_cameras[0].covariance = Eigen::Vector2d(0.02, 0.02).cwiseAbs2().asDiagonal();
+    BundleProblem formal = problem;
+    ASSERT_TRUE(solve_bundle(&formal, to_the_end()).usable);
+    ASSERT_TRUE(find_cameras(&problem, to_the_end()).usable);
+    const double error = std::log(problem.free_cameras[0].camera->focal_length() / 525);
+    errors += error * error / kRuns;
+    promised += problem.free_cameras[0].covariance(0, 0) / kRuns;
+    formally_promised += formal.free_cameras[0].covariance(0, 0) / kRuns;
+  }
+  EXPECT_LT(std::sqrt(promised / errors), 2);
+  EXPECT_GT(std::sqrt(promised / errors), 0.5);
+  EXPECT_LT(std::sqrt(formally_promised / errors), 0.3) << "errors that are independent test nothing";
+}
+
 TEST(FindCameras, OneThatIsNotJudgedMovesAlongAndStaysAsUncertainAsItWas) {
   Random random(7);
   BundleProblem problem = desk_scene(simple_camera(525, 0), &random);

@@ -10,11 +10,13 @@
 namespace cairn {
 namespace {
 
-constexpr double kNotablyBetter = 0.7;    ///< of the sigma published before
-const Intrinsics kWellKnown(0.025, 0.1);  ///< sigma: focal length within 5 % with 95 %
-constexpr double kAgreement = 0.01;       ///< of successive focal lengths
+constexpr double kNotablyBetter = 0.7;     ///< of the sigma published before
+const Intrinsics kWellKnown(0.0125, 0.1);  ///< sigma: focal length within 2.5 % with 95 %
+/// Of successive focal lengths, with the first of them: a slow drift is none. What was measured under a
+/// camera that is off agrees with it, and it takes many keyframes to draw the estimate away.
+constexpr double kAgreement = 0.01;
 constexpr int kEnoughAgreements = 3;
-constexpr size_t kFewestKeyframes = 10;  ///< whose spread says something
+constexpr size_t kFewestKeyframes = 12;  ///< whose spread says something
 constexpr size_t kFewestOfBelieved =
     20;                                ///< where the sigma was small to begin with and tells nothing of them
 constexpr size_t kManyKeyframes = 40;  ///< what these have not told, more of the same will not
@@ -63,7 +65,7 @@ void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& 
   const Intrinsics values = intrinsics_of(*camera->camera);
   const bool agrees = std::abs(values[0] - camera->judged[0]) <= kAgreement;
   camera->agreements = agrees ? camera->agreements + 1 : 0;
-  camera->judged = values;
+  if (!agrees) camera->judged = values;
   camera->judged_keyframes = keyframes.made;
   camera->frozen = keyframes.live >= fewest_keyframes(*camera) && !is_held_by_prior(adjusted) &&
                    camera->agreements >= kEnoughAgreements &&

@@ -23,7 +23,7 @@ struct MapCamera {
   Intrinsics prior_sigma = Intrinsics::Zero();
   bool frozen = false;  ///< known well enough: no longer adjusted
 
-  Intrinsics judged = Intrinsics::Zero();  ///< the estimate before, of fewer keyframes
+  Intrinsics judged = Intrinsics::Zero();  ///< the estimate that those after it agreed with
   size_t judged_keyframes = 0;             ///< ever made when it was
   int agreements = 0;                      ///< successive estimates, of more and more keyframes, that agree
   /// Under which points were searched that are given up, and rays of patches aimed.
