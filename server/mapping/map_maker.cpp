@@ -279,7 +279,9 @@ StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
 
 MapSnapshotPtr MapMaker::snapshot() {
   state_->map.publish_cameras();
-  return state_->builder.build(state_->map);
+  MapSnapshotPtr snapshot = state_->builder.build(state_->map);
+  for (const auto& block : snapshot->point_blocks) state_->map.share_sources(block->patches);
+  return snapshot;
 }
 
 std::vector<KeyframeView> MapMaker::keyframe_views() const {
@@ -358,7 +360,6 @@ MapStatistics MapMaker::statistics() const {
   for (const MapPoint& p : map.points()) {
     stats.bytes += sizeof(p) + p.observers.capacity() * sizeof(KeyframeId);
     if (!p.live) continue;
-    stats.bytes += sizeof(PointSource);
     ++stats.points;
     for (int i = 0; i < 3; ++i)
       coordinates[static_cast<size_t>(i)].push_back(static_cast<float>(p.position[i]));

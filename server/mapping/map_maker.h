@@ -108,7 +108,8 @@ struct MapStatistics {
   size_t keyframes = 0;
   size_t points = 0;
   size_t measurements = 0;
-  size_t bytes = 0;           ///< memory of the map, with the images that are there or that due work needs
+  size_t bytes = 0;  ///< memory of the map beside what was published, with the images that are there or that
+                     ///< due work needs
   size_t bytes_let_go = 0;    ///< of images that are not there and will only be needed by new work; about
   size_t without_images = 0;  ///< keyframes whose images have been let go
   Eigen::Vector3f bounds_min = Eigen::Vector3f::Zero();  ///< 1 % to 99 % of the points

@@ -217,6 +217,13 @@ void MapState::give_up(KeyframeId keyframe_id, PointId point_id) {
   insert_sorted(&keyframe(keyframe_id).given_up, point_id);
 }
 
+void MapState::share_sources(const std::shared_ptr<const PatchBlock>& block) {
+  for (const PointSource& published : block->points) {
+    MapPoint& p = point(published.id);
+    if (p.source) p.source = std::shared_ptr<const PointSource>(block, &published);
+  }
+}
+
 void MapState::remove_point(PointId id) {
   MapPoint& p = point(id);
   if (!p.live) return;

@@ -149,6 +149,9 @@ class MapState {
   /// without its source keyframe's measurement, is removed.
   void drop_measurement(KeyframeId keyframe, PointId point);
   void give_up(KeyframeId keyframe, PointId point);
+  /// What the points of a published block were made of is kept there alone. The block is of this map as it
+  /// is.
+  void share_sources(const std::shared_ptr<const PatchBlock>& block);
   void remove_point(PointId id);  ///< its position becomes the origin
   /// Removes a keyframe, its measurements and image. Points that lose their source or have too few observers
   /// go too.
