@@ -14,6 +14,7 @@
 #include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
+#include <sstream>
 
 #include "common/image/limits.h"
 #include "common/io/text.h"
@@ -23,10 +24,23 @@ namespace {
 
 constexpr const char* kPatienceSeconds = "2";
 
+/// Whether a camera gives its pictures to another program: most can be opened then all the same, but refuse
+/// to be set, even to what they are set to.
+bool streams_to_another(int device, uint32_t abilities) {
+  v4l2_format format{};
+  format.type = (abilities & V4L2_CAP_VIDEO_CAPTURE) != 0 ? V4L2_BUF_TYPE_VIDEO_CAPTURE
+                                                          : V4L2_BUF_TYPE_VIDEO_CAPTURE_MPLANE;
+  return ioctl(device, VIDIOC_G_FMT, &format) == 0 && ioctl(device, VIDIOC_S_FMT, &format) != 0 &&
+         errno == EBUSY;
+}
+
 /// What the system says of a device, told apart before OpenCV, which knows only that it cannot open it.
 Status check_device(const std::string& path) {
   const auto no_camera = [&](const std::string& why) {
     return fail(ErrorCode::kIo, path + ": " + why + "; `ls /dev/video* /dev/v4l/by-id` shows the cameras");
+  };
+  const auto busy = [&] {
+    return fail(ErrorCode::kIo, path + ": in use by another program; `fuser -v " + path + "` names it");
   };
   struct stat info {};
   if (stat(path.c_str(), &info) != 0) {
@@ -41,21 +55,29 @@ Status check_device(const std::string& path) {
       return fail(ErrorCode::kIo,
                   path + ": no right to open it; `sudo usermod -aG video $USER`, then log in again");
     }
-    if (error == EBUSY) {
-      return fail(ErrorCode::kIo, path + ": in use by another program; `fuser -v " + path + "` names it");
-    }
+    if (error == EBUSY) return busy();
     return no_camera(std::string("cannot be opened: ") + std::strerror(error));
   }
   v4l2_capability capability{};
   const bool answered = ioctl(device, VIDIOC_QUERYCAP, &capability) == 0;
-  close(device);
-  if (!answered) return no_camera("is not a camera");
   const bool of_this_node = (capability.capabilities & V4L2_CAP_DEVICE_CAPS) != 0;
   const auto abilities = of_this_node ? capability.device_caps : capability.capabilities;
+  const bool in_use = answered && streams_to_another(device, abilities);
+  close(device);
+  if (!answered) return no_camera("is not a camera");
   if ((abilities & (V4L2_CAP_VIDEO_CAPTURE | V4L2_CAP_VIDEO_CAPTURE_MPLANE)) == 0) {
     return no_camera("gives no pictures (cameras also have a node for their metadata)");
   }
+  if (in_use) return busy();
   return {};
+}
+
+/// Whether the camera that was opened is there no more.
+bool is_gone(const std::string& path) {
+  const int device = open(path.c_str(), O_RDWR | O_NONBLOCK | O_CLOEXEC);
+  if (device < 0) return errno == ENOENT || errno == ENODEV || errno == ENXIO;
+  close(device);
+  return false;
 }
 
 /// A camera of the Linux kernel. Its stamps are of the monotonic clock; they are moved to the epoch by the
@@ -63,8 +85,11 @@ Status check_device(const std::string& path) {
 /// model.
 class V4l2Source final : public FrameSource {
  public:
-  V4l2Source(std::string path, std::unique_ptr<cv::VideoCapture> capture)
+  V4l2Source(std::string path, std::unique_ptr<cv::VideoCapture> capture, PictureSize asked_size,
+             double asked_rate)
       : path_(std::move(path)),
+        asked_size_(asked_size),
+        asked_rate_(asked_rate),
         capture_(std::move(capture)),
         epoch_from_monotonic_(std::chrono::system_clock::now().time_since_epoch() -
                               std::chrono::steady_clock::now().time_since_epoch()) {}
@@ -72,9 +97,9 @@ class V4l2Source final : public FrameSource {
   Result<std::optional<Frame>> next() override {
     if (failures_ >= kMaxFailures) return std::nullopt;
     try {
+      const auto start = std::chrono::steady_clock::now();
       if (!capture_->read(pixels_) || pixels_.empty())
-        return failure("no picture for 2 s; is it unplugged, covered by its shutter or in use? `fuser -v " +
-                       path_ + "` names other users");
+        return no_picture(std::chrono::steady_clock::now() - start);
       if (pixels_.channels() == 3) {
         cv::cvtColor(pixels_, gray_, cv::COLOR_BGR2GRAY);
       } else {
@@ -94,14 +119,38 @@ class V4l2Source final : public FrameSource {
                        static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
   }
   std::string describe() const override {
-    const auto property = [this](int id) { return std::to_string(static_cast<int>(capture_->get(id))); };
-    return "camera " + path_ + ", " + property(cv::CAP_PROP_FRAME_WIDTH) + "x" +
-           property(cv::CAP_PROP_FRAME_HEIGHT) + " at " + property(cv::CAP_PROP_FPS) + " Hz";
+    const PictureSize size = *picture_size();
+    const double rate = capture_->get(cv::CAP_PROP_FPS);
+    const bool tells_rate = rate > 0;
+    const bool as_asked =
+        size == asked_size_ && (!tells_rate || std::abs(rate - asked_rate_) < kSameRate * asked_rate_);
+    return "camera " + path_ + ", " + mode(size, rate) +
+           (as_asked ? "" : " (it does not offer the " + mode(asked_size_, asked_rate_) + " asked for)");
   }
   bool is_live() const override { return true; }
 
  private:
-  static constexpr int kMaxFailures = 3;  ///< in a row; each takes up to kPatienceSeconds
+  static constexpr int kMaxFailures = 3;      ///< in a row; each takes up to kPatienceSeconds
+  static constexpr double kSameRate = 0.011;  ///< 30 Hz are also given as 29.97 or as a whole number of us
+
+  static std::string mode(PictureSize size, double rate) {
+    std::ostringstream text;
+    text << size.width << "x" << size.height;
+    if (rate > 0) text << " at " << rate << " Hz";
+    return text.str();
+  }
+
+  tl::unexpected<Error> no_picture(std::chrono::nanoseconds waited) {
+    if (is_gone(path_)) {
+      failures_ = kMaxFailures;
+      return fail(ErrorCode::kIo, path_ + ": gone; was it unplugged?");
+    }
+    if (waited < std::chrono::seconds(1))
+      return failure("refuses to give a picture; does unplugging it help?");
+    return failure("no picture for " +
+                   std::to_string(std::chrono::round<std::chrono::seconds>(waited).count()) +
+                   " s; is it covered by its shutter or asleep?");
+  }
 
   tl::unexpected<Error> failure(const std::string& what) {
     ++failures_;
@@ -116,6 +165,8 @@ class V4l2Source final : public FrameSource {
   }
 
   std::string path_;
+  PictureSize asked_size_;
+  double asked_rate_;
   std::unique_ptr<cv::VideoCapture> capture_;
   std::chrono::nanoseconds epoch_from_monotonic_;
   cv::Mat pixels_;
@@ -157,13 +208,13 @@ Result<std::unique_ptr<FrameSource>> open_v4l2_source(const SourceUri& uri) {
   try {
     auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_V4L2);
     if (!capture->isOpened()) {
-      return fail(ErrorCode::kIo, uri.path + ": gives no format that OpenCV reads, or is in use; `fuser -v " +
-                                      uri.path + "` names other users");
+      return fail(ErrorCode::kIo, uri.path + ": gives no format that OpenCV reads; `v4l2-ctl -d " + uri.path +
+                                      " --list-formats` shows its formats");
     }
     capture->set(cv::CAP_PROP_FRAME_WIDTH, size->width);
     capture->set(cv::CAP_PROP_FRAME_HEIGHT, size->height);
     capture->set(cv::CAP_PROP_FPS, *fps);
-    return std::make_unique<V4l2Source>(uri.path, std::move(capture));
+    return std::make_unique<V4l2Source>(uri.path, std::move(capture), *size, *fps);
   } catch (const cv::Exception& exception) {
     return fail(ErrorCode::kIo, uri.path + ": " + exception.err);
   }
