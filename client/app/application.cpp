@@ -167,7 +167,7 @@ Status check_outputs(const TrackOptions& options) {
   for (const auto& path : {options.trajectory, options.stats, options.video}) {
     if (Status writable = path ? check_writable(*path) : Status(); !writable) return writable;
   }
-  return {};
+  return options.video ? VideoWriter::check_ending(*options.video) : Status();
 }
 
 /// The files of a run.
@@ -358,7 +358,7 @@ int judge(const Run& run, const RunStats& stats, const Status& kept) {
   if (!kept && !run.options.saved_calibration) run.log->warn("{}", kept.error().message);
   if (!kept && run.options.saved_calibration) return report_error(kept.error(), run.log);
   const size_t undecodable = stats.frames_total() - stats.frames_decoded();
-  if (2 * undecodable > stats.frames_total()) {
+  if (!run.source->is_live() && 2 * undecodable > stats.frames_total()) {
     return report_error(
         {ErrorCode::kDamaged, fmt::format("{}: {} of {} frames could not be decoded", run.options.source,
                                           undecodable, stats.frames_total())},
@@ -418,13 +418,13 @@ int track(Run& run) {
   }
   if (!finished) return report_error(finished.error(), run.log);
   if (!closed) return report_error(closed.error(), run.log);
-  if (const int code = judge(run, stats, kept); code != 0) return code;
+  const int verdict = judge(run, stats, kept);
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!*finished && !quit) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting) {
     return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
   }
-  return 0;
+  return verdict;
 }
 
 }  // namespace
@@ -454,6 +454,10 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
         "going on until it does",
         options.map);
   }
+  if (stop()) return kInterruptedExit;
+  if (const auto status = session.status();
+      options.pace != Pace::kRealtime && status.link == ServerLink::kRefused)
+    return report_error({ErrorCode::kRefused, status.text}, log);
   return track(*run);
 }
 

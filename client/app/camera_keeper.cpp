@@ -10,7 +10,7 @@ namespace cairn {
 
 Status check_writable(const std::filesystem::path& path) {
   std::error_code unknown;
-  const bool was_there = std::filesystem::exists(path, unknown);
+  const bool was_there = std::filesystem::exists(std::filesystem::symlink_status(path, unknown));
   // What reads from a pipe would see it end.
   if (was_there && !std::filesystem::is_regular_file(path, unknown) &&
       !std::filesystem::is_directory(path, unknown))

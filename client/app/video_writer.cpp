@@ -47,11 +47,14 @@ double rate_of(const std::vector<OverlayFrame>& frames) {
 
 }  // namespace
 
+Status VideoWriter::check_ending(const std::filesystem::path& path) {
+  if (find_codec(path) != nullptr) return {};
+  return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
+}
+
 Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::path& path, CameraPtr camera,
                                                        WhenBehind when_behind) {
-  if (find_codec(path) == nullptr) {
-    return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
-  }
+  if (auto status = check_ending(path); !status) return tl::unexpected(status.error());
   if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
     return fail(ErrorCode::kIo, cannot_be_written(path));
   }

@@ -27,7 +27,9 @@ class VideoWriter final : public FrameObserver {
     kWait,          ///< every frame gets its picture
   };
 
-  /// Checks the ending (.mp4, .avi, .mkv) and that the file can be written. Errors: kUsage, kIo.
+  /// Whether files of such a name (.mp4, .avi, .mkv) are written. Error: kUsage.
+  [[nodiscard]] static Status check_ending(const std::filesystem::path& path);
+  /// Checks the ending and that the file can be written. Errors: kUsage, kIo.
   [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(const std::filesystem::path& path,
                                                                  CameraPtr camera, WhenBehind when_behind);
   /// As finish(), without a report.

@@ -28,7 +28,8 @@ std::pair<std::filesystem::path, std::string> split_camera(const std::filesystem
   const std::string text = path.string();
   const size_t mark = text.rfind('#');
   std::error_code error;
-  if (mark == std::string::npos || std::filesystem::exists(path, error)) return {path, ""};
+  const bool names_folder = mark != std::string::npos && text.find('/', mark) != std::string::npos;
+  if (mark == std::string::npos || names_folder || std::filesystem::exists(path, error)) return {path, ""};
   return {text.substr(0, mark), text.substr(mark + 1)};
 }
 

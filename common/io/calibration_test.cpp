@@ -293,7 +293,8 @@ TEST_F(Calibration, WhatNoCameraCanBeIsRefused) {
   expect_error("640 480 525 525 9999 240\n", "principal point 9999, 240 lies outside");
   expect_error("640 480 525 525 320 -1\n", "principal point");
   expect_error("640 480 500 500 320 240 -18 0 0 0\n", "folds the picture over");
-  for (const char* content : {"640 480 160 160 10 470 -0.3 0.05 0 0\n", "640 480 12000 3000 320 240\n"}) {
+  for (const char* content : {"640 480 160 160 10 470 -0.3 0.05 0 0\n", "640 480 12000 3000 320 240\n",
+                              "640, 480, 525.0, 525.5, 319.5, 239.5\n"}) {
     const auto odd = read_calibration(write(content));
     EXPECT_TRUE(odd) << odd.error().message;
   }

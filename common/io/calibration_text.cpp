@@ -13,14 +13,16 @@ constexpr size_t kRadtanValues = 9;
 constexpr size_t kPtamValues = 5;
 constexpr std::string_view kPtamKey = "Camera.Parameters";
 
-/// Between blanks alone: a comma may be a decimal one, and half of the numbers would be those behind it.
+/// Between blanks, a comma before one left out: any other comma may be a decimal one, and half of the numbers
+/// would be those behind it.
 std::vector<std::string_view> words_of(std::string_view text) {
   constexpr std::string_view kBlanks = " \t\r";
   std::vector<std::string_view> words;
   for (text = trim(text); !text.empty(); text = trim(text)) {
     const size_t end = std::min(text.find_first_of(kBlanks), text.size());
-    words.push_back(text.substr(0, end));
+    const auto word = text.substr(0, end);
     text.remove_prefix(end);
+    words.push_back(word.ends_with(',') && !text.empty() ? word.substr(0, word.size() - 1) : word);
   }
   return words;
 }

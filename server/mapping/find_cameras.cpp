@@ -95,19 +95,25 @@ Residuals residuals_of(const BundleProblem& problem) {
   return residuals;
 }
 
-/// The problem with what Tukey's weights left of each observation as its own weight, to be solved as it is: a
-/// cut-off found anew would be another problem's.
-BundleProblem with_weights_kept(const BundleProblem& solved, const Residuals& residuals,
-                                double squared_cutoff) {
+/// Tukey's, of each observation.
+std::vector<double> weights_of(const Residuals& residuals, double squared_cutoff) {
+  std::vector<double> weights;
+  weights.reserve(residuals.size());
+  for (const Eigen::Vector2d& r : residuals)
+    weights.push_back(r.allFinite() ? tukey_weight(r.squaredNorm(), squared_cutoff) : 0);
+  return weights;
+}
+
+/// The problem with these as the observations' own, to be solved as it is: a cut-off found anew would be
+/// another problem's.
+BundleProblem with_weights_kept(const BundleProblem& solved, const std::vector<double>& weights) {
   BundleProblem kept = solved;
   kept.free_cameras.clear();
   kept.observations.clear();
-  for (size_t i = 0; i < residuals.size(); ++i) {
-    const double weight =
-        residuals[i].allFinite() ? tukey_weight(residuals[i].squaredNorm(), squared_cutoff) : 0;
-    if (weight <= 0) continue;
+  for (size_t i = 0; i < weights.size(); ++i) {
+    if (weights[i] <= 0) continue;
     kept.observations.push_back(solved.observations[i]);
-    kept.observations.back().inverse_sigma *= std::sqrt(weight);
+    kept.observations.back().inverse_sigma *= std::sqrt(weights[i]);
   }
   return kept;
 }
@@ -115,17 +121,15 @@ BundleProblem with_weights_kept(const BundleProblem& solved, const Residuals& re
 /// Finds out how the residuals follow when a camera is another one and poses and points are adjusted to it.
 class Follower {
  public:
-  Follower(const BundleProblem& solved, const Residuals& residuals, double squared_cutoff,
-           const BundleOptions& options)
-      : measured_(solved),
-        adjusted_(with_weights_kept(solved, residuals, squared_cutoff)),
-        options_(options) {
+  Follower(const BundleProblem& solved, const std::vector<double>& weights, const BundleOptions& options)
+      : measured_(solved), adjusted_(with_weights_kept(solved, weights)), options_(options) {
     // Far below what a step of a hundredth of the focal length changes, which is little: all else makes up
     // for it.
-    options_.function_tolerance = 1e-10;
+    options_.function_tolerance = 1e-9;
     options_.max_iterations = 40;
     options_.rounds = 1;
-    options_.min_squared_cutoff = 1e12;
+    // Nothing is to be left out; with a larger one the digits of the cost would end before the tolerance.
+    options_.min_squared_cutoff = 1e8;
   }
 
   /// Empty when that could not be solved.
@@ -223,40 +227,54 @@ Eigen::Matrix2d jackknife(const Eigen::Matrix2d& curvature, const std::vector<Ev
   return sum;
 }
 
-/// Covariance of one camera's intrinsics: the spread of what the parts of the motion want of them, or the
-/// formal one where that is larger, and what the values taken for given may have done.
-Eigen::Matrix2d honest_covariance(const BundleProblem& problem, const Residuals& residuals,
+/// The part of the motion that each pose belongs to: as many poses of the camera to each; others go with the
+/// one before them.
+std::vector<size_t> parts_of_poses(const BundleProblem& problem, size_t camera) {
+  const auto is_own = [&](const BundlePose& p) { return p.free_camera == static_cast<int>(camera); };
+  const auto own = static_cast<size_t>(std::count_if(problem.poses.begin(), problem.poses.end(), is_own));
+  std::vector<size_t> parts;
+  size_t before = 0;
+  for (const BundlePose& pose : problem.poses) {
+    before += is_own(pose) ? 1 : 0;
+    parts.push_back(before == 0 ? 0 : (before - 1) * kParts / own);
+  }
+  return parts;
+}
+
+/// Covariance of one camera's intrinsics: the formal one, the spread of what the parts of the motion want of
+/// them, and what the values taken for given may have done.
+Eigen::Matrix2d honest_covariance(const BundleProblem& problem, size_t camera, const Residuals& residuals,
+                                  const std::vector<double>& weights,
                                   const std::array<Residuals, kIntrinsics>& derivatives,
-                                  const std::vector<Residuals>& by_given, const FreeCamera& camera,
-                                  double squared_cutoff) {
+                                  const std::vector<Residuals>& by_given, double squared_cutoff) {
+  const FreeCamera& judged = problem.free_cameras[camera];
   Eigen::Matrix2d curvature =
-      prior_pull(camera, *camera.camera, squared_cutoff).curvature.asDiagonal().toDenseMatrix();
+      prior_pull(judged, *judged.camera, squared_cutoff).curvature.asDiagonal().toDenseMatrix();
+  const std::vector<size_t> part_of = parts_of_poses(problem, camera);
   std::vector<Evidence> parts(kParts);
   std::vector<Intrinsics> pulls_of_given(by_given.size(), Intrinsics::Zero());
   for (size_t i = 0; i < residuals.size(); ++i) {
     Eigen::Matrix2d J;
     for (int k = 0; k < kIntrinsics; ++k) J.col(k) = derivatives[static_cast<size_t>(k)][i];
-    if (!J.allFinite() || !residuals[i].allFinite()) continue;
-    const double weight = tukey_weight(residuals[i].squaredNorm(), squared_cutoff);
-    const size_t part = static_cast<size_t>(problem.observations[i].pose) * kParts / problem.poses.size();
-    parts[part].add(weight, J, residuals[i]);
+    if (weights[i] <= 0 || !J.allFinite() || !residuals[i].allFinite()) continue;
+    parts[part_of[static_cast<size_t>(problem.observations[i].pose)]].add(weights[i], J, residuals[i]);
     for (size_t g = 0; g < by_given.size(); ++g) {
-      if (by_given[g][i].allFinite()) pulls_of_given[g] += weight * J.transpose() * by_given[g][i];
+      if (by_given[g][i].allFinite()) pulls_of_given[g] += weights[i] * J.transpose() * by_given[g][i];
     }
   }
   for (const Evidence& part : parts) curvature += part.curvature;
-  const Eigen::Matrix2d spread = jackknife(curvature, parts);
   const Eigen::Matrix2d inverse = curvature.inverse();
-  Eigen::Matrix2d given = Eigen::Matrix2d::Zero();
-  for (const Intrinsics& pull : pulls_of_given) given += inverse * pull * (inverse * pull).transpose();
-  return (spread(0, 0) > camera.covariance(0, 0) ? spread : camera.covariance) + given;
+  Eigen::Matrix2d covariance = judged.covariance + jackknife(curvature, parts);
+  for (const Intrinsics& pull : pulls_of_given) covariance += inverse * pull * (inverse * pull).transpose();
+  return covariance;
 }
 
 /// Nothing when it could not be judged: a problem that could not be solved, or no more time.
 std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera, double squared_cutoff,
                                      const BundleOptions& options) {
   const FreeCamera& judged = problem.free_cameras[camera];
-  const Follower follower(problem, residuals_of(problem), squared_cutoff, options);
+  const std::vector<double> weights = weights_of(residuals_of(problem), squared_cutoff);
+  const Follower follower(problem, weights, options);
   const Residuals residuals = follower.residuals_with(camera, judged.camera);
   if (residuals.empty()) return std::nullopt;
   const auto derivatives = intrinsic_derivatives(follower, residuals, camera, *judged.camera);
@@ -266,7 +284,7 @@ std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera
                      std::all_of(by_given.begin(), by_given.end(), is_there);
   const bool was_stopped = options.should_stop && options.should_stop();
   if (!known || was_stopped) return std::nullopt;
-  return honest_covariance(problem, residuals, derivatives, by_given, judged, squared_cutoff);
+  return honest_covariance(problem, camera, residuals, weights, derivatives, by_given, squared_cutoff);
 }
 
 }  // namespace
@@ -274,13 +292,15 @@ std::optional<Eigen::Matrix2d> judge(const BundleProblem& problem, size_t camera
 BundleReport find_cameras(BundleProblem* problem, const BundleOptions& options) {
   std::vector<Eigen::Matrix2d> before;
   for (const FreeCamera& c : problem->free_cameras) before.push_back(c.covariance);
-  const BundleReport report = solve_from_several(problem, options);
+  BundleReport report = solve_from_several(problem, options);
   if (!report.usable) return report;
   for (size_t c = 0; c < problem->free_cameras.size(); ++c) {
     FreeCamera& camera = problem->free_cameras[c];
     const auto judged =
         camera.judge ? judge(*problem, c, report.squared_cutoff, options) : std::optional<Eigen::Matrix2d>();
     camera.covariance = judged.value_or(before[c]);
+    // Stopped in the middle of it: the adjustment is not through.
+    if (camera.judge && !judged && options.should_stop && options.should_stop()) report.converged = false;
     camera.judge = judged.has_value();
   }
   return report;

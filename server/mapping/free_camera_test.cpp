@@ -193,6 +193,20 @@ TEST(FindCameras, SigmaIsTheSpreadOfRepeatedRunsThoughErrorsAreNotIndependent) {
   EXPECT_LT(std::sqrt(formally_promised / errors), 0.3) << "errors that are independent test nothing";
 }
 
+TEST(FindCameras, TheSpreadIsThatOfACamerasOwnPartOfTheMotion) {
+  const auto sigma_of_the_last_poses = [](bool breathes) {
+    Random random(11);
+    BundleProblem problem = desk_scene(simple_camera(525, -0.03), &random);
+    if (breathes) breathe(&problem, 0.01, &random);
+    free_the_camera(&problem, simple_camera(525, -0.03), {0.35, 0.1});
+    problem.free_cameras[0].covariance = Eigen::Vector2d(0.02, 0.02).cwiseAbs2().asDiagonal();
+    for (size_t i = 0; i < 4; ++i) problem.poses[i].free_camera = -1;  // another, known one made the map
+    EXPECT_TRUE(find_cameras(&problem, to_the_end()).usable);
+    return std::sqrt(problem.free_cameras[0].covariance(0, 0));
+  };
+  EXPECT_GT(sigma_of_the_last_poses(true), 1.3 * sigma_of_the_last_poses(false));
+}
+
 TEST(FindCameras, OneThatIsNotJudgedMovesAlongAndStaysAsUncertainAsItWas) {
   Random random(7);
   BundleProblem problem = desk_scene(simple_camera(525, 0), &random);

@@ -220,7 +220,8 @@ void MapState::give_up(KeyframeId keyframe_id, PointId point_id) {
 void MapState::share_sources(const std::shared_ptr<const PatchBlock>& block) {
   for (const PointSource& published : block->points) {
     MapPoint& p = point(published.id);
-    if (p.source) p.source = std::shared_ptr<const PointSource>(block, &published);
+    if (p.source && p.source.get() != &published)
+      p.source = std::shared_ptr<const PointSource>(block, &published);
   }
 }
 

@@ -136,7 +136,10 @@ bool is_current(const MapState& map, const PatchBlock& block) {
   if (end - begin != block.points.size()) return false;
   for (size_t i = begin; i < end; ++i) {
     const auto& source = map.points()[i].source;
-    if (source && source->ray_right != block.points[i - begin].ray_right) return false;
+    const PointSource& published = block.points[i - begin];
+    if (source && (source->ray_center != published.ray_center || source->ray_right != published.ray_right ||
+                   source->ray_down != published.ray_down || source->normal != published.normal))
+      return false;
   }
   return true;
 }

@@ -86,7 +86,7 @@ def file_of_camera(calibration):
 
 def camera(text):
     """A type for argparse: a calibration, or `auto`."""
-    if text != "auto" and not file_of_camera(text).is_file():
+    if text != "auto" and not file_of_camera(str(text).partition("#")[0]).is_file():
         raise argparse.ArgumentTypeError(f"{file_of_camera(text)}: no such file")
     return text
 

@@ -421,6 +421,12 @@ class Faults(OnTheDesk):
                                       "--stats", self.folder / "kept.json", "--video", self.folder / "kept.mp4"),
                               stderr=subprocess.PIPE, text=True, timeout=LIMIT)
         self.assertEqual(done.returncode, 4, done.stderr)
+        stopped = subprocess.Popen(done.args, stderr=subprocess.PIPE, text=True)
+        for line in stopped.stderr:
+            if "waiting for cairn-server" in line:
+                break
+        stopped.send_signal(signal.SIGINT)
+        self.assertEqual((stopped.communicate(timeout=LIMIT), stopped.returncode)[1], 130)
         for path, text in kept.items():
             self.assertEqual(path.read_text(), text)
 
