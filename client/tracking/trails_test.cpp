@@ -129,7 +129,7 @@ TEST_F(Trails, AfterARefusalOnlyMoreMovementIsProposed) {
 }
 
 TEST_F(Trails, TurningAndStandingProposeNothingAndSayWhy) {
-  const SE3 here = looking_down(0, 0);
+  SE3 here = looking_down(0, 0);
   EXPECT_EQ(follow(
                 [&](int i) {
                   return SE3(so3_exp({0.004 * i, 0.01 * i, 0}), Eigen::Vector3d::Zero()) * here;

@@ -320,7 +320,7 @@ TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int 
   constexpr double kMinOverlap = 0.25;  // of the image
   constexpr double kConverged = 1e-3;   // tiny px
   constexpr double kDamping = 1e-3;     // keeps a textureless image at rest
-  const TinyMotion failed{.score = kInfinity};
+  TinyMotion failed{.score = kInfinity};
   const bool comparable = !reference.empty() && reference.width() == current.width() &&
                           reference.height() == current.height() && reference.width() <= kMaxAlignWidth;
   if (!comparable || reference.width() < kLanes + 2 || reference.height() < 3) return failed;
@@ -350,7 +350,8 @@ TinyMotion align_tiny(const TinyImage& reference, const TinyImage& current, int 
 SE3 rotation_from_tiny(const TinyMotion& motion, const Camera& camera, int tiny_width) {
   constexpr double kArm = 5;  // tiny px
   const int scale = tiny_scale(camera.width(), tiny_width);
-  const Eigen::Vector2d center(0.5 * (camera.width() / scale - 1), 0.5 * (camera.height() / scale - 1));
+  const Eigen::Vector2i last(camera.width() / scale - 1, camera.height() / scale - 1);
+  const Eigen::Vector2d center = 0.5 * last.cast<double>();
   const auto ray = [&](const Eigen::Vector2d& tiny) {
     return camera.unproject((tiny.array() + 0.5).matrix() * scale - Eigen::Vector2d(0.5, 0.5));
   };

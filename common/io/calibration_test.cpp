@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 class Calibration : public ::testing::Test {
  protected:
   std::filesystem::path write(const std::string& content) {
-    const auto path = directory_.path() / "camera.txt";
+    auto path = directory_.path() / "camera.txt";
     std::ofstream(path) << content;
     return path;
   }

@@ -226,7 +226,7 @@ KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input,
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
-  const KeyframeDecision decision =
+  KeyframeDecision decision =
       input.doubt ? s.integrate_doubtful(input, *input.doubt) : integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;

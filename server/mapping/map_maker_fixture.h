@@ -69,7 +69,7 @@ class MapMakerFixture : public ::testing::Test {
   KeyframeDecision offer(int step) {
     KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
     offered.doubt = input_.doubt;
-    const KeyframeDecision decision = maker_->add_keyframe(offered);
+    KeyframeDecision decision = maker_->add_keyframe(offered);
     if (decision.verdict == KeyframeVerdict::kAccepted) {
       steps_.push_back(step);
       work();
