@@ -18,7 +18,7 @@ class KeyframePolicyTest : public ::testing::Test {
     }
     return most + 1;
   }
-  const TrackerOptions options_;
+  const TrackerOptions options_{};
   const double soon_ = options_.keyframe_distance * options_.need_distance;  // enough in need
   KeyframePolicy policy_{options_};
 };

@@ -71,6 +71,7 @@ TEST(DominantPlane, RefusesTooFewPointsALineAndACloud) {
   const Desk desk = make_desk(3, 0, 0);
   const auto few = fit_dominant_plane(std::span(desk.points).first(9), desk.viewpoint, 0.01);
   std::vector<Eigen::Vector3d> line;
+  line.reserve(30);
   for (int i = 0; i < 30; ++i) line.emplace_back(0.1 * i, 0, 0);
   std::mt19937 engine(1);
   std::normal_distribution<double> normal;
