@@ -164,10 +164,13 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
 
 /// A wrong path is told before the run, and what is there from an earlier one is kept until this one begins.
 Status check_outputs(const TrackOptions& options) {
+  if (options.video) {
+    if (Status ending = VideoWriter::check_ending(*options.video); !ending) return ending;
+  }
   for (const auto& path : {options.trajectory, options.stats, options.video}) {
     if (Status writable = path ? check_writable(*path) : Status(); !writable) return writable;
   }
-  return options.video ? VideoWriter::check_ending(*options.video) : Status();
+  return {};
 }
 
 /// The files of a run.

@@ -17,7 +17,7 @@ inline constexpr size_t kDoubtfulValues = 9;
 /// Whether a camera could have it: 0.1 to 20 times the longer side of its picture.
 [[nodiscard]] bool is_focal_length(double focal, int width, int height);
 
-/// Height of a pixel in widths: 0.2 to 5.
+/// Whether pixels could be so: their width in heights, fy / fx, from 0.2 to 5.
 [[nodiscard]] bool is_pixel_aspect(double aspect);
 
 /// A camera and how far its values are believed.

@@ -203,7 +203,8 @@ std::vector<Residuals> given_derivatives(const Follower& follower, const Residua
   return derivatives;
 }
 
-/// What the observations say of a camera's intrinsics: sum of J^T J and of J^T r.
+/// What the observations say of a camera's intrinsics (log f, k1): weighted sums of J^T J and of J^T r, r
+/// whitened, J its total derivative.
 struct Evidence {
   Eigen::Matrix2d curvature = Eigen::Matrix2d::Zero();
   Intrinsics pull = Intrinsics::Zero();
