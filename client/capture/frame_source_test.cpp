@@ -134,6 +134,39 @@ TEST_F(FrameSourceFiles, TumListErrors) {
   expect_open_error(uri("tum", "?fps=3"), ErrorCode::kUsage, "it takes none");
 }
 
+TEST_F(FrameSourceFiles, ListsAreReadAsWindowsAndSpreadsheetsWriteThem) {
+  for (int i = 0; i < 3; ++i) {
+    write_picture("rgb/" + std::to_string(i) + ".png", i);
+    write_picture("mav0/cam0/data/" + std::to_string(i) + ".png", i);
+  }
+  const std::string mark = "\xef\xbb\xbf";
+  for (const std::string& list : {mark + "# timestamp filename\r\n0.1 rgb/1.png\r\n0.2 rgb/2.png\r\n",
+                                  mark + "0.1 rgb/1.png\n0.2 rgb/2.png\n",
+                                  std::string("timestamp filename\n0.1 rgb\\1.png\n0.2 rgb\\2.png\n"),
+                                  std::string("# c\r0.1 rgb/1.png\r0.2 rgb/2.png\r")}) {
+    write_text("rgb.txt", list);
+    const auto source = open_source(uri("tum"));
+    ASSERT_TRUE(source) << source.error().message << list;
+    const auto taken = take_all(**source);
+    EXPECT_TRUE(taken.errors.empty()) << list;
+    ASSERT_EQ(taken.frames.size(), 2u) << list;
+    EXPECT_EQ(number_of(taken.frames[1]), 2);
+  }
+  for (const std::string& list :
+       {mark + "#timestamp [ns],filename\n1,1.png\n2,2.png\n",
+        std::string("timestamp,filename\n1,1.png\n2,.\\2.png\n"), std::string("1,1.png\r2,2.png")}) {
+    write_text("mav0/cam0/data.csv", list);
+    const auto source = open_source(uri("euroc"));
+    ASSERT_TRUE(source) << source.error().message << list;
+    EXPECT_EQ(number_of(take_all(**source).frames.at(1)), 2) << list;
+  }
+  const std::string wide("\xff\xfe\x30\0", 4);
+  write_text("rgb.txt", wide);
+  expect_open_error(uri("tum"), ErrorCode::kDamaged, "rgb.txt: is UTF-16 text");
+  write_text("mav0/cam0/data.csv", wide);
+  expect_open_error(uri("euroc"), ErrorCode::kDamaged, "data.csv: is UTF-16 text");
+}
+
 TEST_F(FrameSourceFiles, EurocGivesTheListedFramesAndItsCalibration) {
   for (const std::string at : {"mav0/cam0/", "mav0/cam1/"}) {
     for (int i = 0; i < 2; ++i)
@@ -213,7 +246,9 @@ TEST(NaturalOrder, IsAStrictTotalOrder) {
 
 TEST_F(FrameSourceFiles, VideoTakesItsTimesFromTheList) {
   write_video("v1.avi", 6);
-  write_text("times.txt", "# time stamp of each frame\n100.1\n100.2\n100.35\n100.4\n100.5\n100.6\n");
+  write_text("times.txt",
+             "\xef\xbb\xbf"
+             "timestamp\n100.1\n100.2\n100.35\n100.4\n100.5\n100.6\n");
   const auto source = open_source(uri("video", "/v1.avi?times=" + (dir() / "times.txt").string()));
   ASSERT_TRUE(source) << source.error().message;
   EXPECT_EQ((*source)->frame_count(), 6u);

@@ -120,7 +120,7 @@ Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri) {
   if (auto status = uri.check_options({}); !status) return tl::unexpected(status.error());
   const std::filesystem::path directory(uri.path);
   const auto list = directory / "rgb.txt";
-  const auto content = read_file(list);
+  const auto content = read_text_file(list);
   if (!content) {
     auto error = content.error();
     if (error.code == ErrorCode::kNotFound) {
@@ -129,7 +129,7 @@ Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri) {
     return tl::unexpected(error);
   }
   std::vector<ListedImage> images;
-  for (const auto& line : data_lines(*content)) {
+  for (const auto& line : table_rows(*content)) {
     const size_t time_end = std::min(line.text.find_first_of(" \t"), line.text.size());
     const auto time = parse_timestamp(line.text.substr(0, time_end));
     const auto file = trim(line.text.substr(time_end));
@@ -137,7 +137,7 @@ Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri) {
       return fail(ErrorCode::kDamaged,
                   at_line(list, line.number, "not a row `time file` with the time in seconds"));
     }
-    images.push_back({*time, directory / file});
+    images.push_back({*time, listed_file(directory, file)});
   }
   if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
   return std::make_unique<ImageListSource>("TUM sequence " + uri.path, std::move(images));
@@ -156,7 +156,7 @@ Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri) {
   if (auto status = uri.check_options({"camera"}); !status) return tl::unexpected(status.error());
   const auto folder = euroc_camera_folder(uri);
   const auto list = folder / "data.csv";
-  const auto content = read_file(list);
+  const auto content = read_text_file(list);
   if (!content) {
     auto error = content.error();
     if (error.code == ErrorCode::kNotFound) {
@@ -165,7 +165,7 @@ Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri) {
     return tl::unexpected(error);
   }
   std::vector<ListedImage> images;
-  for (const auto& line : data_lines(*content)) {
+  for (const auto& line : table_rows(*content)) {
     const size_t comma = std::min(line.text.find(','), line.text.size());
     const auto digits = trim(line.text.substr(0, comma));
     const auto file = trim(line.text.substr(std::min(comma + 1, line.text.size())));
@@ -175,7 +175,7 @@ Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri) {
       return fail(ErrorCode::kDamaged,
                   at_line(list, line.number, "not a row `time,file` with the time in nanoseconds"));
     }
-    images.push_back({time, folder / "data" / file});
+    images.push_back({time, listed_file(folder / "data", file)});
   }
   if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
   return std::make_unique<ImageListSource>("EuRoC sequence " + folder.string(), std::move(images));

@@ -105,10 +105,10 @@ class VideoSource final : public FrameSource {
 };
 
 Result<std::vector<Timestamp>> read_times(const std::filesystem::path& path) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   std::vector<Timestamp> times;
-  for (const auto& line : data_lines(*content)) {
+  for (const auto& line : table_rows(*content)) {
     const auto time = parse_timestamp(line.text);
     if (!time) {
       return fail(ErrorCode::kDamaged,

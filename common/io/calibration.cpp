@@ -142,10 +142,12 @@ Status write_whole(const std::filesystem::path& path, const std::string& text) {
 Result<CameraParameters> read_calibration(const std::filesystem::path& name,
                                           std::optional<PictureSize> picture_size) {
   const auto [path, camera_name] = split_camera(name);
-  auto content = read_file(path, kMaxCalibrationBytes);
+  auto content = read_text_file(path, kMaxCalibrationBytes);
   if (!content) {
-    content.error().message += "; pass --calibration FILE";
-    return tl::unexpected(content.error());
+    auto& error = content.error();
+    if (error.code == ErrorCode::kDamaged) return wrong(error.message);
+    error.message += "; pass --calibration FILE";
+    return tl::unexpected(error);
   }
   const calibration::File file{path, *content, picture_size, camera_name};
   auto parameters =

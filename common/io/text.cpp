@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/io/text.h"
 
+#include <algorithm>
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <charconv>
 #include <cmath>
@@ -9,6 +11,8 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+
+#include "common/base/plain_text.h"
 
 namespace cairn {
 namespace {
@@ -25,6 +29,13 @@ int64_t fraction_nanoseconds(std::string_view digits) {
   int64_t nanoseconds = 0;
   for (size_t i = 0; i < 9; ++i) nanoseconds = nanoseconds * 10 + (i < digits.size() ? digits[i] - '0' : 0);
   return nanoseconds + (digits.size() > 9 && digits[9] >= '5' ? 1 : 0);
+}
+
+/// Also for "nan" and "inf", which are no words either.
+bool reads_as_number(std::string_view text) {
+  double value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error != std::errc::invalid_argument && end == text.data() + text.size();
 }
 
 }  // namespace
@@ -51,6 +62,12 @@ Result<std::string> read_file(const std::filesystem::path& path, size_t max_byte
   return content;
 }
 
+Result<std::string> read_text_file(const std::filesystem::path& path, size_t max_bytes) {
+  return read_file(path, max_bytes).and_then([&](std::string&& bytes) {
+    return plain_text(std::move(bytes), path.string());
+  });
+}
+
 std::string_view trim(std::string_view text) {
   const size_t begin = text.find_first_not_of(kBlanks);
   if (begin == std::string_view::npos) return {};
@@ -73,6 +90,22 @@ std::vector<TextLine> data_lines(std::string_view content) {
   return lines;
 }
 
+std::vector<TextLine> table_rows(std::string_view content) {
+  auto rows = data_lines(content);
+  if (rows.size() > 1 && is_heading(rows.front().text)) rows.erase(rows.begin());
+  return rows;
+}
+
+bool is_heading(std::string_view line) {
+  const auto fields = split_fields(line);
+  if (fields.empty()) return false;
+  auto first = fields.front();
+  if (first.starts_with('"') || first.starts_with('%')) first.remove_prefix(1);
+  const bool is_word = !first.empty() && std::isalpha(static_cast<unsigned char>(first.front())) != 0 &&
+                       first.find_first_of("0123456789") == std::string_view::npos;
+  return is_word && !reads_as_number(first) && std::none_of(fields.begin(), fields.end(), reads_as_number);
+}
+
 std::vector<std::string_view> split_fields(std::string_view line) {
   constexpr std::string_view kSeparators = " \t\r,";
   std::vector<std::string_view> fields;
@@ -82,6 +115,15 @@ std::vector<std::string_view> split_fields(std::string_view line) {
     begin = line.find_first_not_of(kSeparators, end);
   }
   return fields;
+}
+
+std::filesystem::path listed_file(const std::filesystem::path& directory, std::string_view name) {
+  auto file = directory / name;
+  std::error_code error;
+  if (name.find('\\') == std::string_view::npos || std::filesystem::exists(file, error)) return file;
+  std::string slashes(name);
+  std::replace(slashes.begin(), slashes.end(), '\\', '/');
+  return directory / slashes;
 }
 
 std::optional<double> parse_number(std::string_view text) {

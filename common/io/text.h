@@ -24,8 +24,19 @@ struct TextLine {
 [[nodiscard]] Result<std::string> read_file(const std::filesystem::path& path,
                                             size_t max_bytes = size_t{256} << 20);
 
+/// As read_file(), for files that people write and other programs export: what plain_text() makes of the
+/// bytes. Its error kDamaged, too.
+[[nodiscard]] Result<std::string> read_text_file(const std::filesystem::path& path,
+                                                 size_t max_bytes = size_t{256} << 20);
+
 /// Lines that are neither blank nor begin with '#', trimmed of blanks. `content` must outlive the result.
 [[nodiscard]] std::vector<TextLine> data_lines(std::string_view content);
+/// The data lines of a table, without a heading of words that no '#' marks as one (is_heading()) if more
+/// follows it.
+[[nodiscard]] std::vector<TextLine> table_rows(std::string_view content);
+/// Whether a line names columns ("timestamp tx ty tz", "timestamp [ns],filename"): its first field is a word
+/// without digits, and no field is a number.
+[[nodiscard]] bool is_heading(std::string_view line);
 /// All lines, trimmed of blanks. `content` must outlive the result.
 [[nodiscard]] std::vector<TextLine> all_lines(std::string_view content);
 
@@ -33,6 +44,11 @@ struct TextLine {
 [[nodiscard]] std::string_view trim(std::string_view text);
 /// Fields between blanks, tabs or commas; never an empty one.
 [[nodiscard]] std::vector<std::string_view> split_fields(std::string_view line);
+
+/// The file that a list in `directory` names. Where none has that very name, "\\" is read as "/", as Windows
+/// writes paths.
+[[nodiscard]] std::filesystem::path listed_file(const std::filesystem::path& directory,
+                                                std::string_view name);
 
 /// The whole of `text` as a finite number, in the C locale.
 [[nodiscard]] std::optional<double> parse_number(std::string_view text);

@@ -62,6 +62,43 @@ TEST(Lines, KeepTheirNumbersAndLoseTheirEnds) {
   EXPECT_TRUE(split_fields(" \t ").empty());
 }
 
+TEST(Tables, AHeadingWithoutAMarkIsLeftOut) {
+  for (const std::string heading :
+       {"timestamp filename", "timestamp [ns],filename", "time", "timestamp tx ty tz qx qy qz qw",
+        "\"timestamp\",\"filename\"", "%time,field.x", "t p_x [m] v_x [m s^-1]"}) {
+    EXPECT_TRUE(is_heading(heading)) << heading;
+    const std::string table = "# c\n" + heading + "\n1 a\n";  // keeps the views alive
+    const auto rows = table_rows(table);
+    ASSERT_EQ(rows.size(), 1u) << heading;
+    EXPECT_EQ(rows[0].number, 3u);
+  }
+  for (const std::string row : {"0.0 a.png", "nan nan", "soon 1", "l311868163.9 a.png", "-1", "1e9", ""}) {
+    EXPECT_FALSE(is_heading(row)) << row;
+  }
+  EXPECT_EQ(table_rows("garbage\n").size(), 1u) << "the one row there is must be complained of";
+}
+
+TEST(ListedFiles, ABackslashIsASlashUnlessAFileHasIt) {
+  const TestDirectory directory;
+  EXPECT_EQ(listed_file(directory.path(), "rgb\\0.png"), directory.path() / "rgb/0.png");
+  EXPECT_EQ(listed_file(directory.path(), "rgb/0.png"), directory.path() / "rgb/0.png");
+  std::ofstream(directory.path() / "a\\b.png") << "x";
+  EXPECT_EQ(listed_file(directory.path(), "a\\b.png"), directory.path() / "a\\b.png");
+}
+
+TEST(ReadTextFile, IsPlainText) {
+  const TestDirectory directory;
+  const auto path = directory.path() / "a.txt";
+  std::ofstream(path) << "\xef\xbb\xbf# c\r1 2\r";
+  const auto text = read_text_file(path);
+  ASSERT_TRUE(text) << text.error().message;
+  ASSERT_EQ(data_lines(*text).size(), 1u);
+  EXPECT_EQ(data_lines(*text)[0].text, "1 2");
+  std::ofstream(path) << std::string("\xff\xfe\x31\0", 4);
+  EXPECT_THAT(read_text_file(path).error().message, HasSubstr(path.string() + ": is UTF-16"));
+  EXPECT_EQ(read_text_file("/nowhere/a.txt").error().code, ErrorCode::kNotFound);
+}
+
 TEST(Quotes, AreShortAndPrintable) {
   EXPECT_EQ(in_quotes("a\nb"), "'a?b'");
   EXPECT_EQ(in_quotes(std::string(1000, 'x')), "'" + std::string(60, 'x') + "...'");

@@ -66,7 +66,7 @@ size_t Trajectory::pose_count() const {
 }
 
 Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   Trajectory trajectory;
   for (const auto& line : all_lines(*content)) {

@@ -3,6 +3,9 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
 
 namespace cairn::wire::internal {
 namespace {
@@ -64,6 +67,21 @@ TEST(Configuration, TextsOfTheUserStayText) {
   ParticipantOptions options = client_of(0);
   options.tag = "<a&\"b\">";
   EXPECT_THAT(make_configuration(options).value(), HasSubstr("<Tag>&lt;a&amp;&quot;b&quot;&gt;</Tag>"));
+}
+
+TEST(Configuration, AProfileOfWindowsLosesItsMark) {
+  const std::string path = ::testing::TempDir() + "cairn-profile-" + std::to_string(getpid()) + ".xml";
+  ParticipantOptions options = client_of(0);
+  options.profile = path;
+  std::ofstream(path) << "\xef\xbb\xbf<CycloneDDS></CycloneDDS>";
+  const auto marked = make_configuration(options);
+  std::ofstream(path) << std::string("\xff\xfe<\0", 4);
+  const auto wide = make_configuration(options);
+  ::unlink(path.c_str());
+  ASSERT_TRUE(marked) << marked.error().message;
+  EXPECT_TRUE(marked->starts_with("<CycloneDDS>"));
+  ASSERT_FALSE(wide);
+  EXPECT_THAT(wide.error().message, HasSubstr("is UTF-16 text"));
 }
 
 TEST(Configuration, NamesWhatIsWrong) {

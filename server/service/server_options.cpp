@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 #include <unistd.h>
-#include <yaml-cpp/yaml.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/wire/participant.h"
+#include "server/service/yaml_file.h"
 
 namespace cairn {
 namespace {
@@ -91,14 +91,9 @@ std::optional<Number> to_number(const std::string& text) {
 }
 
 Result<Words> read_configuration(const std::string& path) {
-  YAML::Node root;
-  try {
-    root = YAML::LoadFile(path);
-  } catch (const YAML::BadFile&) {
-    return fail(ErrorCode::kConfiguration, path + ": cannot be read");
-  } catch (const YAML::Exception& problem) {
-    return fail(ErrorCode::kConfiguration, path + ": " + problem.what());
-  }
+  const auto loaded = load_yaml(path);
+  if (!loaded) return tl::unexpected(loaded.error());
+  const YAML::Node& root = *loaded;
   Words words;
   if (root.IsNull()) return words;
   if (!root.IsMap()) return fail(ErrorCode::kConfiguration, path + ": expected `key: value` lines");

@@ -40,6 +40,18 @@ class ServerOptionsTest : public ::testing::Test {
   std::string path_ = directory_.path() / "cairn-server-options.yaml";
 };
 
+TEST_F(ServerOptionsTest, TheFileIsReadAsOtherMachinesWriteText) {
+  EXPECT_EQ(accepted({"--config", configuration("\xef\xbb\xbf"
+                                                "domain: 7\r\nseed: 3\r\n")})
+                .domain,
+            7);
+  EXPECT_EQ(accepted({"--config", configuration("seed: 3\rdomain: 8\r")}).domain, 8);
+  const EarlyExit wide = refused({"--config", configuration(std::string("\xff\xfe\x61\0", 4))});
+  EXPECT_EQ(wide.code, 3);
+  EXPECT_THAT(wide.text, HasSubstr("is UTF-16 text"));
+  EXPECT_EQ(refused({"--config", directory_.path()}).code, 3);
+}
+
 TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
   const ServerOptions options = accepted({});
   EXPECT_EQ(options.domain, 0);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/wearer_list.h"
 
-#include <yaml-cpp/yaml.h>
-
 #include <string>
+
+#include "server/service/yaml_file.h"
 
 namespace cairn {
 namespace {
@@ -16,14 +16,9 @@ tl::unexpected<Error> wrong(const std::filesystem::path& path, const YAML::Node&
 }  // namespace
 
 Result<WearerList> read_wearers(const std::filesystem::path& path) {
-  YAML::Node root;
-  try {
-    root = YAML::LoadFile(path.string());
-  } catch (const YAML::BadFile&) {
-    return fail(ErrorCode::kConfiguration, path.string() + ": cannot be read");
-  } catch (const YAML::Exception& problem) {
-    return fail(ErrorCode::kConfiguration, path.string() + ": " + problem.what());
-  }
+  const auto loaded = load_yaml(path);
+  if (!loaded) return tl::unexpected(loaded.error());
+  const YAML::Node& root = *loaded;
   WearerList list;
   if (root.IsNull()) return list;
   if (!root.IsMap()) return wrong(path, root, "expected `anna: [hand-1, shoulder-1]`");

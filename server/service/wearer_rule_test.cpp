@@ -221,6 +221,10 @@ TEST_F(WearerListTest, EachClientHasItsWearer) {
   ASSERT_TRUE(list) << list.error().message;
   EXPECT_EQ(*list, (WearerList{{"hand-1", "anna"}, {"shoulder-1", "anna"}, {"hand-2", "bob"}}));
   EXPECT_TRUE(read("")->empty());
+  EXPECT_EQ(*read("\xef\xbb\xbf"
+                  "anna: [hand-1]\rbob: [hand-2]\r"),
+            (WearerList{{"hand-1", "anna"}, {"hand-2", "bob"}}));
+  EXPECT_THAT(read(std::string("\xff\xfe\x61\0", 4)).error().message, HasSubstr("is UTF-16 text"));
 }
 
 TEST_F(WearerListTest, AMistakeIsToldWithItsLine) {

@@ -4,16 +4,17 @@
 #include <sstream>
 #include <string>
 
+#include "common/io/text.h"
+
 namespace cairn {
 
 Result<std::vector<Jump>> parse_jumps(std::string_view text) {
-  std::istringstream rows{std::string(text)};
   std::vector<Jump> jumps;
-  for (std::string line; std::getline(rows, line);) {
-    if (line.empty() || line[0] == '#') continue;
-    std::istringstream row(line);
+  for (const TextLine& line : data_lines(text)) {
+    std::istringstream row{std::string(line.text)};
     Jump jump;
-    if (!(row >> jump.place >> jump.first_frame)) return fail(ErrorCode::kDamaged, "no jump: " + line);
+    if (!(row >> jump.place >> jump.first_frame))
+      return fail(ErrorCode::kDamaged, "no jump: " + std::string(line.text));
     jumps.push_back(std::move(jump));
   }
   return jumps;

@@ -6,14 +6,13 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <optional>
-#include <sstream>
 #include <vector>
 
 #include "client/app/adapters.h"
 #include "client/app/frame_loop.h"
+#include "common/io/text.h"
 #include "tests/bench/engine_link.h"
 #include "tests/bench/jump_judge.h"
 #include "tests/bench/recorded_map.h"
@@ -210,11 +209,9 @@ Result<Places> make_places(const Arguments& arguments, const std::vector<Jump>& 
 }
 
 Status run(const Arguments& arguments) {
-  std::ifstream file(arguments.jumps);
-  if (!file) return fail(ErrorCode::kNotFound, arguments.jumps + ": cannot be read");
-  std::ostringstream content;
-  content << file.rdbuf();
-  const auto jumps = parse_jumps(content.str());
+  const auto content = read_text_file(arguments.jumps);
+  if (!content) return tl::unexpected(content.error());
+  const auto jumps = parse_jumps(*content);
   if (!jumps) return fail(jumps.error().code, arguments.jumps + ": " + jumps.error().message);
   PlaceIndex index;
   const auto places = make_places(arguments, *jumps, &index);

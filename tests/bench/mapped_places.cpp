@@ -180,7 +180,7 @@ Result<Place> make_place(const ListedPlace& listed, MapId id, const PlacesOption
 }  // namespace
 
 Result<Places> make_places(const PlacesOptions& options) {
-  const auto content = read_file(options.list);
+  const auto content = read_text_file(options.list);
   if (!content) return tl::unexpected(content.error());
   const auto list = parse_places(*content, options.list);
   if (!list) return tl::unexpected(list.error());

@@ -5,13 +5,13 @@
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
-#include <fstream>
 #include <map>
 #include <optional>
 #include <sstream>
 #include <vector>
 
 #include "client/tracking/frame_images.h"
+#include "common/io/text.h"
 #include "server/relocalization/relocalizer.h"
 #include "tests/bench/answer_times.h"
 #include "tests/bench/recorded_map.h"
@@ -35,11 +35,11 @@ struct Arguments {
 
 /// Frame index -> whether a mapped view is near.
 Result<std::map<uint64_t, bool>> read_queries(const Arguments& arguments) {
-  std::ifstream file(arguments.queries);
-  if (!file) return fail(ErrorCode::kNotFound, arguments.queries + ": cannot be read");
+  const auto content = read_text_file(arguments.queries);
+  if (!content) return tl::unexpected(content.error());
   std::map<uint64_t, bool> queries;
-  for (std::string line; std::getline(file, line);) {
-    std::istringstream row(line);
+  for (const TextLine& line : data_lines(*content)) {
+    std::istringstream row{std::string(line.text)};
     std::string name;
     uint64_t index = 0;
     double time = 0;

@@ -80,7 +80,7 @@ std::optional<Annotation::Share> parse_share(const std::vector<std::string_view>
 }
 
 Status read_places(const std::filesystem::path& path, Annotation* annotation) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   for (const TextLine& line : data_lines(*content)) {
     const auto fields = split_fields(line.text);
@@ -99,7 +99,7 @@ Status read_places(const std::filesystem::path& path, Annotation* annotation) {
 }
 
 Status read_phases(const std::filesystem::path& path, Annotation* annotation) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   for (const TextLine& line : data_lines(*content)) {
     const auto fields = split_fields(line.text);

@@ -338,7 +338,7 @@ Result<WalkRecord> read_walk(const std::filesystem::path& recording,
   if (!annotation) return tl::unexpected(annotation.error());
   auto truth = read_trajectory(recording / "groundtruth.txt");
   if (!truth) return tl::unexpected(truth.error());
-  const auto content = read_file(trajectory);
+  const auto content = read_text_file(trajectory);
   if (!content) return tl::unexpected(content.error());
   Result<Trajectory> estimate;
   if (!data_lines(*content).empty()) estimate = read_trajectory(trajectory);

@@ -106,10 +106,10 @@ Status write_label_targets(const std::filesystem::path& directory, const std::ve
 
 Result<std::vector<LabelTruth>> read_label_truth(const std::filesystem::path& directory) {
   const std::filesystem::path path = directory / kTruthFile;
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   std::vector<LabelTruth> things;
-  for (const TextLine& line : data_lines(*content)) {
+  for (const TextLine& line : table_rows(*content)) {
     const auto fields = split_fields(line.text);
     std::array<std::optional<double>, 3> at;
     for (size_t i = 0; i < at.size() && fields.size() == 4; ++i) at[i] = parse_number(fields[i + 1]);
@@ -121,7 +121,7 @@ Result<std::vector<LabelTruth>> read_label_truth(const std::filesystem::path& di
 }
 
 Result<std::vector<PlacedLabel>> read_placed_labels(const std::filesystem::path& path) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   try {
     std::vector<PlacedLabel> labels;

@@ -227,7 +227,7 @@ class TagBoard final : public Board {
 };
 
 Result<std::map<int, TagBoard::Corners>> read_tags(const std::filesystem::path& path) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   const auto wrong = [&](const std::string& what) {
     return fail(ErrorCode::kConfiguration,

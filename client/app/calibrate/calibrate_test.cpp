@@ -466,6 +466,10 @@ TEST(Boards, WrongOnesAreRefusedWithTheRemedy) {
     std::ofstream(tags.tags) << text;
     EXPECT_THAT(message(tags), HasSubstr("tags.json")) << text;
   }
+  std::ofstream(tags.tags) << std::string("\xff\xfe{\0", 4);
+  EXPECT_THAT(message(tags), HasSubstr("tags.json: is UTF-16 text"));
+  std::ofstream(tags.tags) << "\xef\xbb\xbf{\"1\": [[0,0,0],[1,0,0],[1,1,0],[0,1,0]]}";
+  EXPECT_TRUE(make_board(tags));
 }
 
 /// Stills of a frame of AprilTags: the intrinsics that came with them are 320.45 320.08 321.20 183.16,

@@ -153,7 +153,7 @@ Status run_rpe(const TrajectoryArguments& arguments) {
 Status run_stats(const StatsArguments& arguments) {
   std::vector<NamedRun> runs;
   for (const auto& file : arguments.files) {
-    const auto content = read_file(file);
+    const auto content = read_text_file(file);
     if (!content) return tl::unexpected(content.error());
     const auto summary = summarize_run(*content);
     if (!summary) return fail(summary.error().code, file + ": " + summary.error().message);

@@ -52,10 +52,10 @@ Result<TimedLabel> parse_row(std::string_view row, cv::Size picture) {
 }  // namespace
 
 Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path, cv::Size picture) {
-  const auto content = read_file(path);
+  const auto content = read_text_file(path);
   if (!content) return tl::unexpected(content.error());
   std::vector<TimedLabel> labels;
-  for (const TextLine& line : data_lines(*content)) {
+  for (const TextLine& line : table_rows(*content)) {
     auto label = parse_row(line.text, picture);
     if (!label) return fail(label.error().code, at_line(path, line.number, label.error().message));
     labels.push_back(std::move(*label));

@@ -41,7 +41,9 @@ class ReadTimedLabels : public ::testing::Test {
 };
 
 TEST_F(ReadTimedLabels, RowsOfAnyOrderAndTextsOfSeveralWords) {
-  const auto labels = read("# comment\n2.5 639 0 the  small, vice \n\n1.033333333 0 479 desk-1\r\n");
+  const auto labels = read(
+      "\xef\xbb\xbf# comment\ntimestamp x y text\n2.5 639 0 the  small, vice \n\n1.033333333 0 479 "
+      "desk-1\r\n");
   ASSERT_TRUE(labels) << labels.error().message;
   ASSERT_EQ(labels->size(), 2U);
   EXPECT_EQ((*labels)[0].time, Timestamp{1'033'333'333});

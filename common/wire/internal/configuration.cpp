@@ -15,6 +15,8 @@
 #include <memory>
 #include <sstream>
 
+#include "common/base/plain_text.h"
+
 namespace cairn::wire::internal {
 namespace {
 
@@ -74,6 +76,9 @@ Result<std::string> read_profile(const std::string& profile) {
       std::filesystem::file_size(profile, error) <= kMostBytes) {
     std::ifstream file(profile);
     text.assign(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>());
+    auto plain = plain_text(std::move(text), profile);
+    if (!plain) return fail(ErrorCode::kConfiguration, plain.error().message);
+    text = std::move(*plain);
   }
   if (text.find("<CycloneDDS") == std::string::npos) {
     return fail(ErrorCode::kConfiguration,
