@@ -91,8 +91,8 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
     return fail(ErrorCode::kConfiguration,
                 "no calibration: there is no camera.txt beside " + options.source +
                     "; `cairn-track calibrate` makes a calibration from a board; pass --calibration FILE: "
-                    "`width height "
-                    "fx fy cx cy [k1 k2 p1 p2 [k3]]`, a yaml of Kalibr, OpenCV or ROS, or PTAM's camera.cfg");
+                    "`width height fx fy cx cy [k1 k2 p1 p2 [k3]]`, or a calibration of Kalibr, OpenCV, ROS, "
+                    "ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI or PTAM");
   }
   const auto parameters = read_calibration(*path, source.picture_size());
   if (!parameters) return tl::unexpected(parameters.error());
@@ -341,6 +341,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   if (!labels) return tl::unexpected(labels.error());
   if (auto status = check_outputs(options); !status) return tl::unexpected(status.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
+  log->info("camera: {}", describe_camera(camera->parameters()));
   auto session = Session::open(session_options(options, chosen->sigma), camera, log);
   if (!session) return tl::unexpected(session.error());
   auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/io/calibration.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iomanip>
 #include <limits>
@@ -66,6 +67,33 @@ std::string implausible(const Camera& camera) {
     why << "its distortion folds the picture over half-way to its edge";
   }
   return why.str();
+}
+
+/// Whatever format its content looks like.
+Result<CameraParameters> parse_as_told(const calibration::File& file) {
+  using namespace calibration;
+  if (looks_like_xml(file.content)) return parse_xml(file);
+  if (looks_like_orb_slam(file.content)) return parse_orb_slam(file);  // these two may look like YAML, too
+  if (looks_like_kitti(file.content)) return parse_kitti(file);
+  if (looks_like_yaml(file.content)) return parse_yaml(file);
+  if (looks_like_colmap(file.content)) return parse_colmap(file);
+  if (looks_like_dso(file.content)) return parse_dso(file);
+  return parse_text(file);
+}
+
+/// The lens in words.
+std::string_view lens_of(const CameraParameters& camera) {
+  switch (camera.model) {
+    case CameraModel::kKannalaBrandt:
+      return "Kannala-Brandt fisheye";
+    case CameraModel::kFov:
+      return "FOV lens (PTAM's)";
+    case CameraModel::kPinholeRadtan:
+      break;
+  }
+  const bool is_straight =
+      std::all_of(camera.values.begin() + 4, camera.values.end(), [](double v) { return v == 0; });
+  return is_straight ? "pinhole without distortion" : "pinhole with radial-tangential distortion";
 }
 
 /// A text stream that writes doubles as they are, with the comment at its top.
@@ -150,8 +178,7 @@ Result<CameraParameters> read_calibration(const std::filesystem::path& name,
     return tl::unexpected(error);
   }
   const calibration::File file{path, *content, picture_size, camera_name};
-  auto parameters =
-      calibration::looks_like_yaml(*content) ? calibration::parse_yaml(file) : calibration::parse_text(file);
+  auto parameters = parse_as_told(file);
   if (!parameters) return parameters;
   const auto camera = make_camera(*parameters);
   if (!camera) return wrong(path.string() + ": " + camera.error().message);
@@ -164,6 +191,13 @@ Result<CameraParameters> read_calibration(const std::filesystem::path& name,
     return wrong(path.string() + ": " + why +
                  "; is it the calibration of this camera, in pixels of this size?");
   return parameters;
+}
+
+std::string describe_camera(const CameraParameters& camera) {
+  std::ostringstream text;
+  text << lens_of(camera) << ", " << camera.width << "x" << camera.height << ", f " << std::fixed
+       << std::setprecision(1) << camera.values[0] << " " << camera.values[1];
+  return text.str();
 }
 
 Status write_calibration_txt(const std::filesystem::path& path, const CameraParameters& parameters,

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "common/io/calibration_formats.h"
 #include "common/io/text.h"
@@ -9,7 +8,6 @@
 namespace cairn::calibration {
 namespace {
 
-constexpr size_t kRadtanValues = 9;
 constexpr size_t kPtamValues = 5;
 constexpr std::string_view kPtamKey = "Camera.Parameters";
 
@@ -58,41 +56,25 @@ bool counts_in_picture_sides(const std::vector<double>& v) {
          std::all_of(v.begin(), v.end(), [](double x) { return std::abs(x) < kMaxSides; });
 }
 
-/// PTAM's ATANCamera: fx fy cx cy in units of the picture's sides, whose first pixel begins at 0, and w.
 Result<CameraParameters> from_ptam(const File& file, const std::vector<double>& v) {
   if (!file.picture_size) {
     return wrong(
         file.path.string() +
-        ": five numbers as in PTAM's camera.cfg count in picture sizes, and the source does not tell its "
-        "size; "
-        "write the calibration as one line `width height fx fy cx cy [k1 k2 p1 p2]` or as Kalibr yaml");
+        ": five numbers as in PTAM's camera.cfg count in picture sizes, and the source does not tell "
+        "its size; write the calibration as one line `width height fx fy cx cy [k1 k2 p1 p2]` or as "
+        "Kalibr yaml");
   }
-  const auto [width, height] = *file.picture_size;
-  return CameraParameters{CameraModel::kFov,
-                          width,
-                          height,
-                          {v[0] * width, v[1] * height, v[2] * width - 0.5, v[3] * height - 0.5, v[4]}};
+  auto parameters = in_pixels(*file.picture_size, v);
+  parameters.model = CameraModel::kFov;
+  parameters.values.push_back(v[4]);
+  return parameters;
 }
 
 }  // namespace
 
-tl::unexpected<Error> wrong(std::string message) {
-  return fail(ErrorCode::kConfiguration, std::move(message));
-}
-
-tl::unexpected<Error> names_no_camera(const File& file) {
-  return wrong(file.path.string() + ": no camera '" + std::string(file.camera) +
-               "' in it; only Kalibr's camchains name theirs");
-}
-
-int side_from_number(double value) {
-  if (!(value >= 1) || value > std::numeric_limits<int>::max() || value != std::floor(value)) return 0;
-  return static_cast<int>(value);
-}
-
 Result<CameraParameters> parse_text(const File& file) {
   if (!file.camera.empty()) return names_no_camera(file);
-  const auto lines = data_lines(file.content);
+  const auto lines = table_rows(file.content);
   if (lines.empty()) return wrong(file.path.string() + ": no calibration in it; " + std::string(kFormats));
   const auto ptam = std::find_if(lines.begin(), lines.end(),
                                  [](const TextLine& line) { return line.text.starts_with(kPtamKey); });

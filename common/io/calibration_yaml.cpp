@@ -3,141 +3,117 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
-#include "common/io/calibration_formats.h"
-#include "common/io/text.h"
+#include "common/io/calibration_keys.h"
 
 namespace cairn::calibration {
 namespace {
 
-constexpr size_t kRadtanValues = 9;
-constexpr size_t kFisheyeBends = 4;
-
-/// Reads the keys of one YAML map; each error names the file and, where the key exists, its line.
-class Keys {
- public:
-  Keys(const File& file, const YAML::Node& root) : file_(file), root_(root) {}
-
-  [[nodiscard]] bool has(const char* key) const { return static_cast<bool>(root_[key]); }
-  [[nodiscard]] YAML::Node operator[](const char* key) const { return root_[key]; }
-
-  [[nodiscard]] tl::unexpected<Error> error_at(const YAML::Node& node, const std::string& message) const {
-    return wrong(at_line(file_.path, static_cast<size_t>(node.Mark().line + 1), message));
-  }
-  [[nodiscard]] tl::unexpected<Error> error_at(const char* key, const std::string& message) const {
-    return error_at(root_[key], message);
-  }
-  [[nodiscard]] tl::unexpected<Error> missing(const char* key) const {
-    return wrong(file_.path.string() + ": no '" + key + "' in it; calibrate again or add it");
-  }
-
-  [[nodiscard]] Result<int> side(const char* key) const {
-    const auto node = root_[key];
-    if (!node) return missing(key);
-    const auto value = node.IsScalar() ? parse_number(node.Scalar()) : std::nullopt;
-    if (!value) return error_at(node, std::string(key) + " is not a number");
-    const int side = side_from_number(*value);
-    if (side == 0) return error_at(node, std::string(key) + " must be a positive whole number");
-    return side;
-  }
-
-  [[nodiscard]] Result<std::string> word(const char* key) const {
-    const auto node = root_[key];
-    if (!node) return missing(key);
-    if (!node.IsScalar()) return error_at(node, std::string(key) + " is not a word");
-    return node.Scalar();
-  }
-
-  /// A list of numbers: the node itself, or its `data` as OpenCV and ROS write matrices.
-  [[nodiscard]] Result<std::vector<double>> numbers(const char* key) const {
-    const auto node = root_[key];
-    if (!node) return missing(key);
-    const auto data = node.IsMap() ? node["data"] : node;
-    if (!data || !data.IsSequence()) {
-      return error_at(node, std::string(key) + (node.IsMap() ? " has no list 'data'" : " is not a list"));
-    }
-    std::vector<double> values;
-    for (const auto& item : data) {
-      const auto value = item.IsScalar() ? parse_number(item.Scalar()) : std::nullopt;
-      if (!value) return error_at(item, std::string(key) + ": not a number");
-      values.push_back(*value);
-    }
-    return values;
-  }
-
-  [[nodiscard]] Result<std::vector<double>> numbers(const char* key, size_t count) const {
-    auto values = numbers(key);
-    if (values && values->size() != count) {
-      return error_at(key, std::string(key) + ": " + std::to_string(values->size()) + " numbers, not " +
-                               std::to_string(count));
-    }
-    return values;
-  }
-
- private:
-  const File& file_;
-  YAML::Node root_;
-};
-
-enum class Bend { kRadtan, kEquidistant, kFov, kNone };
-
-/// Distortion after the four linear numbers. `key` holds the coefficients.
-Result<CameraParameters> assemble(const Keys& keys, const char* key, Bend bend, CameraParameters parameters,
+/// The distortion after the four linear numbers; `key` holds the coefficients.
+Result<CameraParameters> assemble(const Keys& keys, const char* key, Bend bend, CameraParameters linear,
                                   std::vector<double> bends) {
-  if (bend == Bend::kRadtan || bend == Bend::kNone) {
-    // The rational model writes its five numbers first; it is ours when the rest is zero.
-    while (bends.size() > 5 && bends.back() == 0) bends.pop_back();
-    if (bends.size() > 5) {
-      return keys.error_at(
-          key,
-          "more than 5 distortion coefficients; calibrate without the rational, thin prism and tilted "
-          "models, or as fisheye: `cairn-track calibrate --model kb4`");
-    }
-    parameters.model = CameraModel::kPinholeRadtan;
-    parameters.values.insert(parameters.values.end(), bends.begin(), bends.end());
-    parameters.values.resize(kRadtanValues, 0.0);
-    return parameters;
-  }
-  const size_t count = bend == Bend::kFov ? 1 : kFisheyeBends;
-  if (bends.size() != count) {
-    return keys.error_at(
-        key, std::to_string(bends.size()) + " distortion coefficients, not " + std::to_string(count));
-  }
-  parameters.model = bend == Bend::kFov ? CameraModel::kFov : CameraModel::kKannalaBrandt;
-  parameters.values.insert(parameters.values.end(), bends.begin(), bends.end());
+  auto parameters = with_bends(std::move(linear), bend, std::move(bends));
+  if (!parameters) return keys.error_at(key, parameters.error().message);
   return parameters;
 }
 
 // ---- OpenCV's FileStorage and ROS' camera_info
 
-/// camera_info names its model, OpenCV's own files do not and mean the plumb bob.
-Result<Bend> ros_bend(const Keys& keys) {
-  if (!keys.has("distortion_model")) return Bend::kRadtan;
+/// The names that the four things have: OpenCV's calibration program and ROS' yaml, OpenCV's older program,
+/// and what `rostopic echo` and `ros2 topic echo` print of a camera_info.
+struct Names {
+  const char* width;
+  const char* height;
+  const char* matrix;
+  const char* bends;
+};
+constexpr std::array kNames = {
+    Names{"image_width", "image_height", "camera_matrix", "distortion_coefficients"},
+    Names{"image_Width", "image_Height", "Camera_Matrix", "Distortion_Coefficients"},
+    Names{"width", "height", "K", "D"}, Names{"width", "height", "k", "d"}};
+
+const Names& names_in(const Keys& keys) {
+  const auto* at =
+      std::find_if(kNames.begin(), kNames.end(), [&](const Names& n) { return keys.has(n.matrix); });
+  return at == kNames.end() ? kNames.front() : *at;
+}
+
+/// camera_info names its model. OpenCV's own files mean the plumb bob unless they say fisheye.
+Result<Bend> opencv_bend(const Keys& keys) {
+  if (!keys.has("distortion_model")) {
+    if (!keys.has("fisheye_model")) return Bend::kRadtan;
+    return keys.number("fisheye_model").map([](double is_fisheye) {
+      return is_fisheye != 0 ? Bend::kEquidistant : Bend::kRadtan;
+    });
+  }
   const auto model = keys.word("distortion_model");
   if (!model) return tl::unexpected(model.error());
-  if (*model == "plumb_bob" || *model == "rational_polynomial") return Bend::kRadtan;
+  if (*model == "plumb_bob" || *model == "rational_polynomial" || model->empty()) return Bend::kRadtan;
   if (*model == "equidistant" || *model == "fisheye") return Bend::kEquidistant;
   return keys.error_at("distortion_model", "distortion_model '" + *model +
                                                "' is not read; calibrate with plumb_bob or equidistant");
 }
 
+/// A camera_info describes the whole sensor; of pictures that are binned or cut out of it other numbers hold.
+Status check_whole_picture(const Keys& keys) {
+  const auto roi = keys.below("roi");
+  const auto is_above = [](const Keys& in, const char* key, double limit) {
+    return in.has(key) && in.number(key).value_or(0) > limit;
+  };
+  const bool binned = is_above(keys, "binning_x", 1) || is_above(keys, "binning_y", 1);
+  const bool cut = is_above(roi, "x_offset", 0) || is_above(roi, "y_offset", 0);
+  if (!binned && !cut) return {};
+  return keys.error_at(binned ? "binning_x" : "roi",
+                       "the calibration is that of the whole sensor, and its pictures are binned or cut out; "
+                       "calibrate with such pictures: `cairn-track calibrate`");
+}
+
+/// Calibrations of others that are told by a key and not read.
+struct Foreign {
+  const char* key;
+  const char* what;
+};
+constexpr std::array kForeign = {
+    Foreign{"M1", "OpenCV's stereo calibration, which has no picture size"},
+    Foreign{"cameras", "the cameras of OKVIS or SVO"},
+    Foreign{"value0", "Basalt's calibration"},
+};
+
+tl::unexpected<Error> not_read(const Keys& keys) {
+  const auto* const at =
+      std::find_if(kForeign.begin(), kForeign.end(), [&](const Foreign& f) { return keys.has(f.key); });
+  const std::string remedy =
+      "; write its numbers into one line `width height fx fy cx cy [k1 k2 p1 p2 [k3]]`, or as Kalibr's "
+      "camchain";
+  if (at != kForeign.end()) return keys.error_at(at->key, std::string(at->what) + ", is not read" + remedy);
+  return keys.error("no calibration in it: neither camera_matrix nor intrinsics; " + std::string(kFormats));
+}
+
 Result<CameraParameters> parse_opencv(const Keys& keys) {
-  const auto bend = ros_bend(keys);
+  const Names& names = names_in(keys);
+  if (!keys.has(names.matrix) && !keys.has(names.width)) return not_read(keys);
+  const auto bend = opencv_bend(keys);
   if (!bend) return tl::unexpected(bend.error());
-  const auto width = keys.side("image_width");
+  if (const Status whole = check_whole_picture(keys); !whole) return tl::unexpected(whole.error());
+  const auto width = keys.side(names.width);
   if (!width) return tl::unexpected(width.error());
-  const auto height = keys.side("image_height");
+  const auto height = keys.side(names.height);
   if (!height) return tl::unexpected(height.error());
-  const auto matrix = keys.numbers("camera_matrix");
+  const auto matrix = keys.numbers(names.matrix);
   if (!matrix) return tl::unexpected(matrix.error());
-  auto bends = keys.numbers("distortion_coefficients");
+  auto bends = keys.numbers(names.bends);
   if (!bends) return tl::unexpected(bends.error());
   const auto& m = *matrix;
   if (m.size() != 9 || m[1] != 0 || m[3] != 0) {
-    return keys.error_at("camera_matrix", "camera_matrix must be 3x3, [fx 0 cx; 0 fy cy; 0 0 1]");
+    return keys.error_at(names.matrix, std::string(names.matrix) + " must be 3x3, [fx 0 cx; 0 fy cy; 0 0 1]");
   }
-  CameraParameters parameters{CameraModel::kPinholeRadtan, *width, *height, {m[0], m[4], m[2], m[5]}};
-  return assemble(keys, "distortion_coefficients", *bend, std::move(parameters), std::move(*bends));
+  if (m[0] == 0) {
+    return keys.error_at(names.matrix, "a camera that nobody has calibrated: " + std::string(names.matrix) +
+                                           " is 0; `cairn-track calibrate` makes a calibration");
+  }
+  CameraParameters linear{CameraModel::kPinholeRadtan, *width, *height, {m[0], m[4], m[2], m[5]}};
+  return assemble(keys, names.bends, *bend, std::move(linear), std::move(*bends));
 }
 
 // ---- Kalibr's camchain and EuRoC's sensor.yaml
@@ -181,6 +157,70 @@ Result<CameraParameters> parse_kalibr(const Keys& keys) {
                   std::move(*bends));
 }
 
+// ---- VINS-Mono and VINS-Fusion (camodocal)
+
+Result<CameraParameters> parse_vins(const Keys& keys) {
+  if (!keys.has("model_type")) {
+    const auto named = keys.word("cam0_calib");
+    return keys.error_at("cam0_calib", "the settings of VINS-Fusion; pass the file of its camera: " +
+                                           in_quotes(named.value_or("cam0_calib")) + " beside it");
+  }
+  const auto model = keys.word("model_type");
+  if (!model) return tl::unexpected(model.error());
+  const bool is_pinhole = *model == "PINHOLE";
+  if (!is_pinhole && *model != "KANNALA_BRANDT") {
+    return keys.error_at("model_type", "model_type " + in_quotes(*model) +
+                                           " of VINS is not read; calibrate with PINHOLE or KANNALA_BRANDT, "
+                                           "or: `cairn-track calibrate --model kb4`");
+  }
+  const auto width = keys.side("image_width");
+  if (!width) return tl::unexpected(width.error());
+  const auto height = keys.side("image_height");
+  if (!height) return tl::unexpected(height.error());
+  const Keys projection = keys.below("projection_parameters");
+  auto linear =
+      is_pinhole ? projection.each({"fx", "fy", "cx", "cy"}) : projection.each({"mu", "mv", "u0", "v0"});
+  if (!linear) return tl::unexpected(linear.error());
+  auto bends = is_pinhole ? keys.below("distortion_parameters").each({"k1", "k2", "p1", "p2"})
+                          : projection.each({"k2", "k3", "k4", "k5"});
+  if (!bends) return tl::unexpected(bends.error());
+  return assemble(keys, "projection_parameters", is_pinhole ? Bend::kRadtan : Bend::kEquidistant,
+                  {CameraModel::kPinholeRadtan, *width, *height, std::move(*linear)}, std::move(*bends));
+}
+
+// ---- OpenCV's FileStorage as XML
+
+/// What stands between <name ...> and </name>; nothing if it is not there.
+std::optional<std::string_view> element(std::string_view xml, const std::string& name) {
+  for (size_t at = xml.find("<" + name); at != std::string_view::npos; at = xml.find("<" + name, at + 1)) {
+    const char next = at + 1 + name.size() < xml.size() ? xml[at + 1 + name.size()] : '\0';
+    const size_t begin = xml.find('>', at);
+    const size_t end = xml.find("</" + name + ">", at);
+    if (next != '>' && next != ' ') continue;
+    if (begin == std::string_view::npos || end == std::string_view::npos || end < begin) return std::nullopt;
+    return xml.substr(begin + 1, end - begin - 1);
+  }
+  return std::nullopt;
+}
+
+/// The elements that a calibration consists of, as the YAML of the same names would be.
+YAML::Node opencv_xml(std::string content) {
+  std::replace(content.begin(), content.end(), '\n', ' ');
+  YAML::Node root(YAML::NodeType::Map);
+  const auto take = [&](const std::string& name) {
+    const auto inside = element(content, name);
+    const auto data = inside ? element(*inside, "data") : std::nullopt;
+    if (inside && !data) root[name] = std::string(trim(*inside));
+    if (!data) return;
+    for (const auto number : split_fields(*data)) root[name]["data"].push_back(std::string(number));
+  };
+  for (const Names& names : {kNames[0], kNames[1]}) {
+    for (const char* name : {names.width, names.height, names.matrix, names.bends}) take(name);
+  }
+  take("fisheye_model");
+  return root;
+}
+
 /// cam0, cam1, ...; OpenCV's camera_matrix is none.
 bool names_camera(const YAML::Node& key) {
   constexpr std::string_view kPrefix = "cam";
@@ -198,16 +238,6 @@ std::vector<std::string> cameras_of(const YAML::Node& root) {
   return names;
 }
 
-/// Which camera's lens is meant cannot be guessed: with another's all would look well and be wrong.
-Result<std::string> choose_camera(const File& file, const std::vector<std::string>& names) {
-  if (file.camera.empty() && names.size() == 1) return names.front();
-  if (std::find(names.begin(), names.end(), file.camera) != names.end()) return std::string(file.camera);
-  std::string all;
-  for (const auto& name : names) all += (all.empty() ? "" : ", ") + name;
-  return wrong(file.path.string() + ": cameras in it: " + all + "; say which with --calibration " +
-               file.path.string() + "#" + names.front());
-}
-
 Result<CameraParameters> parse_document(const File& file, const YAML::Node& root) {
   if (!root.IsMap()) return wrong(file.path.string() + ": not a calibration; " + std::string(kFormats));
   const Keys keys(file, root);
@@ -219,10 +249,16 @@ Result<CameraParameters> parse_document(const File& file, const YAML::Node& root
   }
   if (!file.camera.empty()) return names_no_camera(file);
   if (keys.has("intrinsics") || keys.has("camera_model")) return parse_kalibr(keys);
+  if (keys.has("model_type") || keys.has("cam0_calib")) return parse_vins(keys);
   return parse_opencv(keys);
 }
 
 }  // namespace
+
+bool looks_like_xml(std::string_view content) {
+  const auto lines = data_lines(content);
+  return !lines.empty() && lines[0].text.front() == '<';
+}
 
 bool looks_like_yaml(std::string_view content) {
   const auto lines = data_lines(content);
@@ -230,9 +266,17 @@ bool looks_like_yaml(std::string_view content) {
                             lines[0].text.find(':') != std::string::npos);
 }
 
+Result<CameraParameters> parse_xml(const File& file) {
+  if (!file.camera.empty()) return names_no_camera(file);
+  const YAML::Node root = opencv_xml(file.content);
+  const Keys keys(file, root);
+  if (keys.has(kNames[0].matrix) || keys.has(kNames[1].matrix)) return parse_opencv(keys);
+  return wrong(file.path.string() + ": XML without the camera_matrix of OpenCV; " + std::string(kFormats));
+}
+
 Result<CameraParameters> parse_yaml(const File& file) {
   try {
-    return parse_document(file, YAML::Load(file.content));
+    return parse_document(file, YAML::Load(file.content));  // the first of several: `ros2 topic echo`
   } catch (const YAML::Exception& error) {
     const auto line = static_cast<size_t>(std::max(0, error.mark.line) + 1);
     return wrong(at_line(file.path, line, "not YAML: " + error.msg));

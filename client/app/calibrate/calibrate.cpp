@@ -98,6 +98,7 @@ void tell(const CalibrateReport& report, const Logger& log) {
   const auto& sigma = report.calibration.sigma;
   const auto& verdict = report.verdict;
   log->info("{} pictures, {} with the board, {} views count", report.pictures, report.found, verdict.views);
+  log->info("camera: {}", describe_camera(report.calibration.parameters));
   log->info("fx {:.2f} +- {:.2f}  fy {:.2f} +- {:.2f}  cx {:.2f} +- {:.2f}  cy {:.2f} +- {:.2f}", values[0],
             sigma[0], values[1], sigma[1], values[2], sigma[2], values[3], sigma[3]);
   log->info(

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/io/calibration_formats.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace cairn::calibration {
+namespace {
+
+constexpr size_t kRadtanBends = 5;
+constexpr size_t kFisheyeBends = 4;
+
+}  // namespace
+
+tl::unexpected<Error> wrong(std::string message) {
+  return fail(ErrorCode::kConfiguration, std::move(message));
+}
+
+tl::unexpected<Error> names_no_camera(const File& file) {
+  return wrong(file.path.string() + ": no camera '" + std::string(file.camera) +
+               "' in it; only the files of Kalibr, ORB-SLAM, COLMAP and KITTI name theirs");
+}
+
+/// Which camera's lens is meant cannot be guessed: with another's all would look well and be wrong.
+Result<std::string> choose_camera(const File& file, const std::vector<std::string>& names) {
+  if (file.camera.empty() && names.size() == 1) return names.front();
+  if (std::find(names.begin(), names.end(), file.camera) != names.end()) return std::string(file.camera);
+  constexpr size_t kMostListed = 8;
+  std::string all;
+  for (size_t i = 0; i < std::min(names.size(), kMostListed); ++i) all += (i == 0 ? "" : ", ") + names[i];
+  if (names.size() > kMostListed) all += ", ...";
+  return wrong(file.path.string() + ": cameras in it: " + all + "; say which with --calibration " +
+               file.path.string() + "#" + names.front());
+}
+
+int side_from_number(double value) {
+  if (!(value >= 1) || value > std::numeric_limits<int>::max() || value != std::floor(value)) return 0;
+  return static_cast<int>(value);
+}
+
+std::optional<std::vector<double>> numbers_in(const std::vector<std::string_view>& fields) {
+  std::vector<double> numbers;
+  for (const auto field : fields) {
+    const auto number = parse_number(field);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+Result<CameraParameters> with_bends(CameraParameters linear, Bend bend, std::vector<double> bends) {
+  const bool is_radtan = bend == Bend::kRadtan || bend == Bend::kNone;
+  const size_t count = is_radtan ? kRadtanBends : bend == Bend::kFov ? 1 : kFisheyeBends;
+  // The rational model writes its five numbers first; a fisheye of ROS has a fifth, which is 0.
+  while (bends.size() > count && bends.back() == 0) bends.pop_back();
+  if (is_radtan && bends.size() > count) {
+    return wrong(
+        "more than 5 distortion coefficients; calibrate without the rational, thin prism and tilted models, "
+        "or as fisheye: `cairn-track calibrate --model kb4`");
+  }
+  if (!is_radtan && bends.size() != count) {
+    return wrong(std::to_string(bends.size()) + " distortion coefficients, not " + std::to_string(count));
+  }
+  linear.values.insert(linear.values.end(), bends.begin(), bends.end());
+  if (is_radtan) linear.values.resize(kRadtanValues, 0.0);
+  linear.model = is_radtan            ? CameraModel::kPinholeRadtan
+                 : bend == Bend::kFov ? CameraModel::kFov
+                                      : CameraModel::kKannalaBrandt;
+  return linear;
+}
+
+CameraParameters in_pixels(PictureSize size, const std::vector<double>& v) {
+  return {CameraModel::kPinholeRadtan,
+          size.width,
+          size.height,
+          {v[0] * size.width, v[1] * size.height, v[2] * size.width - 0.5, v[3] * size.height - 0.5}};
+}
+
+}  // namespace cairn::calibration
