@@ -30,12 +30,19 @@ struct TrajectorySegment {
 
 struct Trajectory {
   std::vector<TrajectorySegment> segments;  ///< in file order, none empty
+  size_t rows_left_out = 0;                 ///< without a pose: NaN, infinity or a quaternion of zeros
+  bool is_of_body = false;  ///< rows as EuRoC has them: of the body that carries the cameras (or of a sensor)
   [[nodiscard]] size_t pose_count() const;
 };
 
-/// Reads TUM rows `t tx ty tz qx qy qz qw` (seconds; Hamilton, x y z w; blanks, tabs or commas between). '#'
-/// begins a comment row; `# map ID NAME` with ID of 32 hex digits begins a segment. Quaternions are
-/// normalised. Errors name file and line: kNotFound, kIo, kDamaged (also for a file without a row).
+/// Reads, told by the content:
+///  * TUM rows `t tx ty tz qx qy qz qw` (seconds; Hamilton, x y z w; blanks, tabs or commas between);
+///  * EuRoC's and TUM-VI's ground truth and VINS' results, `t,tx,ty,tz,qw,qx,qy,qz[,...]` (nanoseconds,
+///  commas);
+///  * ORB-SLAM's `t tx ty tz qx qy qz qw` with nanoseconds.
+/// A heading, with or without '#', that names a quaternion's columns decides where its w is. '#' begins a
+/// comment row; `# map ID NAME` with ID of 32 hex digits begins a segment. Quaternions are normalised. Errors
+/// name file and line: kNotFound, kIo, kDamaged (also for a file without a pose).
 [[nodiscard]] Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 
 /// Writes a TUM trajectory row by row; each row is in the file when append() returns. Not thread-safe;

@@ -117,14 +117,79 @@ TEST_F(TrajectoryFile, TakesTheFormsThatPeopleHave) {
   EXPECT_NEAR(read->segments[0].poses[1].map_from_camera.rotation().norm(), 1, 1e-12);
 }
 
+constexpr const char* kEurocHeading =
+    "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], "
+    "v_RS_R_x "
+    "[m s^-1]\r\n";
+
+TEST_F(TrajectoryFile, EurocAndItsKinHaveNanosecondsAndWFirst) {
+  const Eigen::Quaterniond turn(0.8, 0.6, 0, 0);  // w x y z
+  struct Case {
+    std::string content;
+    bool is_of_body;
+  };
+  const Case cases[] = {
+      {kEurocHeading + std::string("1403636580838555648,4.688,-1.787,0.783,0.8,0.6,0,0,-0.027,0.03,1\r\n"),
+       true},
+      {"#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []\n"
+       "1403636580838555648,4.688,-1.787,0.783,0.8,0.6,0,0\n",
+       true},
+      {"1403636580838555648,4.688,-1.787,0.783,0.8,0.6,0,0,-0.027,0.033,0.8,\n", true},  // VINS, no heading
+      {"1403636580838555648.000000 4.688 -1.787 0.783 0.6 0 0 0.8\n", false},            // ORB-SLAM3
+      {"# t tx ty tz qw qx qy qz\n1403636580.838555648 4.688 -1.787 0.783 0.8 0.6 0 0\n", false},
+      {"t, p_x, p_y, p_z, q_w, q_x, q_y, q_z\n1403636580.838555648,4.688,-1.787,0.783,0.8,0.6,0,0\n", false},
+      {"timestamp tx ty tz qx qy qz qw\n1403636580.838555648 4.688 -1.787 0.783 0.6 0 0 0.8\n", false}};
+  for (const Case& c : cases) {
+    const auto read = read_trajectory(write(c.content));
+    ASSERT_TRUE(read) << read.error().message << c.content;
+    ASSERT_EQ(read->pose_count(), 1u);
+    EXPECT_EQ(read->is_of_body, c.is_of_body) << c.content;
+    const auto& pose = read->segments[0].poses[0];
+    EXPECT_EQ(pose.time.nanoseconds, 1403636580838555648) << c.content;
+    EXPECT_LT((pose.map_from_camera.translation() - Eigen::Vector3d(4.688, -1.787, 0.783)).norm(), 1e-12);
+    EXPECT_LT(pose.map_from_camera.rotation().angularDistance(turn), 1e-6) << c.content;
+  }
+  const auto from_zero =
+      read_trajectory(write("#timestamp [ns],x\n0,1,2,3,1,0,0,0\n50000000,1,2,3,1,0,0,0\n"));
+  ASSERT_TRUE(from_zero) << from_zero.error().message;
+  EXPECT_EQ(from_zero->segments[0].poses[1].time.nanoseconds, 50'000'000);
+}
+
+TEST_F(TrajectoryFile, RowsWithoutAPoseAreLeftOutAndCounted) {
+  const auto read =
+      read_trajectory(write("1 1 2 3 0 0 0 1\n2 nan nan nan nan nan nan nan\n3 1 2 3 0 0 -nan 1\n4 NaN 2 3 0 "
+                            "0 0 1\n5 1 2 3 0 0 0 1\n"
+                            "6 inf 2 3 0 0 0 1\n7 0 0 0 0 0 0 0\n"));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->pose_count(), 2u);
+  EXPECT_EQ(read->rows_left_out, 5u);
+}
+
+TEST_F(TrajectoryFile, ByteOrderMarksAndForeignLineEndsAreNoMatter) {
+  for (const char* content : {"\xef\xbb\xbf# t tx\n1 1 2 3 0 0 0 1\n2 1 2 3 0 0 0 1\n",
+                              "\xef\xbb\xbf"
+                              "1 1 2 3 0 0 0 1\r\n2 1 2 3 0 0 0 1\r\n",
+                              "timestamp tx ty tz qx qy qz qw\r1 1 2 3 0 0 0 1\r2 1 2 3 0 0 0 1\r"}) {
+    const auto read = read_trajectory(write(content));
+    ASSERT_TRUE(read) << read.error().message << content;
+    EXPECT_EQ(read->pose_count(), 2u);
+  }
+  EXPECT_THAT(read_trajectory(write(std::string("\xff\xfe\x31\0", 4))).error().message,
+              HasSubstr("is UTF-16"));
+}
+
 TEST_F(TrajectoryFile, ErrorsNameFileAndLine) {
   const std::vector<std::pair<std::string, std::string>> cases = {
       {"# c\n1 2 3 4 0 0 0\n", ":2: 7 fields"},
       {"1 2 3 4 0 0 0 1 9\n", ":1: 9 fields"},
       {"x 2 3 4 0 0 0 1\n", "'x' is not a time"},
       {"1 2 3 y 0 0 0 1\n", "'y' is not a number"},
-      {"1 nan 3 4 0 0 0 1\n", "'nan'"},
-      {"1 2 3 4 0 0 0 0\n", "norm"},
+      {"1 nan 3 4 0 0 0 1\n", "no pose in it; all 1 rows have NaN or a quaternion of zeros"},
+      {"1 nan 3 4 0 0 0 x\nnan 2 3 4 0 0 0 1\n", "'nan' is not a time"},
+      {"1 0 0 2 0 1 0 3 0 0 1 4\n", "KITTI's poses have no times"},
+      {"1403715273262142976,1,2,3,1,0,0\n", ":1: 7 fields"},
+      {"1 2 3 4 0 0 0 0\n", "no pose in it; all 1 rows"},
+      {"1 2 3 4 0 0 0 0.1\n", "norm"},
       {"1 2 3 4 5 6 7 8\n", "norm"},
       {"", "no pose"},
       {"# map 01010101010101010101010101010101 desk\n", "no pose"}};

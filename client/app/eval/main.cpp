@@ -12,11 +12,11 @@
 #include "client/app/eval/plot.h"
 #include "client/app/eval/report.h"
 #include "client/app/eval/run_stats.h"
+#include "client/app/eval/truth.h"
 #include "common/base/program_folder.h"
 #include "common/base/suggestion.h"
 #include "common/base/version.h"
 #include "common/io/text.h"
-#include "common/io/trajectory.h"
 
 namespace cairn {
 namespace {
@@ -66,7 +66,11 @@ std::string check_positive(const std::string& text) {
 }
 
 void add_trajectory_options(CLI::App& command, TrajectoryArguments& arguments) {
-  command.add_option("TRUTH", arguments.truth, "TUM rows `t tx ty tz qx qy qz qw`, camera to world")
+  command
+      .add_option(
+          "TRUTH", arguments.truth,
+          "TUM rows `t tx ty tz qx qy qz qw`, camera to world, or the data.csv of EuRoC's and TUM-VI's "
+          "ground truth")
       ->required();
   command.add_option("ESTIMATE", arguments.estimate, "TUM rows, camera in map")->required();
   command
@@ -108,16 +112,29 @@ PlotContent plot_content(const TrajectoryArguments& arguments, const Trajectory&
   return content;
 }
 
+std::vector<std::string> notes_on(const TrajectoryArguments& arguments, const ReadTrajectory& truth,
+                                  const ReadTrajectory& estimate, const Comparison& comparison) {
+  auto notes = truth.notes;
+  notes.insert(notes.end(), estimate.notes.begin(), estimate.notes.end());
+  if (const auto doubt = doubt_quaternions(comparison)) {
+    notes.push_back(words_of(*doubt, doubt->in_truth ? arguments.truth : arguments.estimate));
+  }
+  return notes;
+}
+
 /// Shared part of ate and rpe: `evaluate` makes the report and fills in the error of the plot.
 template <typename Evaluate>
 Status run_trajectories(const TrajectoryArguments& arguments, Evaluate evaluate) {
-  const auto truth = read_trajectory(arguments.truth);
+  const auto truth = read_truth(arguments.truth);
   if (!truth) return tl::unexpected(truth.error());
-  const auto estimate = read_trajectory(arguments.estimate);
+  const auto estimate = read_estimate(arguments.estimate);
   if (!estimate) return tl::unexpected(estimate.error());
-  const auto comparison = compare(*truth, *estimate, arguments.max_difference, arguments.alignment);
+  auto comparison =
+      compare(truth->trajectory, estimate->trajectory, arguments.max_difference, arguments.alignment);
   if (!comparison) return tl::unexpected(comparison.error());
-  auto plot = plot_content(arguments, *truth, *comparison);
+  comparison->notes = notes_on(arguments, *truth, *estimate, *comparison);
+  for (const auto& note : comparison->notes) std::fprintf(stderr, "cairn-eval: note: %s\n", note.c_str());
+  auto plot = plot_content(arguments, truth->trajectory, *comparison);
   const Result<std::string> report = evaluate(*comparison, plot);
   if (!report) return tl::unexpected(report.error());
   std::fputs(report->c_str(), stdout);

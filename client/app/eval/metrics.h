@@ -56,9 +56,10 @@ struct Comparison {
   std::vector<MapAlignment> maps;  ///< in order of first appearance
   size_t truth_poses = 0;
   size_t estimate_poses = 0;
-  size_t matched = 0;      ///< pairs in aligned maps
-  size_t unaligned = 0;    ///< pairs in maps that cannot be aligned: they count nowhere else
-  double path_length = 0;  ///< of the truth through the matched poses of each map [m]
+  size_t matched = 0;              ///< pairs in aligned maps
+  size_t unaligned = 0;            ///< pairs in maps that cannot be aligned: they count nowhere else
+  double path_length = 0;          ///< of the truth through the matched poses of each map [m]
+  std::vector<std::string> notes;  ///< for people: what was left out of the files, or is suspected of them
 };
 
 struct AbsoluteError {

@@ -76,7 +76,8 @@ Json comparison_json(const char* metric, const Comparison& comparison, Alignment
           {"unaligned", comparison.unaligned},
           {"scale", largest_map(comparison).truth_from_map.scale()},
           {"path_length", comparison.path_length},
-          {"maps", std::move(maps)}};
+          {"maps", std::move(maps)},
+          {"notes", comparison.notes}};
 }
 
 std::string comparison_text(const char* metric, const Comparison& comparison, Alignment alignment) {
