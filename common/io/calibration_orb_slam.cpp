@@ -12,7 +12,7 @@ constexpr std::string_view kPrefixes[] = {"Camera", "Camera1", "Camera2"};
 /// The lines `Camera....: value`, by their keys. Comments and quotes are left out.
 class Settings {
  public:
-  Settings(const File& file) : file_(file) {
+  explicit Settings(const File& file) : file_(file) {
     for (const TextLine& line : data_lines(file.content)) {
       const size_t colon = line.text.find(':');
       if (!line.text.starts_with("Camera") || colon == std::string_view::npos) continue;

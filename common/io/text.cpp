@@ -18,6 +18,7 @@ namespace cairn {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\r";
+constexpr std::string_view kSeparators = " \t\r,";
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 
 bool all_digits(std::string_view text) {
@@ -86,7 +87,7 @@ std::vector<TextLine> all_lines(std::string_view content) {
 
 std::vector<TextLine> data_lines(std::string_view content) {
   auto lines = all_lines(content);
-  std::erase_if(lines, [](const TextLine& line) { return line.text.empty() || line.text.front() == '#'; });
+  std::erase_if(lines, [](const TextLine& line) { return is_blank(line.text) || line.text.front() == '#'; });
   return lines;
 }
 
@@ -106,8 +107,11 @@ bool is_heading(std::string_view line) {
   return is_word && !reads_as_number(first) && std::none_of(fields.begin(), fields.end(), reads_as_number);
 }
 
+bool is_blank(std::string_view line) {
+  return line.find_first_not_of(kSeparators) == std::string_view::npos;
+}
+
 std::vector<std::string_view> split_fields(std::string_view line) {
-  constexpr std::string_view kSeparators = " \t\r,";
   std::vector<std::string_view> fields;
   for (size_t begin = line.find_first_not_of(kSeparators); begin != std::string_view::npos;) {
     const size_t end = std::min(line.find_first_of(kSeparators, begin), line.size());

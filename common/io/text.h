@@ -29,7 +29,10 @@ struct TextLine {
 [[nodiscard]] Result<std::string> read_text_file(const std::filesystem::path& path,
                                                  size_t max_bytes = size_t{256} << 20);
 
-/// Lines that are neither blank nor begin with '#', trimmed of blanks. `content` must outlive the result.
+/// Whether a line has no field: spreadsheets write an empty row as commas.
+[[nodiscard]] bool is_blank(std::string_view line);
+/// Lines that are neither blank nor begin with '#', trimmed of blanks; each has a field. `content` must
+/// outlive the result.
 [[nodiscard]] std::vector<TextLine> data_lines(std::string_view content);
 /// The data lines of a table, without a heading of words that no '#' marks as one (is_heading()) if more
 /// follows it.

@@ -52,7 +52,7 @@ TEST(Numbers, WholeFieldOrNothing) {
 }
 
 TEST(Lines, KeepTheirNumbersAndLoseTheirEnds) {
-  const auto lines = data_lines("# a\r\n\r\n  one two\t\r\n#b\nlast");
+  const auto lines = data_lines("# a\r\n,,\r\n  one two\t\r\n#b\nlast");
   ASSERT_EQ(lines.size(), 2u);
   EXPECT_EQ(lines[0].number, 3u);
   EXPECT_EQ(lines[0].text, "one two");

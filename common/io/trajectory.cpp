@@ -80,7 +80,7 @@ RowForm form_of(const std::vector<TextLine>& lines) {
   RowForm form;
   std::optional<bool> w_first;
   for (const TextLine& line : lines) {
-    if (line.text.empty()) continue;
+    if (is_blank(line.text)) continue;
     if (line.text.front() == '#' || is_heading(line.text)) {
       const auto said = heading_says_w_first(line.text);
       if (said) w_first = said;
@@ -170,7 +170,7 @@ Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
   trajectory.is_of_body = form.is_nanoseconds && form.has_more_fields;
   bool at_first_row = true;
   for (const auto& line : lines) {
-    if (line.text.empty()) continue;
+    if (is_blank(line.text)) continue;
     if (line.text.front() == '#') {
       read_comment(line.text, trajectory);
       continue;

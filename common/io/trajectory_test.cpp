@@ -107,7 +107,7 @@ TEST_F(TrajectoryFile, AMapNameCannotForgeRows) {
 
 TEST_F(TrajectoryFile, TakesTheFormsThatPeopleHave) {
   const auto read =
-      read_trajectory(write("# timestamp tx ty tz qx qy qz qw\r\n\r\n"
+      read_trajectory(write("# timestamp tx ty tz qx qy qz qw\r\n\r\n,,,\n"
                             "1.5 1 2 3 0 0 0 1 \r\n2.5\t1\t2\t3\t0\t0\t0.7071\t0.7071\n"
                             "# map of nothing\n3.5,1,2,3,0,0,0,1"));
   ASSERT_TRUE(read) << read.error().message;
