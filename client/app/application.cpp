@@ -5,7 +5,6 @@
 #include <sys/resource.h>
 
 #include <chrono>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -16,9 +15,8 @@
 #include "client/app/frame_loop.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
+#include "client/app/run_outputs.h"
 #include "client/app/stats.h"
-#include "client/app/trajectory_recorder.h"
-#include "client/app/video_writer.h"
 #include "client/app/viewer/display.h"
 #include "client/app/viewer/timed_labels.h"
 #include "client/app/viewer/viewer.h"
@@ -27,7 +25,6 @@
 #include "client/session/session.h"
 #include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
-#include "common/io/text.h"
 #include "common/wire/log_redirect.h"
 
 namespace cairn {
@@ -36,6 +33,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr int kInterruptedExit = 130;
+constexpr int kNoPosesExit = 1;  ///< a trajectory was asked for, and there is none worth the name
 constexpr milliseconds kServerPatience(10'000);  ///< to be seen at the start of a recording
 constexpr milliseconds kPatienceSlice(100);      ///< how long a request to stop may go unheard
 constexpr milliseconds kLastVerdicts(2'000);     ///< for offers undecided at the end
@@ -162,45 +160,6 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   return session;
 }
 
-/// A wrong path is told before the run, and what is there from an earlier one is kept until this one begins.
-Status check_outputs(const TrackOptions& options) {
-  if (options.video) {
-    if (Status ending = VideoWriter::check_ending(*options.video); !ending) return ending;
-  }
-  for (const auto& path : {options.trajectory, options.stats, options.video}) {
-    if (Status writable = path ? check_writable(*path) : Status(); !writable) return writable;
-  }
-  return {};
-}
-
-/// The files of a run.
-struct Outputs {
-  std::unique_ptr<TrajectoryRecorder> trajectory;
-  std::unique_ptr<VideoWriter> video;
-  std::ofstream stats;
-};
-
-Result<Outputs> open_outputs(const TrackOptions& options, const CameraPtr& camera, const Logger& log) {
-  Outputs outputs;
-  if (options.trajectory) {
-    auto writer = TrajectoryWriter::open(*options.trajectory);
-    if (!writer) return tl::unexpected(writer.error());
-    outputs.trajectory = std::make_unique<TrajectoryRecorder>(std::move(*writer), log);
-  }
-  if (options.stats) {
-    outputs.stats.open(*options.stats, std::ios::binary | std::ios::trunc);
-    if (!outputs.stats) return fail(ErrorCode::kIo, cannot_be_written(*options.stats));
-  }
-  if (options.video) {
-    const auto when_behind = options.pace == Pace::kRealtime ? VideoWriter::WhenBehind::kDropPictures
-                                                             : VideoWriter::WhenBehind::kWait;
-    auto video = VideoWriter::open(*options.video, camera, when_behind);
-    if (!video) return tl::unexpected(video.error());
-    outputs.video = std::move(*video);
-  }
-  return outputs;
-}
-
 std::filesystem::path path_of_found_camera(const TrackOptions& options) {
   return options.saved_calibration.value_or("cairn-camera-" + options.name + ".yaml");
 }
@@ -237,25 +196,6 @@ Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& c
   if (std::filesystem::exists(path, unknown))
     log->info("{} will be replaced once the camera is known", path.string());
   return {};
-}
-
-/// Completes the files; the first error, after all have been tried.
-Status close_outputs(Outputs& outputs, const RunStats& stats, const SessionStatus& session,
-                     const TrackOptions& options, const Logger& log) {
-  Status status;
-  if (outputs.video) {
-    status = outputs.video->finish();
-    if (const size_t dropped = outputs.video->pictures_dropped(); dropped > 0) {
-      log->info("{}: {} pictures left out, tracking went first", options.video->string(), dropped);
-    }
-  }
-  if (outputs.stats.is_open()) {
-    outputs.stats << stats.to_json(session.bytes_sent, session.bytes_received);
-    outputs.stats.close();
-    if (!outputs.stats && status) status = fail(ErrorCode::kIo, cannot_be_written(*options.stats));
-  }
-  if (outputs.trajectory && status) status = outputs.trajectory->status();
-  return status;
 }
 
 /// Whether what a recording needs came before its first frame. A live camera does not wait; a recording would
@@ -339,7 +279,11 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   Result<std::vector<TimedLabel>> labels;
   if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
   if (!labels) return tl::unexpected(labels.error());
-  if (auto status = check_outputs(options); !status) return tl::unexpected(status.error());
+  const bool keeps_camera = !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration);
+  const auto calibration = options.calibration ? options.calibration : find_calibration(options.source);
+  const auto found_camera = keeps_camera ? std::optional(path_of_found_camera(options)) : std::nullopt;
+  if (auto status = check_outputs(options, calibration, found_camera); !status)
+    return tl::unexpected(status.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   log->info("camera: {}", describe_camera(camera->parameters()));
   auto session = Session::open(session_options(options, chosen->sigma), camera, log);
@@ -350,17 +294,31 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              log,
              signals,
              camera,
-             !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration),
+             keeps_camera,
              std::move(ahead),
              std::move(*session),
              std::move(viewer),
              std::move(*labels)};
 }
 
-/// Of the end, when frames were tracked: whether what was asked for is there. Logged where it is not.
-int judge(const Run& run, const RunStats& stats, const Status& kept) {
-  if (!kept && !run.options.saved_calibration) run.log->warn("{}", kept.error().message);
-  if (!kept && run.options.saved_calibration) return report_error(kept.error(), run.log);
+/// What came of a run that ended.
+struct Ending {
+  Status closed;        ///< its files
+  Status kept;          ///< its camera, if that was to be found out
+  bool at_end = false;  ///< of the source, or quit in the window; else interrupted
+};
+
+/// The exit code. What did not work is logged.
+int judge(const Run& run, const RunStats& stats, const SessionStatus& session, const Ending& ending) {
+  if (!ending.closed) return report_error(ending.closed.error(), run.log);
+  if (!ending.kept && !run.options.saved_calibration) run.log->warn("{}", ending.kept.error().message);
+  const int kept =
+      !ending.kept && run.options.saved_calibration ? report_error(ending.kept.error(), run.log) : 0;
+  if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
+  if (!ending.at_end) return kInterruptedExit;
+  if (session.link == ServerLink::kConnecting)
+    return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
+  if (kept != 0) return kept;
   const size_t undecodable = stats.frames_total() - stats.frames_decoded();
   if (!run.source->is_live() && 2 * undecodable > stats.frames_total()) {
     return report_error(
@@ -371,8 +329,20 @@ int judge(const Run& run, const RunStats& stats, const Status& kept) {
   return 0;
 }
 
+/// The last words of a run whose poses are not what was asked for; a script notices by the exit code.
+int tell_shortfall(const Run& run, const RunStats& stats, const std::string& why_no_map, int outcome) {
+  const auto shortfall = stats.shortfall(why_no_map);
+  if (!shortfall) {
+    if (!why_no_map.empty()) run.log->warn("the run ends without a map: {}", why_no_map);
+    return outcome;
+  }
+  run.log->error("{}", *shortfall);
+  return outcome == 0 && run.options.trajectory ? kNoPosesExit : outcome;
+}
+
 int track(Run& run) {
-  auto outputs = open_outputs(run.options, run.camera, run.log);
+  const auto stop = [&run] { return run.stop_requested(); };
+  auto outputs = RunOutputs::open(run.options, run.camera, stop, run.log);
   if (!outputs) return report_error(outputs.error(), run.log);
   TrackerAdapter tracker(run.camera, tracker_options(run.options));
   SessionAdapter link(*run.session);
@@ -380,8 +350,7 @@ int track(Run& run) {
   RunStats stats(run.options.stats ? RunStats::FrameList::kKept : RunStats::FrameList::kLeftOut);
   Narrator narrator(run.log, clock, run.source->frame_count());
   std::vector<FrameObserver*> observers = {&stats};
-  if (outputs->trajectory) observers.push_back(outputs->trajectory.get());
-  if (outputs->video) observers.push_back(outputs->video.get());
+  for (FrameObserver* output : outputs->observers()) observers.push_back(output);
   if (run.viewer) observers.push_back(run.viewer.get());
   std::optional<LabelPlacer> placer;
   if (run.options.labels)
@@ -413,22 +382,17 @@ int track(Run& run) {
   }
   narrator.finish();
   if (placer) placer->finish();
-  const Status kept = keeper ? keeper->finish() : Status();
+  const Status kept = keeper ? keeper->finish(stop) : Status();
 
   const auto session = link.status();
-  const auto closed = close_outputs(*outputs, stats, session, run.options, run.log);
+  const auto closed = outputs->close(stats, session.bytes_sent, session.bytes_received);
   if (stats.frames_decoded() > 0) {
     for (const auto& line : stats.summary_lines()) run.log->info("{}", line);
   }
   if (!finished) return report_error(finished.error(), run.log);
-  if (!closed) return report_error(closed.error(), run.log);
-  const int verdict = judge(run, stats, kept);
-  if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
-  if (!*finished && !quit) return kInterruptedExit;
-  if (session.link == ServerLink::kConnecting) {
-    return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
-  }
-  return verdict;
+  const int outcome = judge(run, stats, session, {closed, kept, *finished || quit});
+  if (session.link == ServerLink::kRefused || session.link == ServerLink::kConnecting) return outcome;
+  return tell_shortfall(run, stats, narrator.why_no_map(), outcome);
 }
 
 }  // namespace

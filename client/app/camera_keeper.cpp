@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/camera_keeper.h"
 
+#include <chrono>
 #include <fstream>
 
 #include "common/io/calibration.h"
 #include "common/io/text.h"
 
 namespace cairn {
+namespace {
+
+constexpr std::chrono::milliseconds kSlice(100);  ///< how long a request to stop may go unheard
+
+}  // namespace
 
 Status check_writable(const std::filesystem::path& path) {
   std::error_code unknown;
@@ -26,17 +32,21 @@ void CameraKeeper::on_camera(const CameraNews& news) {
   latest_ = news;
   if (!news.frozen) return;
   const std::string how = "found out by cairn-track while a map grew: " + describe(news);
-  written_ = write_calibration_kalibr(path_, news.camera->parameters(), how);
-  if (written_)
-    log_->info("camera written to {}; next time: --calibration {}", path_.string(), path_.string());
+  written_ = std::async(std::launch::async, [path = path_, log = log_, camera = news.camera, how] {
+    Status written = write_calibration_kalibr(path, camera->parameters(), how);
+    if (written) log->info("camera written to {}; next time: --calibration {}", path.string(), path.string());
+    return written;
+  });
 }
 
-Status CameraKeeper::finish() const {
+Status CameraKeeper::finish(const std::function<bool()>& stop_requested) {
   if (!latest_ || !latest_->frozen) {
     return fail(ErrorCode::kDegenerate, "the camera is not known well enough, none was written: " +
                                             (latest_ ? describe(*latest_) : "no map was made long enough"));
   }
-  return written_;
+  // Whoever asks hears the first signal, and the second then has its default effect.
+  while (written_.wait_for(kSlice) != std::future_status::ready) (void)stop_requested();
+  return written_.get();
 }
 
 }  // namespace cairn

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
+#include <future>
 #include <optional>
 
 #include "client/app/frame_observer.h"
@@ -13,20 +15,21 @@ namespace cairn {
 /// Whether a file could be written there; leaves what is there as it is, and what is no file unasked.
 [[nodiscard]] Status check_writable(const std::filesystem::path& path);
 
-/// Writes a camera that was found out as Kalibr's yaml, when it is known.
+/// Writes a camera that was found out as Kalibr's yaml, when it is known, in a thread of its own.
 class CameraKeeper final : public FrameObserver {
  public:
   CameraKeeper(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
 
   void on_camera(const CameraNews& news) override;
-  /// After a run. Errors: kDegenerate, the camera is not known; kIo, it is, but could not be written.
-  [[nodiscard]] Status finish() const;
+  /// After a run; asks `stop_requested` while it waits. Errors: kDegenerate, the camera is not known; kIo, it
+  /// is, but could not be written. Call once.
+  [[nodiscard]] Status finish(const std::function<bool()>& stop_requested);
 
  private:
   const std::filesystem::path path_;
   Logger log_;
   std::optional<CameraNews> latest_;
-  Status written_;
+  std::future<Status> written_;  ///< valid once the camera is known
 };
 
 }  // namespace cairn

@@ -14,39 +14,45 @@
 #include "client/app/stop_signal.h"
 #include "client/app/track_options.h"
 #include "common/base/log.h"
+#include "common/base/result.h"
 
 namespace {
 
+/// Before signals are questions: who reads our help and hangs can be interrupted.
 int leave(const cairn::ParseExit& exit) {
   std::fputs(exit.text.c_str(), exit.code == 0 ? stdout : stderr);
-  return exit.code;
+  return std::fflush(stdout) == 0 ? exit.code : cairn::exit_code(cairn::ErrorCode::kIo);
 }
 
-int calibrate(std::vector<std::string> arguments, cairn::StopSignal& stop) {
+int calibrate(std::vector<std::string> arguments) {
   const auto parsed = cairn::parse_calibrate_options(std::move(arguments));
   if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) return leave(*exit);
+  cairn::StopSignal stop;  // before any thread
   const auto& options = std::get<cairn::CalibrateOptions>(parsed);
   const auto log = cairn::make_logger("cairn-track", options.verbosity);
   return cairn::run_calibrate(options, log, [&stop] { return stop.requested(); });
+}
+
+int track(const std::vector<std::string>& arguments) {
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
+  auto parsed = cairn::parse_track_options(arguments, host.data(), getpid());
+  if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) return leave(*exit);
+  cairn::StopSignal stop;  // before any thread
+  const auto& options = std::get<cairn::TrackOptions>(parsed);
+  const auto log = cairn::make_logger("cairn-track", options.verbosity);
+  return cairn::run_tracker(
+      options, log, {[&stop] { return stop.requested(); }, [&stop] { return stop.new_map_requested(); }});
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
-    cairn::StopSignal stop;  // before any thread
-    std::array<char, 256> host{};
-    if (gethostname(host.data(), host.size() - 1) != 0) host[0] = '\0';
     const std::vector<std::string> arguments(argv + 1, argv + argc);
-    if (!arguments.empty() && arguments.front() == "calibrate") {
-      return calibrate({arguments.begin() + 1, arguments.end()}, stop);
-    }
-    auto parsed = cairn::parse_track_options(arguments, host.data(), getpid());
-    if (const auto* exit = std::get_if<cairn::ParseExit>(&parsed)) return leave(*exit);
-    const auto& options = std::get<cairn::TrackOptions>(parsed);
-    const auto log = cairn::make_logger("cairn-track", options.verbosity);
-    return cairn::run_tracker(
-        options, log, {[&stop] { return stop.requested(); }, [&stop] { return stop.new_map_requested(); }});
+    if (!arguments.empty() && arguments.front() == "calibrate")
+      return calibrate({arguments.begin() + 1, arguments.end()});
+    return track(arguments);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cairn-track: internal error: %s\n", error.what());
     return 1;

@@ -3,7 +3,6 @@
 
 #include <unistd.h>
 
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <map>
@@ -13,10 +12,13 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::seconds kProgressPeriod(1);
+constexpr size_t kProgressBytes = 4096;  ///< of lines that a terminal has not yet taken
 
-bool stderr_is_terminal() {
+/// Null where stderr is no terminal, or one that cannot erase a line.
+std::unique_ptr<StreamWriter> open_terminal() {
   const char* term = std::getenv("TERM");
-  return isatty(STDERR_FILENO) == 1 && (term == nullptr || std::strcmp(term, "dumb") != 0);
+  const bool erases = isatty(STDERR_FILENO) == 1 && (term == nullptr || std::strcmp(term, "dumb") != 0);
+  return erases ? StreamWriter::of_descriptor(STDERR_FILENO, "terminal", kProgressBytes) : nullptr;
 }
 
 std::string map_text(const FrameReport& report) {
@@ -29,7 +31,7 @@ std::string map_text(const FrameReport& report) {
 }  // namespace
 
 Narrator::Narrator(Logger log, const PaceClock& clock, std::optional<size_t> frame_count)
-    : log_(std::move(log)), clock_(clock), frame_count_(frame_count), on_terminal_(stderr_is_terminal()) {}
+    : log_(std::move(log)), clock_(clock), frame_count_(frame_count), terminal_(open_terminal()) {}
 
 void Narrator::on_frame(const FrameReport& report) {
   number_ = report.number;
@@ -92,12 +94,11 @@ std::string Narrator::progress_text(const FrameReport& report, std::optional<siz
 
 void Narrator::show_progress(const FrameReport& report) {
   const auto text = progress_text(report, frame_count_, dropped_);
-  if (!on_terminal_) {
+  if (!terminal_) {
     log_->info("{}", text);
   } else if (log_->should_log(spdlog::level::info)) {
     // Erased first and left with the cursor at its start, so that whatever is logged next replaces it.
-    std::fprintf(stderr, "\r\x1b[K%s\r", text.c_str());
-    std::fflush(stderr);
+    (void)terminal_->write("\r\x1b[K" + text + "\r");
   }
 }
 
@@ -174,13 +175,13 @@ void Narrator::on_start_over(const StartOverReport& report) {
 }
 
 void Narrator::finish() {
-  if (on_terminal_ && last_progress_) std::fputs("\r\x1b[K", stderr);
-  if (map_ || why_no_map_.empty()) return;
-  if (seed_waits_) {
-    log_->warn("no map: one was proposed, but the server never answered ({})", server_text_);
-    return;
-  }
-  log_->warn("{}: {}", map_seen_ ? "in a map, never tracked" : "no map", why_no_map_);
+  if (terminal_ && last_progress_) (void)terminal_->write("\r\x1b[K");
+}
+
+std::string Narrator::why_no_map() const {
+  if (map_) return {};
+  if (seed_waits_) return "a map was proposed, but the server never answered (" + server_text_ + ")";
+  return why_no_map_;
 }
 
 }  // namespace cairn

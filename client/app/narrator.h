@@ -3,12 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "client/app/frame_observer.h"
 #include "common/base/log.h"
+#include "common/base/stream_writer.h"
 #include "common/map/ids.h"
 
 namespace cairn {
@@ -31,8 +33,10 @@ class Narrator final : public FrameObserver {
   void on_unsettled(size_t frame_number) override;
   void on_start_over(const StartOverReport& report) override;
 
-  /// Ends the progress line. After a run without a map: says why, as far as the tracker and the server told.
+  /// Ends the progress line.
   void finish();
+  /// After a run that ended in no map: why, as far as the tracker and the server told; else empty.
+  [[nodiscard]] std::string why_no_map() const;
 
   /// "frame 120/600 tracking, 412/530 points, map of 7 keyframes, 1890 points, 6.1 ms"
   [[nodiscard]] static std::string progress_text(const FrameReport& report, std::optional<size_t> frame_count,
@@ -48,7 +52,8 @@ class Narrator final : public FrameObserver {
   Logger log_;
   const PaceClock& clock_;
   const std::optional<size_t> frame_count_;
-  const bool on_terminal_;
+  const std::unique_ptr<StreamWriter>
+      terminal_;  ///< stderr, where it is one that can erase a line; else null
   std::optional<PaceClock::TimePoint> last_progress_;
   size_t number_ = 0;  ///< of the last frame
   size_t dropped_ = 0;

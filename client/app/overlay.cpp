@@ -15,6 +15,7 @@ namespace cairn {
 namespace {
 
 constexpr int kReadableWidth = 640;  ///< [px] below this the picture is enlarged
+constexpr int kMostEnlarged = 4096;  ///< [px] height to which a narrow picture may grow by that
 constexpr int kStatusRow = 22;       ///< [px] height of a status line
 constexpr int kStatusRows = 2;
 constexpr int kTextMargin = 6;  ///< [px]
@@ -59,6 +60,11 @@ double round_step(double value) {
   return decade * (mantissa >= 5 ? 5 : mantissa >= 2 ? 2 : 1);
 }
 
+int scale_of(const Camera& camera) {
+  const int readable = (kReadableWidth + camera.width() - 1) / camera.width();
+  return std::clamp(kMostEnlarged / camera.height(), 1, readable);
+}
+
 }  // namespace
 
 OverlayFrame make_overlay_frame(const FrameReport& report) {
@@ -92,8 +98,7 @@ OverlayFrame make_overlay_frame(const FrameReport& report) {
   return frame;
 }
 
-Overlay::Overlay(CameraPtr camera)
-    : camera_(std::move(camera)), scale_((kReadableWidth + camera_->width() - 1) / camera_->width()) {
+Overlay::Overlay(CameraPtr camera) : camera_(std::move(camera)), scale_(scale_of(*camera_)) {
   canvas_.create(size(), CV_8UC3);
   camera_area_ = canvas_(cv::Rect(0, 0, camera_->width() * scale_, camera_->height() * scale_));
 }
@@ -101,7 +106,7 @@ Overlay::Overlay(CameraPtr camera)
 cv::Size Overlay::size() const {
   const int width = camera_->width() * scale_;
   const int height = camera_->height() * scale_ + kStatusRows * kStatusRow;
-  return {width / 2 * 2, (height + 1) / 2 * 2};  // video codecs want even sides
+  return {(width + 1) / 2 * 2, (height + 1) / 2 * 2};  // video codecs want even sides
 }
 
 const cv::Mat& Overlay::draw(const OverlayFrame& frame, const OverlayStyle& style) {

@@ -55,7 +55,8 @@ struct OverlayStyle {
 /// map's labels, and two status lines below. Deterministic; used from one thread.
 class Overlay {
  public:
-  /// Small pictures are enlarged by a whole number, so that the status lines can be read.
+  /// Small pictures are enlarged by a whole number, so that the status lines can be read. A picture of an odd
+  /// width gets one dark column more.
   explicit Overlay(CameraPtr camera);
 
   /// Of every picture drawn [px].

@@ -191,6 +191,33 @@ TEST(Overlay, SmallPicturesAreEnlargedToAReadableWidth) {
   EXPECT_EQ(overlay.draw(plain_frame(*camera)).size(), overlay.size());
 }
 
+TEST(Overlay, PicturesOfAnySizeAreShownWholeOnEvenSides) {
+  for (const auto& [width, height] : {std::pair(1, 1),
+                                      {1, 480},
+                                      {1, 4096},
+                                      {2, 3},
+                                      {319, 241},
+                                      {639, 480},
+                                      {641, 16},
+                                      {1241, 376},
+                                      {4095, 1}}) {
+    const auto camera = test_camera(width, height);
+    Overlay overlay(camera);
+    auto frame = plain_frame(*camera);
+    auto white = std::make_shared<GrayImage>(width, height);
+    for (int y = 0; y < height; ++y) std::fill_n(white->row(y), width, uint8_t{255});
+    frame.image = std::move(white);
+    const cv::Mat& picture = overlay.draw(frame);
+    ASSERT_EQ(picture.size(), overlay.size());
+    EXPECT_EQ(picture.cols % 2, 0);
+    EXPECT_EQ(picture.rows % 2, 0);
+    EXPECT_LE(picture.cols, width * overlay.scale() + 1);
+    EXPECT_LE(picture.rows, std::max(height, 4096) + 64);
+    const cv::Rect shown(0, 0, width * overlay.scale(), height * overlay.scale());
+    EXPECT_EQ(cv::mean(picture(shown))[0], 255) << width << "x" << height;
+  }
+}
+
 class VideoTest : public ::testing::Test {
  protected:
   /// Pictures in a file and its rate.
@@ -230,6 +257,31 @@ TEST_F(VideoTest, FewFramesMakeAVideoAndNoneAnEmptyFile) {
   auto none = VideoWriter::open(directory_ / "none.mp4", camera_, VideoWriter::WhenBehind::kWait);
   ASSERT_TRUE(none);
   EXPECT_TRUE((*none)->finish());
+}
+
+TEST_F(VideoTest, PicturesOfAnySizeMakeAVideo) {
+  for (const auto& [width, height] : {std::pair(1, 1), {1, 1000}, {641, 16}, {1241, 377}, {4096, 1}}) {
+    const auto camera = test_camera(width, height);
+    for (const char* name : {"a.mp4", "a.avi", "a.mkv"}) {
+      auto writer = VideoWriter::open(directory_ / name, camera, VideoWriter::WhenBehind::kWait);
+      ASSERT_TRUE(writer);
+      for (int i = 0; i < 2; ++i) (*writer)->push(plain_frame(*camera, 40 * i));
+      const auto status = (*writer)->finish();
+      EXPECT_TRUE(status) << width << "x" << height << ": " << status.error().message;
+      EXPECT_EQ(read(directory_ / name).first, 2) << name << " " << width << "x" << height;
+    }
+  }
+}
+
+/// A picture that is not the camera's cannot be drawn: stands for whatever OpenCV may throw.
+TEST_F(VideoTest, WhatTheEncoderThrowsIsAnErrorOfTheFileAndHoldsNobodyUp) {
+  auto writer = VideoWriter::open(directory_ / "a.mp4", camera_, VideoWriter::WhenBehind::kWait);
+  ASSERT_TRUE(writer);
+  for (int i = 0; i < 100; ++i) (*writer)->push(plain_frame(*test_camera(100, 100), 40 * i));
+  const auto status = (*writer)->finish();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kIo);
+  EXPECT_NE(status.error().message.find("a.mp4"), std::string::npos) << status.error().message;
 }
 
 TEST_F(VideoTest, AJumpOfTheStampsIsACut) {

@@ -222,6 +222,21 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
   return json.dump(1) + "\n";
 }
 
+std::optional<std::string> RunStats::shortfall(const std::string& why_no_map) const {
+  if (frames_decoded() == 0) return std::nullopt;  // the source's fault, which it tells
+  if (tracked() == 0) {
+    const std::string what = first_map_frame_ ? "the run was in a map and never tracked: no frame has a pose"
+                                              : "the run ends without a map: no frame has a pose";
+    return why_no_map.empty() ? what : what + "; " + why_no_map;
+  }
+  const size_t dropped = count(FrameState::kDropped) - undecodable_;
+  if (2 * dropped <= frames_total_) return std::nullopt;
+  return fmt::format(
+      "most frames were dropped, {} of {}: they came faster than this machine tracks them; --pace max takes "
+      "every frame of a recording, smaller pictures or a lower rate suit a camera",
+      dropped, frames_total_);
+}
+
 std::vector<std::string> RunStats::summary_lines() const {
   std::vector<std::string> lines;
   const size_t dropped = count(FrameState::kDropped) - undecodable_;

@@ -61,6 +61,10 @@ class RunStats final : public FrameObserver {
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.
   [[nodiscard]] std::vector<std::string> summary_lines() const;
 
+  /// Why the poses of this run are not what was asked for: no frame was tracked (`why_no_map` is the reason
+  /// as far as it was told), or most were dropped. Nothing where they are.
+  [[nodiscard]] std::optional<std::string> shortfall(const std::string& why_no_map) const;
+
   [[nodiscard]] size_t frames_total() const { return frames_total_; }
   [[nodiscard]] size_t frames_decoded() const { return frames_total_ - undecodable_; }
   [[nodiscard]] std::optional<size_t> first_map_frame() const { return first_map_frame_; }

@@ -232,5 +232,27 @@ TEST(StageClock, CountsTheThreadsProcessorTimeOfAStageAndStartsAgain) {
   EXPECT_EQ(clock.take()[static_cast<size_t>(Stage::kFine)].count(), 0);
 }
 
+TEST_F(StatsTest, ARunThatBroughtNoPosesOrDroppedMostSaysSo) {
+  EXPECT_FALSE(stats_.shortfall("why"));  // no frame at all is the source's fault
+  add(FrameState::kStarting);
+  EXPECT_THAT(stats_.shortfall("too little parallax").value_or(""),
+              ::testing::AllOf(::testing::HasSubstr("without a map"), ::testing::HasSubstr("parallax")));
+  add(FrameState::kLost);
+  EXPECT_THAT(stats_.shortfall("").value_or(""), ::testing::HasSubstr("never tracked"));
+  add(FrameState::kPoor, desk_);
+  EXPECT_FALSE(stats_.shortfall("why"));
+  for (int i = 0; i < 3; ++i) drop();
+  EXPECT_FALSE(stats_.shortfall(""));  // half is not most
+  drop();
+  EXPECT_THAT(stats_.shortfall("").value_or(""), ::testing::HasSubstr("4 of 7"));
+}
+
+TEST_F(StatsTest, FramesThatCouldNotBeDecodedAreNotDroppedOnes) {
+  add(FrameState::kTracking, desk_);
+  const std::string reason = "damaged";
+  for (size_t i = 1; i < 10; ++i) stats_.on_undecodable({i, reason});
+  EXPECT_FALSE(stats_.shortfall(""));
+}
+
 }  // namespace
 }  // namespace cairn

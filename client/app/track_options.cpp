@@ -31,8 +31,10 @@ constexpr const char* kFooter =
     "Sources: tum:DIR, euroc:DIR, images:DIR?fps=30, video:FILE?times=FILE, v4l2:/dev/video0?size=640x480, "
     "sim:SCENARIO?seed=1\n"
     "A builder begins a new map when it gets SIGUSR1 (kill -USR1); who makes no maps looks for one again.\n"
-    "Exit codes: 0 ok, 1 internal error, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, "
-    "130 interrupted\n\n"
+    "Outputs may be pipes: what nobody reads is left out, the run goes on and ends with 3.\n"
+    "Exit codes: 0 ok; 1 a trajectory was asked for and no frame was tracked, or most were dropped; also an "
+    "internal error; 2 usage, 3 configuration or a file, 4 no server, 5 refused, 6 damaged data, 130 "
+    "interrupted\n\n"
     "Examples:\n"
     "  cairn-track --source v4l2:/dev/video0 --calibration camera.txt --video desk.mp4\n"
     "  cairn-track --source tum:recording --pace lockstep --trajectory poses.txt --stats stats.json";
@@ -118,7 +120,9 @@ void declare(CLI::App& app, Words& words) {
       ->capture_default_str();
   app.add_option("--seed", options.seed, "of all random choices")->check(check_seed)->capture_default_str();
   app.add_flag("--headless", options.headless, "no window, also where there is a display");
-  app.add_option("--trajectory", words.trajectory, "writes TUM rows")->type_name("FILE");
+  app.add_option("--trajectory", words.trajectory,
+                 "writes TUM rows; exit code 1 where there is no map or most frames are dropped")
+      ->type_name("FILE");
   app.add_option("--stats", words.stats, "writes JSON")->type_name("FILE");
   app.add_option("--video", words.video, "writes the picture with the tracker's view (.mp4, .mkv, .avi)")
       ->type_name("FILE");

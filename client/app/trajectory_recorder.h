@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
 #include <utility>
 
 #include "client/app/frame_observer.h"
@@ -20,20 +21,21 @@ class TrajectoryRecorder final : public FrameObserver {
     if (!is_tracked(report.state)) return;
     const auto& result = report.result;
     const bool named = report.snapshot && report.snapshot->map == result.map;
-    auto written = writer_.append(result.map, named ? report.snapshot->name : std::string(),
-                                  {report.frame.time, result.camera_from_map.inverse()});
-    if (written || !status_) return;
-    status_ = std::move(written);
-    log_->error("{}; going on", status_.error().message);
+    const auto written = writer_.append(result.map, named ? report.snapshot->name : std::string(),
+                                        {report.frame.time, result.camera_from_map.inverse()});
+    if (!written && !std::exchange(is_told_, true)) log_->error("{}; going on", written.error().message);
   }
 
-  /// The first error in writing, e.g. a full disk.
-  [[nodiscard]] const Status& status() const { return status_; }
+  /// Waits for the rows that are not yet written, for a reader of a pipe only for a while. An error where any
+  /// is missing. Call once, after the last frame.
+  [[nodiscard]] Status finish(const std::function<bool()>& stop_requested) {
+    return writer_.finish({}, stop_requested);
+  }
 
  private:
   TrajectoryWriter writer_;
   Logger log_;
-  Status status_;
+  bool is_told_ = false;
 };
 
 }  // namespace cairn

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
+#include <exception>
 #include <fstream>
 #include <utility>
 
@@ -14,9 +16,10 @@ namespace cairn {
 namespace {
 
 constexpr size_t kQueueFrames = 16;
-constexpr size_t kFramesForRate = 8;  ///< the rate is taken from the stamps of so many frames
-constexpr double kDefaultRate = 30;   ///< [Hz] for a single frame
-constexpr double kLongestStill = 2;   ///< [s] a longer gap of the stamps is a cut, not a pause
+constexpr std::chrono::milliseconds kSlice(100);  ///< how long a request to stop may go unheard
+constexpr size_t kFramesForRate = 8;              ///< the rate is taken from the stamps of so many frames
+constexpr double kDefaultRate = 30;               ///< [Hz] for a single frame
+constexpr double kLongestStill = 2;               ///< [s] a longer gap of the stamps is a cut, not a pause
 
 struct Codec {
   const char* ending;
@@ -47,24 +50,37 @@ double rate_of(const std::vector<OverlayFrame>& frames) {
 
 }  // namespace
 
-Status VideoWriter::check_ending(const std::filesystem::path& path) {
-  if (find_codec(path) != nullptr) return {};
-  return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
+Status VideoWriter::check_path(const std::filesystem::path& path) {
+  if (find_codec(path) == nullptr)
+    return fail(ErrorCode::kUsage, path.string() + ": a video file ends in .mp4, .mkv or .avi");
+  std::error_code unknown;
+  const auto type = std::filesystem::status(path, unknown).type();
+  const bool is_stream = type == std::filesystem::file_type::fifo ||
+                         type == std::filesystem::file_type::socket ||
+                         type == std::filesystem::file_type::character;
+  if (is_stream)
+    return fail(ErrorCode::kUsage,
+                path.string() +
+                    ": a video is written to a file, not to a pipe or device: its index goes back "
+                    "to the beginning; name a file");
+  return {};
 }
 
 Result<std::unique_ptr<VideoWriter>> VideoWriter::open(const std::filesystem::path& path, CameraPtr camera,
-                                                       WhenBehind when_behind) {
-  if (auto status = check_ending(path); !status) return tl::unexpected(status.error());
+                                                       WhenBehind when_behind, StopRequested stop_requested) {
+  if (auto status = check_path(path); !status) return tl::unexpected(status.error());
   if (!std::ofstream(path, std::ios::binary | std::ios::trunc)) {
     return fail(ErrorCode::kIo, cannot_be_written(path));
   }
   return std::unique_ptr<VideoWriter>(
-      new VideoWriter(path, std::move(camera), when_behind));  // NOLINT: private
+      new VideoWriter(path, std::move(camera), when_behind, std::move(stop_requested)));  // NOLINT: private
 }
 
-VideoWriter::VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind)
+VideoWriter::VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind,
+                         StopRequested stop_requested)
     : path_(std::move(path)),
       when_behind_(when_behind),
+      stop_requested_(std::move(stop_requested)),
       overlay_(std::move(camera)),
       thread_([this] { run(); }) {}
 
@@ -73,43 +89,64 @@ VideoWriter::~VideoWriter() {
 }
 
 void VideoWriter::push(OverlayFrame frame) {
+  const auto has_room = [this] { return done_ || queue_.size() < kQueueFrames; };
   std::unique_lock lock(mutex_);
-  if (when_behind_ == WhenBehind::kDropPictures && queue_.size() >= kQueueFrames) {
+  bool waits = when_behind_ == WhenBehind::kWait;
+  while (waits && !changed_.wait_for(lock, kSlice, has_room)) waits = !stop_requested_();
+  if (done_) return;  // finish() says why
+  if (!has_room()) {
     ++pictures_dropped_;
     return;
   }
-  changed_.wait(lock, [this] { return queue_.size() < kQueueFrames; });
   queue_.push_back(std::move(frame));
   changed_.notify_all();
 }
 
 Status VideoWriter::finish() {
-  {
-    const std::lock_guard lock(mutex_);
-    finishing_ = true;
-  }
+  std::unique_lock lock(mutex_);
+  finishing_ = true;
   changed_.notify_all();
+  // Whoever asks hears the first signal, and the second then has its default effect.
+  while (!changed_.wait_for(lock, kSlice, [this] { return done_; })) (void)stop_requested_();
+  lock.unlock();
   thread_.join();
   return status_;
 }
 
+/// What the encoder throws is a fault of the file, not of the program.
 void VideoWriter::run() {
-  while (true) {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return finishing_ || !queue_.empty(); });
-    if (queue_.empty()) break;
-    OverlayFrame frame = std::move(queue_.front());
-    queue_.pop_front();
-    changed_.notify_all();
-    lock.unlock();
-    if (file_.isOpened()) {
-      write(frame);
-    } else if (status_) {
-      first_frames_.push_back(std::move(frame));
-      if (first_frames_.size() >= kFramesForRate) status_ = open_file();
-    }
+  try {
+    encode();
+  } catch (const std::exception& error) {
+    status_ = fail(ErrorCode::kIo, path_.string() + ": cannot be encoded: " + error.what());
   }
-  if (!file_.isOpened() && status_ && !first_frames_.empty()) status_ = open_file();
+  const std::lock_guard lock(mutex_);
+  done_ = true;
+  queue_.clear();
+  changed_.notify_all();
+}
+
+std::optional<OverlayFrame> VideoWriter::next() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return finishing_ || !queue_.empty(); });
+  if (queue_.empty()) return std::nullopt;
+  OverlayFrame frame = std::move(queue_.front());
+  queue_.pop_front();
+  changed_.notify_all();
+  return frame;
+}
+
+void VideoWriter::encode() {
+  while (auto frame = next()) {
+    if (file_.isOpened()) {
+      write(*frame);
+      continue;
+    }
+    first_frames_.push_back(std::move(*frame));
+    if (first_frames_.size() < kFramesForRate) continue;
+    if (status_ = open_file(); !status_) return;
+  }
+  if (!file_.isOpened() && !first_frames_.empty()) status_ = open_file();
   if (!file_.isOpened()) return;
   file_.release();
   status_ = check_file();

@@ -5,9 +5,11 @@
 #include <cstddef>
 #include <deque>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <opencv2/videoio.hpp>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -24,14 +26,17 @@ class VideoWriter final : public FrameObserver {
  public:
   enum class WhenBehind : uint8_t {
     kDropPictures,  ///< realtime: tracking goes first
-    kWait,          ///< every frame gets its picture
+    kWait,          ///< every frame gets its picture, unless a stop is requested
   };
+  using StopRequested = std::function<bool()>;
 
-  /// Whether files of such a name (.mp4, .avi, .mkv) are written. Error: kUsage.
-  [[nodiscard]] static Status check_ending(const std::filesystem::path& path);
-  /// Checks the ending and that the file can be written. Errors: kUsage, kIo.
-  [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(const std::filesystem::path& path,
-                                                                 CameraPtr camera, WhenBehind when_behind);
+  /// Whether files of such a name (.mp4, .avi, .mkv) are written, and it is no pipe or device. Error: kUsage.
+  [[nodiscard]] static Status check_path(const std::filesystem::path& path);
+  /// Checks the ending and that the file can be written; `stop_requested` is asked wherever push() or
+  /// finish() wait. Errors: kUsage (also where `path` is no regular file: an encoder goes back in it), kIo.
+  [[nodiscard]] static Result<std::unique_ptr<VideoWriter>> open(
+      const std::filesystem::path& path, CameraPtr camera, WhenBehind when_behind,
+      StopRequested stop_requested = [] { return false; });
   /// As finish(), without a report.
   ~VideoWriter() override;
   VideoWriter(const VideoWriter&) = delete;
@@ -47,19 +52,24 @@ class VideoWriter final : public FrameObserver {
   [[nodiscard]] size_t pictures_dropped() const { return pictures_dropped_; }
 
  private:
-  VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind);
+  VideoWriter(std::filesystem::path path, CameraPtr camera, WhenBehind when_behind,
+              StopRequested stop_requested);
   void run();
+  [[nodiscard]] std::optional<OverlayFrame> next();
+  void encode();
   [[nodiscard]] Status open_file();
   [[nodiscard]] Status check_file() const;
   void write(const OverlayFrame& frame);
 
   const std::filesystem::path path_;
   const WhenBehind when_behind_;
+  const StopRequested stop_requested_;
 
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<OverlayFrame> queue_;  ///< guarded by mutex_
   bool finishing_ = false;          ///< guarded by mutex_
+  bool done_ = false;               ///< guarded by mutex_; nothing is taken from the queue any more
   size_t pictures_dropped_ = 0;     ///< guarded by mutex_
 
   // Of the thread.

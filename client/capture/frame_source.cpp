@@ -44,6 +44,19 @@ Result<std::unique_ptr<FrameSource>> open_source(std::string_view text) {
               "source '" + std::string(text) + "': no scheme '" + uri->scheme + ":'; there are " + names);
 }
 
+std::vector<std::filesystem::path> source_files(std::string_view text) {
+  const auto uri = parse_source_uri(text);
+  if (!uri) return {};
+  std::vector<std::filesystem::path> files;
+  const std::filesystem::path path(uri->path);
+  if (uri->scheme == "tum") files.push_back(path / "rgb.txt");
+  if (uri->scheme == "euroc") files.push_back(euroc_camera_folder(*uri) / "data.csv");
+  if (uri->scheme == "video") files.push_back(path);
+  if (const auto times = uri->options.find("times"); times != uri->options.end())
+    files.emplace_back(times->second);
+  return files;
+}
+
 std::optional<std::filesystem::path> find_calibration(std::string_view text) {
   const auto uri = parse_source_uri(text);
   if (!uri) return std::nullopt;

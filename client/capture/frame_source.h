@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/base/time.h"
@@ -55,6 +56,10 @@ class FrameSource {
 /// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kDamaged (lists that do
 /// not parse or are empty).
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_source(std::string_view uri);
+
+/// The files that a source reads beside its pictures: lists, time stamps, the video. Whether they are there
+/// is not looked at; none for what open_source() would refuse.
+[[nodiscard]] std::vector<std::filesystem::path> source_files(std::string_view uri);
 
 /// camera.txt beside the images or the video of a source, or sensor.yaml in a EuRoC folder, if there is one.
 [[nodiscard]] std::optional<std::filesystem::path> find_calibration(std::string_view uri);

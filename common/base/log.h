@@ -11,8 +11,10 @@ namespace cairn {
 using Logger = std::shared_ptr<spdlog::logger>;
 
 /// A logger that talks to stderr (data go to stdout), colour only on a terminal and never with NO_COLOR.
-/// `verbosity`: -1 quiet (warnings), 0 info, 1 debug. Thread-safe.
-[[nodiscard]] Logger make_logger(const std::string& process_name, int verbosity = 0);
+/// `verbosity`: -1 quiet (warnings), 0 info, 1 debug. Thread-safe. It never waits for the reader of a pipe or
+/// terminal: lines without room are left out and counted in the next one that has room; the last owner waits
+/// at most 1 s for a reader that takes nothing.
+[[nodiscard]] Logger make_logger(const std::string& process_name, int verbosity = 0, int descriptor = 2);
 
 /// Says nothing; the default for engines and tests.
 [[nodiscard]] Logger null_logger();

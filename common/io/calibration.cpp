@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/stream_writer.h"
 #include "common/geometry/camera_guess.h"
 #include "common/image/limits.h"
 #include "common/io/calibration_formats.h"
@@ -152,15 +153,16 @@ Status write_whole(const std::filesystem::path& path, const std::string& text) {
   std::error_code error;
   const bool replaces =
       !std::filesystem::exists(path, error) || std::filesystem::is_regular_file(path, error);
+  if (!replaces) return write_stream(path, text);
   auto staged = path;
-  if (replaces) staged += ".part";
+  staged += ".part";
   {
     std::ofstream file(staged, std::ios::binary | std::ios::trunc);
     file << text;
     file.flush();
     if (!file) return fail(ErrorCode::kIo, cannot_be_written(path));
   }
-  if (replaces) std::filesystem::rename(staged, path, error);
+  std::filesystem::rename(staged, path, error);
   if (error) return fail(ErrorCode::kIo, path.string() + ": cannot be written: " + error.message());
   return {};
 }

@@ -195,16 +195,16 @@ Result<Trajectory> read_trajectory(const std::filesystem::path& path) {
 }
 
 Result<TrajectoryWriter> TrajectoryWriter::open(const std::filesystem::path& path) {
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  if (!file) return fail(ErrorCode::kIo, cannot_be_written(path));
-  return TrajectoryWriter(path, std::move(file));
+  auto stream = StreamWriter::open(path);
+  if (!stream) return tl::unexpected(stream.error());
+  return TrajectoryWriter(std::move(*stream));
 }
 
 Status TrajectoryWriter::append(const MapId& map, std::string_view map_name, const StampedPose& pose) {
-  file_.clear();
+  std::string text;
   if (current_map_ != map) {
     const auto name = printable(map_name);
-    file_ << "# map " << to_hex(map.bytes) << (name.empty() ? "" : " ") << name << '\n';
+    text = "# map " + to_hex(map.bytes) + (name.empty() ? "" : " ") + name + '\n';
   }
   const auto& t = pose.map_from_camera.translation();
   Eigen::Quaterniond q = pose.map_from_camera.rotation();
@@ -213,11 +213,14 @@ Status TrajectoryWriter::append(const MapId& map, std::string_view map_name, con
   const int length =
       std::snprintf(row.data(), row.size(), "%s %.9f %.9f %.9f %.9f %.9f %.9f %.9f\n",
                     format_timestamp(pose.time).c_str(), t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w());
-  file_.write(row.data(), std::clamp<std::streamsize>(length, 0, row.size() - 1));
-  file_.flush();
-  if (!file_) return fail(ErrorCode::kIo, cannot_be_written(path_));
-  current_map_ = map;
-  return {};
+  text.append(row.data(), static_cast<size_t>(std::clamp<int>(length, 0, row.size() - 1)));
+  // The row of a map goes with the first pose that is not left out.
+  if (stream_->write(std::move(text))) current_map_ = map;
+  return stream_->status();
+}
+
+Status TrajectoryWriter::finish(DrainPatience patience, const std::function<bool()>& stop_requested) {
+  return stream_->finish(patience, stop_requested);
 }
 
 }  // namespace cairn

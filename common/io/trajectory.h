@@ -2,13 +2,15 @@
 #pragma once
 
 #include <filesystem>
-#include <fstream>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/base/stream_writer.h"
 #include "common/base/time.h"
 #include "common/geometry/se3.h"
 #include "common/map/ids.h"
@@ -45,23 +47,25 @@ struct Trajectory {
 /// name file and line: kNotFound, kIo, kDamaged (also for a file without a pose).
 [[nodiscard]] Result<Trajectory> read_trajectory(const std::filesystem::path& path);
 
-/// Writes a TUM trajectory row by row; each row is in the file when append() returns. Not thread-safe;
-/// movable.
+/// Writes a TUM trajectory row by row, in a thread of its own (StreamWriter): a disk that hangs or a pipe
+/// that nobody reads holds nobody up. Each row is in the file soon after append(). Not thread-safe; movable.
 class TrajectoryWriter {
  public:
   /// Truncates or creates the file. Error kIo.
   [[nodiscard]] static Result<TrajectoryWriter> open(const std::filesystem::path& path);
 
   /// Appends a row, and before it `# map ID NAME` when the map is not that of the row before. Time to the
-  /// nanosecond, 9 decimals, qw >= 0. Error kIo (disk full); the next call tries again.
-  [[nodiscard]] Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
+  /// nanosecond, 9 decimals, qw >= 0. The first fault so far, kIo (disk full, rows left out); the rows after
+  /// it are tried all the same.
+  Status append(const MapId& map, std::string_view map_name, const StampedPose& pose);
+  /// As StreamWriter::finish(). Without it, a regular file is completed by the destructor.
+  [[nodiscard]] Status finish(
+      DrainPatience patience = {}, const std::function<bool()>& stop_requested = [] { return false; });
 
  private:
-  TrajectoryWriter(std::filesystem::path path, std::ofstream file)
-      : path_(std::move(path)), file_(std::move(file)) {}
+  explicit TrajectoryWriter(std::unique_ptr<StreamWriter> stream) : stream_(std::move(stream)) {}
 
-  std::filesystem::path path_;
-  std::ofstream file_;
+  std::unique_ptr<StreamWriter> stream_;
   std::optional<MapId> current_map_;
 };
 

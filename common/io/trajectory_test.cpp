@@ -3,8 +3,12 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <chrono>
+#include <fstream>
 #include <random>
 #include <sstream>
+#include <thread>
 
 #include "common/io/test_directory.h"
 #include "common/io/text.h"
@@ -45,6 +49,7 @@ TEST_F(TrajectoryFile, WrittenPosesReadBack) {
                      SE3(q, Eigen::Vector3d(normal(random), normal(random), normal(random)))});
     ASSERT_TRUE(writer->append(map_id(1 + i / 100), "desk", poses.back()));
   }
+  ASSERT_TRUE(writer->finish());
   const auto read = read_trajectory(path_);
   ASSERT_TRUE(read) << read.error().message;
   ASSERT_EQ(read->segments.size(), 2u);
@@ -67,6 +72,7 @@ TEST_F(TrajectoryFile, RowsHaveExactlyEightFieldsAndAMapRowWheneverTheMapChanges
                          SE3(Eigen::Quaterniond(-1, 0, 0, 0), Eigen::Vector3d(1, -2, 3))};
   for (const int map : {1, 1, 2, 1})
     ASSERT_TRUE(writer->append(map_id(map), map == 2 ? "" : "my desk", pose));
+  ASSERT_TRUE(writer->finish());
   const std::string row = "0.033333333 1.000000000 -2.000000000 3.000000000 ";
   std::istringstream lines(written());
   std::vector<std::string> maps;
@@ -87,11 +93,15 @@ TEST_F(TrajectoryFile, RowsHaveExactlyEightFieldsAndAMapRowWheneverTheMapChanges
   EXPECT_THAT(maps, ::testing::ElementsAre(one, "# map 02020202020202020202020202020202", one));
 }
 
-TEST_F(TrajectoryFile, EachRowIsInTheFileWhenAppendReturns) {
+TEST_F(TrajectoryFile, EachRowIsInTheFileSoonAfterAppendWithoutBeingFlushed) {
   auto writer = TrajectoryWriter::open(path_);
   ASSERT_TRUE(writer);
   for (size_t n = 1; n <= 3; ++n) {
     ASSERT_TRUE(writer->append(map_id(1), "desk", {}));
+    const auto rows = [this] { return std::ranges::count(written(), '\n'); };
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (rows() < static_cast<ptrdiff_t>(n) + 1 && std::chrono::steady_clock::now() < deadline)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
     EXPECT_EQ(read_trajectory(path_)->pose_count(), n);
   }
 }
@@ -100,6 +110,7 @@ TEST_F(TrajectoryFile, AMapNameCannotForgeRows) {
   auto writer = TrajectoryWriter::open(path_);
   ASSERT_TRUE(writer);
   ASSERT_TRUE(writer->append(map_id(1), "a\n9 9 9 9 0 0 0 1\n", {}));
+  ASSERT_TRUE(writer->finish());
   const auto read = read_trajectory(path_);
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(read->pose_count(), 1u);
@@ -208,7 +219,11 @@ TEST_F(TrajectoryFile, AFullDiskIsAnError) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
   auto writer = TrajectoryWriter::open("/dev/full");
   ASSERT_TRUE(writer) << writer.error().message;
-  EXPECT_EQ(writer->append(map_id(1), "desk", {}).error().code, ErrorCode::kIo);
+  (void)writer->append(map_id(1), "desk", {});
+  const auto status = writer->finish();
+  ASSERT_FALSE(status);
+  EXPECT_EQ(status.error().code, ErrorCode::kIo);
+  EXPECT_THAT(status.error().message, HasSubstr("No space left"));
 }
 
 }  // namespace

@@ -4,9 +4,11 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cerrno>
 #include <cinttypes>
 #include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <ctime>
 #include <exception>
 #include <optional>
@@ -531,7 +533,9 @@ int run(int argc, char** argv) {
   }
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
   auto client = AdminClient::connect(options.connection);
-  const Status done = client ? action(&*client, options) : tl::unexpected(client.error());
+  Status done = client ? action(&*client, options) : tl::unexpected(client.error());
+  if (std::fflush(stdout) != 0 && done)
+    done = fail(ErrorCode::kIo, std::string("standard output: cannot be written: ") + std::strerror(errno));
   if (done) return 0;
   std::fprintf(stderr, "cairnctl: %s\n", done.error().message.c_str());
   return Interruption::requested() ? kInterruptedExit : exit_code(done.error().code);

@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <spdlog/fmt/fmt.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <exception>
-#include <fstream>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -11,6 +15,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/stream_writer.h"
 #include "common/wire/log_redirect.h"
 #include "common/wire/participant.h"
 #include "server/service/server_options.h"
@@ -33,8 +38,15 @@ sigset_t block_signals() {
   return signals;
 }
 
+/// A line on stderr. Whoever reads it is waited for 1 s at most: no signal is heard meanwhile.
+void say(const std::string& text) {
+  const auto words = cairn::StreamWriter::of_descriptor(STDERR_FILENO, "standard error");
+  (void)words->write("cairn-server: " + text + "\n");
+  (void)words->finish({std::chrono::milliseconds(1'000), std::chrono::milliseconds(1'000)});
+}
+
 int complain(const cairn::Error& error) {
-  std::fprintf(stderr, "cairn-server: %s\n", error.message.c_str());
+  say(error.message);
   return cairn::exit_code(error.code);
 }
 
@@ -65,40 +77,40 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
   if (options.store.empty()) {
-    std::fprintf(stderr,
-                 "cairn-server: maps are kept in memory only and end with it; --store DIR keeps them\n");
+    say("maps are kept in memory only and end with it; --store DIR keeps them");
   }
-  std::ofstream stats;
+  std::unique_ptr<cairn::StreamWriter> stats;
   if (!options.stats.empty()) {
-    stats.open(options.stats, std::ios::trunc);
-    if (!stats) return complain({cairn::ErrorCode::kIo, options.stats + ": cannot be written"});
+    auto opened = cairn::StreamWriter::open(options.stats);
+    if (!opened) return complain(opened.error());
+    stats = std::move(*opened);
   }
   cairn::WorkTimes work_times;
   service.work_times = &work_times;
   auto running = cairn::Service::start(service, log);
   if (!running) return complain(running.error());
-  std::fprintf(stderr, "cairn-server: ready on domain %d, UDP port %d, profile %s\n", options.domain,
-               int{cairn::wire::server_port(static_cast<uint32_t>(options.domain))}, options.profile.c_str());
+  say(fmt::format("ready on domain {}, UDP port {}, profile {}", options.domain,
+                  cairn::wire::server_port(static_cast<uint32_t>(options.domain)), options.profile));
   int signal = 0;
   sigwait(&signals, &signal);
   log->info("stopping");
   running->reset();
-  if (!stats.is_open()) return 0;
-  stats << work_times.to_json();
-  stats.close();
-  return stats ? 0 : complain({cairn::ErrorCode::kIo, options.stats + ": cannot be written"});
+  if (!stats) return 0;
+  (void)stats->write(work_times.to_json());
+  const auto complete = stats->finish();
+  return complete ? 0 : complain(complete.error());
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
-    const sigset_t signals = block_signals();  // before any thread
     const auto parsed = cairn::parse_server_options({argv + 1, argv + argc});
     if (const auto* exit = std::get_if<cairn::EarlyExit>(&parsed)) {
       std::fputs(exit->text.c_str(), exit->code == 0 ? stdout : stderr);
       return exit->code;
     }
+    const sigset_t signals = block_signals();  // before any thread
     return serve(std::get<cairn::ServerOptions>(parsed), signals);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "cairn-server: internal error: %s\n", error.what());

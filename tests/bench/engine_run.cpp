@@ -360,6 +360,7 @@ Status run(const Arguments& arguments) {
     auto file = TrajectoryWriter::open(arguments.keyframes);
     if (!file) return tl::unexpected(file.error());
     if (const auto written = engine->write_keyframes(&*file); !written) return written;
+    if (const auto written = file->finish(); !written) return written;
   }
   if (!arguments.bundle.empty()) return engine->write_global_problem(arguments.bundle);
   return {};

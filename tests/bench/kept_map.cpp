@@ -29,6 +29,7 @@ Status keep_map(const std::filesystem::path& folder, const std::string& name, co
   for (const StampedPose& p : poses) {
     if (Status done = writer->append(map, name, p); !done) return done;
   }
+  if (Status done = writer->finish(); !done) return done;
   const MapHeader header{map, name, Epoch{1}, false, {}};
   const auto file = MapFile::create(map_path(folder, name), header, {record, {}, {}, {}});
   if (!file) return tl::unexpected(file.error());

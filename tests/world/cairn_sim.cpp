@@ -16,10 +16,12 @@
 #include <map>
 #include <opencv2/imgcodecs.hpp>
 #include <regex>
+#include <sstream>
 #include <string>
 #include <system_error>
 #include <vector>
 
+#include "common/base/stream_writer.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "tests/world/annotation.h"
@@ -34,8 +36,10 @@ constexpr int kCheckFailed = 1;
 constexpr int kInterrupted = 130;
 
 std::atomic<bool> interrupted = false;  // the one thing that a signal handler may touch
-void on_interrupt(int /*signal*/) {
+/// The second one ends the process at once.
+void on_interrupt(int signal) {
   interrupted = true;
+  std::signal(signal, SIG_DFL);
 }
 
 struct RenderRequest {
@@ -125,6 +129,8 @@ Status render(const RenderRequest& request) {
   const bool is_terminal = isatty(STDERR_FILENO) != 0;
   const char* line_start = is_terminal ? "\r" : "";
   const char* line_end = is_terminal ? "" : "\n";
+  // Whoever hangs while reading this does not hold up the recording.
+  const auto progress = StreamWriter::of_descriptor(STDERR_FILENO, "standard error");
   int written = 0;
   for (; written < count && !interrupted; ++written) {
     const Timestamp time = simulator->time(written);
@@ -139,15 +145,19 @@ Status render(const RenderRequest& request) {
     list->flush();
     truth->flush();
     if (written % 30 != 29 && written + 1 != count) continue;
-    std::cerr << line_start << "frame " << written + 1 << " of " << count << line_end << std::flush;
+    std::ostringstream line;
+    line << line_start << "frame " << written + 1 << " of " << count << line_end;
+    (void)progress->write(line.str());
   }
-  if (is_terminal) std::cerr << '\n';
+  if (is_terminal) (void)progress->write("\n");
   if (!list->flush() || !truth->flush()) {
     return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
   }
   if (written < count) {
-    std::cerr << "cairn-sim: interrupted: " << request.directory.string() << " has " << written << " of "
-              << count << " frames\n";
+    std::ostringstream line;
+    line << "cairn-sim: interrupted: " << request.directory.string() << " has " << written << " of " << count
+         << " frames\n";
+    (void)progress->write(line.str());
     return {};
   }
   std::cout << request.directory.string() << '\n';

@@ -2,16 +2,19 @@
 #include "client/app/calibrate/calibrate.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <unistd.h>
 
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <vector>
 
 #include "client/app/calibrate/view_picker.h"
 #include "client/app/camera_keeper.h"
+#include "common/base/stream_writer.h"
 #include "common/io/calibration.h"
+#include "common/io/distinct_files.h"
 
 namespace cairn {
 namespace {
@@ -128,8 +131,8 @@ int report_error(const Error& error, const Logger& log) {
 
 /// Minutes before a camera are not to be lost to a file that could be written when they began.
 int print_instead(const std::string& yaml, const Error& error, const Logger& log) {
-  std::fputs(yaml.c_str(), stdout);
-  std::fflush(stdout);
+  const auto output = StreamWriter::of_descriptor(STDOUT_FILENO, "standard output");
+  if (!output->write(yaml) || !output->finish()) return report_error(error, log);
   return report_error(
       {error.code, error.message + "; the calibration is on stdout instead: save it from there"}, log);
 }
@@ -140,14 +143,16 @@ int draw(const CalibrateOptions& options, const Logger& log) {
   if (!picture) return report_error(picture.error(), log);
   const cv::Mat pixels(picture->height(), picture->width(), CV_8U, const_cast<uint8_t*>(picture->row(0)),
                        static_cast<size_t>(picture->stride()));
-  bool written = false;
+  std::vector<uint8_t> bytes;
   try {
-    written = cv::imwrite(options.draw->string(), pixels);
+    cv::imencode(options.draw->extension().string(), pixels, bytes);
   } catch (const cv::Exception&) {
-    written = false;
+    bytes.clear();
   }
-  if (!written)
+  if (bytes.empty())
     return report_error({ErrorCode::kIo, options.draw->string() + ": cannot be written; try .png"}, log);
+  if (const auto written = write_stream(*options.draw, {bytes.begin(), bytes.end()}); !written)
+    return report_error(written.error(), log);
   log->info("{}: print it, glue it to something flat and stiff, and leave a white margin",
             options.draw->string());
   return 0;
@@ -182,6 +187,10 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   if (options.draw) return draw(options, log);
   const auto board = make_board(options.board);
   if (!board) return report_error(board.error(), log);
+  std::vector<NamedFile> read;
+  for (const auto& path : source_files(options.source)) read.push_back({"--source", path});
+  if (const auto distinct = check_distinct({{"--out", options.out}}, read); !distinct)
+    return report_error(distinct.error(), log);
   if (const auto writable = check_writable(options.out); !writable) {
     return report_error({writable.error().code, writable.error().message + "; pass another --out FILE"}, log);
   }
