@@ -14,14 +14,13 @@
 #include "client/app/stop_signal.h"
 #include "client/app/track_options.h"
 #include "common/base/log.h"
-#include "common/base/result.h"
 
 namespace {
 
 /// Before signals are questions: who reads our help and hangs can be interrupted.
 int leave(const cairn::ParseExit& exit) {
   std::fputs(exit.text.c_str(), exit.code == 0 ? stdout : stderr);
-  return std::fflush(stdout) == 0 ? exit.code : cairn::exit_code(cairn::ErrorCode::kIo);
+  return exit.code;
 }
 
 int calibrate(std::vector<std::string> arguments) {

@@ -4,6 +4,7 @@
 
 programs_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
+import contextlib
 import json
 import os
 import pathlib
@@ -78,6 +79,33 @@ class ServerProcess:
         self.process.wait(timeout=LIMIT)
         self.reader.join(timeout=LIMIT)
         self.process.stderr.close()
+
+
+@contextlib.contextmanager
+def full_pipe():
+    """The end to write to, of a pipe that nobody reads."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(writer, bytes(4096))
+    os.set_blocking(writer, True)
+    try:
+        yield writer
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
+def await_blocked(process, wanted):
+    """Until it hears the signal as a question."""
+    deadline = time.monotonic() + LIMIT
+    while time.monotonic() < deadline and process.poll() is None:
+        status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
+        if int(re.search(r"SigBlk:\s*(\w+)", status)[1], 16) >> (wanted - 1) & 1:
+            return
+        time.sleep(0.01)
+    raise RuntimeError(f"{process.args[0]} does not block {wanted.name}")
 
 
 def slow_down(recording):
@@ -448,6 +476,50 @@ class Faults(OnTheDesk):
         self.assertEqual((stopped.communicate(timeout=LIMIT), stopped.returncode)[1], 130)
         for path, text in kept.items():
             self.assertEqual(path.read_text(), text)
+
+    def test_outputs_that_nobody_reads_cost_no_frame_and_no_signal(self):
+        """A trajectory into a pipe without a reader, statistics into one whose reader hangs, a log into a full one."""
+        for name in ("hung.txt", "hung.json"):
+            os.mkfifo(self.folder / name)
+        reader = os.open(self.folder / "hung.json", os.O_RDONLY | os.O_NONBLOCK)
+        with ServerProcess("-q") as server, full_pipe() as log:
+            run = subprocess.run(self.arguments(server, "hung", "--pace", "max"), stderr=log, timeout=LIMIT)
+            self.assertEqual(run.returncode, 3)
+            run = subprocess.Popen(self.arguments(server, "hung", "--pace", "realtime"), stderr=log)
+            await_blocked(run, signal.SIGTERM)
+            run.send_signal(signal.SIGTERM)
+            self.assertEqual(run.wait(timeout=LIMIT), 3)
+            with open("/dev/full", "w") as full:
+                done = subprocess.run(command("cairnctl", "--domain", server.domain, "status"), stdout=full, stderr=subprocess.PIPE,
+                                      text=True, timeout=LIMIT)
+                self.assertEqual(done.returncode, 3, done.stderr)
+        os.close(reader)
+
+    def test_a_server_whose_log_nobody_reads_hears_a_signal(self):
+        with full_pipe() as log:
+            server = subprocess.Popen(command("cairn-server", "--domain", FIRST_DOMAIN + DOMAINS - 1), stderr=log)
+            await_blocked(server, signal.SIGTERM)
+            server.send_signal(signal.SIGTERM)
+            self.assertEqual(server.wait(timeout=LIMIT), 0)
+
+    def test_a_run_without_a_map_says_so_last_and_is_no_success_where_a_trajectory_was_asked_for(self):
+        with ServerProcess("-q") as server:
+            _, said = self.track(server, "mapless", "--role", "reader", "--pace", "max", code=1)
+            self.assertIn("ends without a map", said.splitlines()[-1])
+            done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain, "--headless",
+                                          "--role", "reader", "--pace", "max"), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertIn("ends without a map", done.stderr.splitlines()[-1])
+
+    def test_two_outputs_into_one_file_are_refused_and_it_is_kept(self):
+        kept = self.folder / "once.txt"
+        kept.write_text("of an earlier run")
+        os.link(kept, self.folder / "twice.txt")
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--headless", "--trajectory", kept,
+                                      "--stats", self.folder / "twice.txt"), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertIn("--trajectory", done.stderr)
+        self.assertEqual(kept.read_text(), "of an earlier run")
 
     def test_a_recording_that_is_mostly_damaged_is_no_success(self):
         damaged = self.folder / "damaged"
