@@ -5,6 +5,7 @@
 
 #include "client/app/camera_keeper.h"
 #include "client/capture/frame_source.h"
+#include "common/io/calibration.h"
 #include "common/io/distinct_files.h"
 
 namespace cairn {
@@ -15,7 +16,7 @@ constexpr const char* kLog = "/proc/self/fd/2";
 std::vector<NamedFile> files_read(const TrackOptions& options,
                                   const std::optional<std::filesystem::path>& calibration) {
   std::vector<NamedFile> files;
-  if (calibration) files.push_back({"--calibration", *calibration});
+  if (calibration) files.push_back({"--calibration", calibration_file(*calibration)});
   if (options.labels) files.push_back({"--labels", *options.labels});
   for (const auto& path : source_files(options.source)) files.push_back({"--source", path});
   return files;

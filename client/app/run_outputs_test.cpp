@@ -28,7 +28,7 @@ class RunOutputsTest : public ::testing::Test {
     mkfifo((folder_ / "pipe.mkv").c_str(), 0600);
   }
   [[nodiscard]] Status check() const {
-    return check_outputs(options_, folder_ / "camera.txt", found_camera_);
+    return check_outputs(options_, folder_ / "camera.txt#cam1", found_camera_);
   }
   void track_a_frame(const std::vector<FrameObserver*>& observers) {
     const Frame frame = make_frame(0, at_ms(0));

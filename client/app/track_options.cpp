@@ -77,7 +77,8 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("URI");
   app.add_option(
          "--calibration", words.calibration,
-         "camera.txt, or a calibration of Kalibr, OpenCV, ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI or "
+         "camera.txt, or a calibration of Kalibr, OpenCV, ROS, ORB-SLAM, VINS, COLMAP, LSD-SLAM, DSO, KITTI "
+         "or "
          "PTAM; FILE#NAME takes one of several cameras; auto: focal length and k1 are found "
          "out while the map grows, from nothing or from a rough FILE. A FILE without distortion is believed "
          "to 0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")

@@ -169,6 +169,10 @@ Status write_whole(const std::filesystem::path& path, const std::string& text) {
 
 }  // namespace
 
+std::filesystem::path calibration_file(const std::filesystem::path& name) {
+  return split_camera(name).first;
+}
+
 Result<CameraParameters> read_calibration(const std::filesystem::path& name,
                                           std::optional<PictureSize> picture_size) {
   const auto [path, camera_name] = split_camera(name);

@@ -30,6 +30,8 @@ namespace cairn {
 /// camera can be, a principal point beside the picture, say) name file, line and remedy. Thread-safe.
 [[nodiscard]] Result<CameraParameters> read_calibration(const std::filesystem::path& path,
                                                         std::optional<PictureSize> picture_size = {});
+/// The file that read_calibration() reads for a name, which may be `FILE#NAME`.
+[[nodiscard]] std::filesystem::path calibration_file(const std::filesystem::path& name);
 
 /// A camera in words, for logs: "Kannala-Brandt fisheye, 640x480, f 320.1 320.3". Of what make_camera()
 /// takes.
