@@ -38,10 +38,12 @@ bool is_open_already(const std::filesystem::path& path) {
          text.starts_with("/proc/self/fd/");
 }
 
+constexpr int kWithoutWaiting = O_WRONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY;
+
 /// Without waiting for a reader. -1 and errno where it cannot be opened.
 int open_to_write(const std::filesystem::path& path) {
   const int how = is_open_already(path) ? O_APPEND : O_CREAT | O_TRUNC;
-  return ::open(path.c_str(), O_WRONLY | O_NONBLOCK | O_CLOEXEC | O_NOCTTY | how, kMode);
+  return ::open(path.c_str(), kWithoutWaiting | how, kMode);
 }
 
 bool has_mode(int found, mode_t wanted, const struct stat& about) {
@@ -85,8 +87,10 @@ std::unique_ptr<StreamWriter> StreamWriter::of_descriptor(int descriptor, std::s
     kind = Kind::kNonBlocking;
   }
   if (own < 0) own = fcntl(descriptor, F_DUPFD_CLOEXEC, 0);
-  return std::unique_ptr<StreamWriter>(
+  std::unique_ptr<StreamWriter> writer(
       new StreamWriter(std::move(name), own, kind, true, queue_bytes));  // NOLINT: private
+  writer->given_up_ = own < 0;
+  return writer;
 }
 
 StreamWriter::StreamWriter(std::string name, int descriptor, Kind kind, bool writes_directly,
@@ -176,7 +180,7 @@ void StreamWriter::step(std::unique_lock<std::mutex>& lock) {
   const std::string& row = queue_.front();  // stays where it is while others come behind it
   const size_t begin = front_written_;
   lock.unlock();
-  if (descriptor_ < 0) descriptor_ = open_to_write(name_);
+  if (descriptor_ < 0) descriptor_ = ::open(name_.c_str(), kWithoutWaiting);  // of open(), a FIFO
   const ssize_t count = descriptor_ < 0 ? -1 : write_some(row.data() + begin, row.size() - begin);
   const int error = errno;
   const bool is_full = count < 0 && error == EAGAIN;

@@ -210,6 +210,13 @@ TEST_F(StreamWriterTest, AFileOfTheProcessIsGoneOnWith) {
   close(file);
 }
 
+TEST_F(StreamWriterTest, AStreamThatIsClosedTakesNothing) {
+  auto writer = StreamWriter::of_descriptor(-1, path_.string());
+  EXPECT_FALSE(writer->write("a row"));
+  EXPECT_FALSE(writer->finish());
+  EXPECT_FALSE(std::filesystem::exists(path_));  // a name is no path
+}
+
 TEST_F(StreamWriterTest, WhatCannotBeOpenedIsToldWithItsReason) {
   const auto writer = StreamWriter::open(directory_.path() / "no" / "file");
   ASSERT_FALSE(writer);
