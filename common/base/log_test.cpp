@@ -8,19 +8,13 @@
 #include <array>
 #include <string>
 
+#include "common/base/test_pipe.h"
+
 namespace cairn {
 namespace {
 
 using ::testing::HasSubstr;
 using ::testing::StartsWith;
-
-std::string drained(int descriptor) {
-  std::string text;
-  std::array<char, 4096> part{};
-  for (ssize_t count = 0; (count = read(descriptor, part.data(), part.size())) > 0;)
-    text.append(part.data(), static_cast<size_t>(count));
-  return text;
-}
 
 class LogToAPipe : public ::testing::Test {
  protected:

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/base/test_pipe.h"
 #include "common/io/test_directory.h"
 
 namespace cairn {
@@ -34,15 +35,6 @@ std::string content_of(const std::filesystem::path& path) {
   std::ostringstream text;
   text << std::ifstream(path).rdbuf();
   return text.str();
-}
-
-/// What can be read of it now.
-std::string drained(int descriptor) {
-  std::string text;
-  std::array<char, 4096> part{};
-  for (ssize_t count = 0; (count = read(descriptor, part.data(), part.size())) > 0;)
-    text.append(part.data(), static_cast<size_t>(count));
-  return text;
 }
 
 class StreamWriterTest : public ::testing::Test {
