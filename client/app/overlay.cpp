@@ -16,7 +16,9 @@ namespace {
 
 constexpr int kReadableWidth = 640;  ///< [px] below this the picture is enlarged
 constexpr int kMostEnlarged = 4096;  ///< [px] height to which a narrow picture may grow by that
-constexpr int kStatusRow = 22;       ///< [px] height of a status line
+/// [px] of the result: FFmpeg's MJPEG writes beyond its memory for pictures of 4 x 4044.
+constexpr int kLeastWidth = 64;
+constexpr int kStatusRow = 22;  ///< [px] height of a status line
 constexpr int kStatusRows = 2;
 constexpr int kTextMargin = 6;  ///< [px]
 constexpr double kFontScale = 0.45;
@@ -106,7 +108,7 @@ Overlay::Overlay(CameraPtr camera) : camera_(std::move(camera)), scale_(scale_of
 cv::Size Overlay::size() const {
   const int width = camera_->width() * scale_;
   const int height = camera_->height() * scale_ + kStatusRows * kStatusRow;
-  return {(width + 1) / 2 * 2, (height + 1) / 2 * 2};  // video codecs want even sides
+  return {std::max(kLeastWidth, (width + 1) / 2 * 2), (height + 1) / 2 * 2};  // video codecs want even sides
 }
 
 const cv::Mat& Overlay::draw(const OverlayFrame& frame, const OverlayStyle& style) {

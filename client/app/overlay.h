@@ -56,7 +56,7 @@ struct OverlayStyle {
 class Overlay {
  public:
   /// Small pictures are enlarged by a whole number, so that the status lines can be read. A picture of an odd
-  /// width gets one dark column more.
+  /// width gets one dark column more, one that stays narrower than 64 px what is missing.
   explicit Overlay(CameraPtr camera);
 
   /// Of every picture drawn [px].
