@@ -511,16 +511,6 @@ class Faults(OnTheDesk):
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("ends without a map", done.stderr.splitlines()[-1])
 
-    def test_two_outputs_into_one_file_are_refused_and_it_is_kept(self):
-        kept = self.folder / "once.txt"
-        kept.write_text("of an earlier run")
-        os.link(kept, self.folder / "twice.txt")
-        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--headless", "--trajectory", kept,
-                                      "--stats", self.folder / "twice.txt"), stderr=subprocess.PIPE, text=True, timeout=LIMIT)
-        self.assertEqual(done.returncode, 2, done.stderr)
-        self.assertIn("--trajectory", done.stderr)
-        self.assertEqual(kept.read_text(), "of an earlier run")
-
     def test_a_recording_that_is_mostly_damaged_is_no_success(self):
         damaged = self.folder / "damaged"
         (damaged / "rgb").mkdir(parents=True)
