@@ -11,7 +11,7 @@
 namespace cairn {
 namespace {
 
-constexpr const char* kLog = "/proc/self/fd/2";
+constexpr const char* kLog = "/dev/stderr";
 
 std::vector<NamedFile> files_read(const TrackOptions& options,
                                   const std::optional<std::filesystem::path>& calibration) {
@@ -39,7 +39,7 @@ Status check_outputs(const TrackOptions& options, const std::optional<std::files
   // Nobody asked for this name: an earlier one of it may be what was read, and is improved.
   if (found_camera && !options.saved_calibration)
     files.push_back({"the camera that is found out,", *found_camera});
-  files.push_back({"the log on stderr,", kLog});
+  files.push_back({"the log on", kLog});
   if (Status distinct = check_distinct(files, {}); !distinct) return distinct;
   for (const auto& file : opened) {
     if (Status writable = check_writable(file.path); !writable) return writable;
