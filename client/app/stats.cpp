@@ -2,6 +2,7 @@
 #include "client/app/stats.h"
 
 #include <spdlog/fmt/fmt.h>
+#include <spdlog/fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -224,17 +225,21 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
 
 std::optional<std::string> RunStats::shortfall(const std::string& why_no_map) const {
   if (frames_decoded() == 0) return std::nullopt;  // the source's fault, which it tells
+  std::vector<std::string> words;
   if (tracked() == 0) {
-    const std::string what = first_map_frame_ ? "the run was in a map and never tracked: no frame has a pose"
-                                              : "the run ends without a map: no frame has a pose";
-    return why_no_map.empty() ? what : what + "; " + why_no_map;
+    words.emplace_back(first_map_frame_ ? "the run was in a map and never tracked: no frame has a pose"
+                                        : "the run ends without a map: no frame has a pose");
+    if (!why_no_map.empty()) words.push_back(why_no_map);
   }
-  const size_t dropped = count(FrameState::kDropped) - undecodable_;
-  if (2 * dropped <= frames_total_) return std::nullopt;
-  return fmt::format(
-      "most frames were dropped, {} of {}: they came faster than this machine tracks them; --pace max takes "
-      "every frame of a recording, smaller pictures or a lower rate suit a camera",
-      dropped, frames_total_);
+  if (const size_t dropped = count(FrameState::kDropped) - undecodable_; 2 * dropped > frames_total_) {
+    words.push_back(
+        fmt::format("most frames were dropped, {} of {}: they came faster than this machine tracks them; "
+                    "--pace max takes "
+                    "every frame of a recording, smaller pictures or a lower rate suit a camera",
+                    dropped, frames_total_));
+  }
+  if (words.empty()) return std::nullopt;
+  return fmt::format("{}", fmt::join(words, "; "));
 }
 
 std::vector<std::string> RunStats::summary_lines() const {
