@@ -104,18 +104,6 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   return make_camera(*parameters).map(take);
 }
 
-/// What the loop would say of the first frame, told before anybody waits for a server. A source that knows
-/// its size only from its frames is left to the loop.
-Status check_picture_size(const FrameSource& source, const Camera& camera) {
-  const auto size = source.picture_size();
-  if (!size || (size->width == camera.width() && size->height == camera.height())) return {};
-  return fail(
-      ErrorCode::kConfiguration,
-      fmt::format("{}: its pictures are {}x{}, the calibration is for {}x{}; pass the camera's own with "
-                  "--calibration",
-                  source.describe(), size->width, size->height, camera.width(), camera.height()));
-}
-
 /// A recording played in real time stands for a camera, whose pictures cost the processor nothing: as far as
 /// memory allows it is decoded before the clock starts, else ahead of it.
 std::unique_ptr<FrameSource> decode_ahead(std::unique_ptr<FrameSource> source, const TrackOptions& options,
@@ -270,12 +258,14 @@ struct Run {
 Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
   auto source = open_source(options.source);
   if (!source) return tl::unexpected(source.error());
+  tell_notes(**source, log);
   const auto chosen = choose_camera(options, **source);
   if (!chosen) return tl::unexpected(chosen.error());
   const CameraPtr& camera = chosen->camera;
   if (auto status = prepare_to_find_camera(options, *chosen, log); !status)
     return tl::unexpected(status.error());
-  if (auto status = check_picture_size(**source, *camera); !status) return tl::unexpected(status.error());
+  if (auto status = check_picture_size(**source, camera->parameters()); !status)
+    return tl::unexpected(status.error());
   Result<std::vector<TimedLabel>> labels;
   if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
   if (!labels) return tl::unexpected(labels.error());

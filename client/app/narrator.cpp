@@ -30,6 +30,11 @@ std::string map_text(const FrameReport& report) {
 
 }  // namespace
 
+void tell_notes(const FrameSource& source, const Logger& log) {
+  for (const SourceNote& note : source.notes())
+    log->log(note.is_warning ? spdlog::level::warn : spdlog::level::info, "{}", note.text);
+}
+
 Narrator::Narrator(Logger log, const PaceClock& clock, std::optional<size_t> frame_count)
     : log_(std::move(log)), clock_(clock), frame_count_(frame_count), terminal_(open_terminal()) {}
 

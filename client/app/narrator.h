@@ -15,6 +15,9 @@
 
 namespace cairn {
 
+/// Tells what was noticed when a source was opened.
+void tell_notes(const FrameSource& source, const Logger& log);
+
 /// Tells a person on stderr what happens: maps started, tracking lost and found, the server's verdicts with
 /// their reasons, the server gone and back; and once a second how far the run is. On a terminal the progress
 /// line stays in place.

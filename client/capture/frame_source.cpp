@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/frame_source.h"
 
+#include <fmt/format.h>
+
 #include <array>
 
 #include "client/capture/image_list_source.h"
@@ -55,6 +57,22 @@ std::vector<std::filesystem::path> source_files(std::string_view text) {
   if (const auto times = uri->options.find("times"); times != uri->options.end())
     files.emplace_back(times->second);
   return files;
+}
+
+Status check_picture_size(const FrameSource& source, const CameraParameters& calibration) {
+  const auto size = source.picture_size();
+  const PictureSize calibrated{calibration.width, calibration.height};
+  if (!size || *size == calibrated) return {};
+  const bool is_exchanged = size->width == calibrated.height && size->height == calibrated.width;
+  return fail(
+      ErrorCode::kConfiguration,
+      fmt::format("{}: its pictures are {}x{}, the calibration is for {}x{}{}; pass the camera's own with "
+                  "--calibration{}",
+                  source.describe(), size->width, size->height, calibrated.width, calibrated.height,
+                  is_exchanged ? ", width and height exchanged" : "",
+                  is_exchanged ? ", of upright pictures: `cairn-track calibrate` turns a video as tracking "
+                                 "does"
+                               : ""));
 }
 
 std::optional<std::filesystem::path> find_calibration(std::string_view text) {

@@ -24,6 +24,12 @@ struct Frame {
   GrayImagePtr image;
 };
 
+/// What a person should know of a source before its frames are used. A sentence that names it.
+struct SourceNote {
+  std::string text;
+  bool is_warning = false;  ///< else it tells what is done by itself
+};
+
 /// Where frames come from. Used by one thread at a time.
 class FrameSource {
  public:
@@ -41,6 +47,8 @@ class FrameSource {
   [[nodiscard]] virtual std::optional<PictureSize> picture_size() const { return std::nullopt; }
   /// For a person: what it is, without frames being read.
   [[nodiscard]] virtual std::string describe() const = 0;
+  /// What was noticed when it was opened.
+  [[nodiscard]] virtual std::vector<SourceNote> notes() const { return {}; }
   /// Whether frames come by the clock of a camera and are lost when not taken.
   [[nodiscard]] virtual bool is_live() const { return false; }
 };
@@ -48,18 +56,27 @@ class FrameSource {
 /// Opens what a `--source` argument names:
 ///  * `tum:DIR`: rgb.txt with rows `time file`, files relative to DIR; frames in the file's order
 ///  * `euroc:DIR?camera=cam0`: mav0/cam0/data.csv in DIR, or cam0/data.csv
-///  * `images:DIR?fps=30`: png, jpg, jpeg, pgm, ppm in natural order (2 before 10)
-///  * `video:FILE?times=FILE`: whatever OpenCV's FFmpeg reads; one time stamp [s] per line, else the
-///  container's
+///  * `images:DIR?fps=30`, or `times=FILE`: png, jpg, jpeg, pgm, ppm in natural order (2 before 10); `match=`
+///  takes those whose names match a glob
+///  * `video:FILE?times=FILE`: whatever OpenCV's FFmpeg reads, turned as the file says; stamped by the list,
+///  else by the container
 ///  * `v4l2:/dev/video0?size=640x480&fps=30`: a camera; an error when it gives no picture for 2 s
 ///  * `sim:SCENARIO?seed=1&camera=hand`: with CAIRN_SIMULATOR; further options are the simulator's
-/// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kDamaged (lists that do
-/// not parse or are empty).
+/// A `times=FILE` has one time a line. `unit=s|ms|us|ns` says what the times of any list count. Of pictures
+/// of different sizes, those of the commonest size are frames, the others errors.
+/// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kConfiguration (pictures
+/// of several kinds in one folder), kDamaged (lists that do not parse, are empty, or have stamps of no
+/// camera).
 [[nodiscard]] Result<std::unique_ptr<FrameSource>> open_source(std::string_view uri);
 
 /// The files that a source reads beside its pictures: lists, time stamps, the video. Whether they are there
 /// is not looked at; none for what open_source() would refuse.
 [[nodiscard]] std::vector<std::filesystem::path> source_files(std::string_view uri);
+
+/// What a loop would say of the first frame, told before it: kConfiguration where the frames have another
+/// size than the calibration, also if only width and height are exchanged. A source that knows its size only
+/// from its frames passes.
+[[nodiscard]] Status check_picture_size(const FrameSource& source, const CameraParameters& calibration);
 
 /// camera.txt beside the images or the video of a source, or sensor.yaml in a EuRoC folder, if there is one.
 [[nodiscard]] std::optional<std::filesystem::path> find_calibration(std::string_view uri);

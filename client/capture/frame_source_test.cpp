@@ -4,13 +4,10 @@
 #include <gmock/gmock.h>
 
 #include <cstdlib>
-#include <fstream>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
 
-#include "client/capture/image_list_source.h"
+#include "client/capture/picture_folder.h"
+#include "client/capture/source_files_fixture.h"
 #include "common/io/calibration.h"
-#include "common/io/test_directory.h"
 
 namespace cairn {
 namespace {
@@ -18,70 +15,6 @@ namespace {
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-namespace fs = std::filesystem;
-
-constexpr int kWidth = 64;
-constexpr int kHeight = 48;
-
-/// A picture that says which frame it is, also after lossy coding.
-cv::Mat picture(int number) {
-  return {kHeight, kWidth, CV_8U, cv::Scalar(20 * number + 10)};
-}
-int number_of(const Frame& frame) {
-  return frame.image->row(kHeight / 2)[kWidth / 2] / 20;
-}
-
-class FrameSourceFiles : public ::testing::Test {
- protected:
-  void write_picture(const std::string& name, int number) {
-    const auto path = dir() / name;
-    fs::create_directories(path.parent_path());
-    ASSERT_TRUE(cv::imwrite(path.string(), picture(number)));
-  }
-  void write_text(const std::string& name, const std::string& content) {
-    std::ofstream(dir() / name) << content;
-  }
-  void write_video(const std::string& name, int frames) {
-    cv::VideoWriter writer((dir() / name).string(), cv::CAP_FFMPEG,
-                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20, {kWidth, kHeight}, false);
-    ASSERT_TRUE(writer.isOpened());
-    for (int i = 0; i < frames; ++i) writer.write(picture(i));
-  }
-  [[nodiscard]] std::string uri(const std::string& scheme, const std::string& rest = "") const {
-    return scheme + ":" + dir().string() + rest;
-  }
-  [[nodiscard]] const fs::path& dir() const { return directory_.path(); }
-
-  struct Taken {
-    std::vector<Frame> frames;
-    std::vector<std::string> errors;
-  };
-  static Taken take_all(FrameSource& source) {
-    Taken taken;
-    for (int calls = 0; calls < 100; ++calls) {
-      auto item = source.next();
-      if (!item) {
-        taken.errors.push_back(item.error().message);
-      } else if (!*item) {
-        return taken;
-      } else {
-        taken.frames.push_back(**item);
-      }
-    }
-    ADD_FAILURE() << "the source does not end";
-    return taken;
-  }
-  static void expect_open_error(const std::string& uri, ErrorCode code, const std::string& part) {
-    const auto source = open_source(uri);
-    ASSERT_FALSE(source) << uri;
-    EXPECT_EQ(source.error().code, code) << source.error().message;
-    EXPECT_THAT(source.error().message, HasSubstr(part));
-  }
-
- private:
-  TestDirectory directory_;
-};
-
 TEST_F(FrameSourceFiles, TumGivesTheListedFramesInTheirOrder) {
   write_picture("images/a 0.png", 0);
   write_picture("images/b.jpg", 1);
@@ -131,7 +64,7 @@ TEST_F(FrameSourceFiles, TumListErrors) {
   expect_open_error(uri("tum"), ErrorCode::kDamaged, "rgb.txt:3:");
   write_text("rgb.txt", "0.1\n");
   expect_open_error(uri("tum"), ErrorCode::kDamaged, "rgb.txt:1:");
-  expect_open_error(uri("tum", "?fps=3"), ErrorCode::kUsage, "it takes none");
+  expect_open_error(uri("tum", "?fps=3"), ErrorCode::kUsage, "it takes unit");
 }
 
 TEST_F(FrameSourceFiles, ListsAreReadAsWindowsAndSpreadsheetsWriteThem) {
@@ -200,7 +133,7 @@ TEST_F(FrameSourceFiles, EurocErrors) {
     write_text("mav0/cam0/data.csv", std::string("#c\n1,a.png\n") + row + "\n");
     expect_open_error(uri("euroc"), ErrorCode::kDamaged, "data.csv:3: not a row");
   }
-  expect_open_error(uri("euroc", "?cam=1"), ErrorCode::kUsage, "it takes camera");
+  expect_open_error(uri("euroc", "?cam=1"), ErrorCode::kUsage, "it takes camera, unit");
 }
 
 TEST_F(FrameSourceFiles, ImagesComeInNaturalOrderAtTheirRate) {
@@ -220,7 +153,7 @@ TEST_F(FrameSourceFiles, ImagesComeInNaturalOrderAtTheirRate) {
     EXPECT_EQ(taken.frames[i].time.nanoseconds, times[i]);
   }
   expect_open_error(uri("images", "?fps=0"), ErrorCode::kUsage, "fps=0");
-  expect_open_error(uri("images", "?rate=3"), ErrorCode::kUsage, "it takes fps");
+  expect_open_error(uri("images", "?rate=3"), ErrorCode::kUsage, "it takes fps, times, unit, match");
   expect_open_error(uri("images", "/none"), ErrorCode::kNotFound, "no such directory");
   fs::create_directory(dir() / "empty");
   expect_open_error(uri("images", "/empty"), ErrorCode::kNotFound, "no png");
@@ -313,7 +246,7 @@ TEST_F(FrameSourceFiles, VideoErrors) {
   write_text("empty.txt", "\n");
   expect_open_error(uri("video", "/v.avi?times=" + (dir() / "empty.txt").string()), ErrorCode::kDamaged,
                     "no time");
-  expect_open_error(uri("video", "/v.avi?fps=3"), ErrorCode::kUsage, "it takes times");
+  expect_open_error(uri("video", "/v.avi?fps=3"), ErrorCode::kUsage, "it takes times, unit");
 }
 
 TEST_F(FrameSourceFiles, CameraErrors) {

@@ -1,146 +1,167 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/image_list_source.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <vector>
 
+#include "client/capture/picture_folder.h"
+#include "client/capture/picture_sample.h"
+#include "client/capture/stamp_list.h"
 #include "common/io/image_file.h"
-#include "common/io/image_header.h"
 #include "common/io/text.h"
 
 namespace cairn {
 namespace {
 
-struct ListedImage {
-  Timestamp time;
-  std::filesystem::path path;
+/// Pictures and their times, in the order of the frames.
+struct ImageList {
+  std::string description;
+  std::vector<std::filesystem::path> paths;
+  std::vector<Timestamp> times;
+  std::vector<SourceNote> notes;
 };
+
+std::string size_text(PictureSize size) {
+  return fmt::format("{}x{}", size.width, size.height);
+}
 
 /// Frames that are files of their own: the lists of TUM and EuRoC, and the image folder.
 class ImageListSource final : public FrameSource {
  public:
-  ImageListSource(std::string description, std::vector<ListedImage> images)
-      : description_(std::move(description)), images_(std::move(images)) {}
+  ImageListSource(ImageList list, PictureSample sample) : list_(std::move(list)), sample_(sample) {
+    if (!sample_.levels) return;
+    const GrayLevels& levels = *sample_.levels;
+    list_.notes.push_back(
+        {fmt::format("{}: the grey values {} to {} of 65535 are used{}; they are read as 0 to "
+                     "255, in all pictures alike",
+                     list_.description, levels.black, levels.white,
+                     levels.exchange_bytes ? ", with the low byte first" : "")});
+  }
 
   Result<std::optional<Frame>> next() override {
-    if (next_ == images_.size()) return std::nullopt;
+    if (next_ == list_.paths.size()) return std::nullopt;
     const uint64_t index = next_++;
-    auto image = read_gray_image(images_[index].path);
+    const auto& path = list_.paths[index];
+    auto image = read_gray_image(path, sample_.levels);
     if (!image) return tl::unexpected(image.error());
-    return Frame{index, images_[index].time, std::make_shared<const GrayImage>(std::move(*image))};
-  }
-  std::optional<size_t> frame_count() const override { return images_.size(); }
-  std::optional<PictureSize> picture_size() const override {
-    for (const auto& image : images_) {
-      const auto content = read_file(image.path);
-      if (!content) continue;
-      const auto header =
-          read_image_header({reinterpret_cast<const uint8_t*>(content->data()), content->size()});
-      if (header && header->width <= kMaxImageSide && header->height <= kMaxImageSide) {
-        return PictureSize{static_cast<int>(header->width), static_cast<int>(header->height)};
-      }
+    const PictureSize size{image->width(), image->height()};
+    if (sample_.size && size != *sample_.size) {
+      return fail(ErrorCode::kDamaged, fmt::format("{}: is {}, the others are {}", path.string(),
+                                                   size_text(size), size_text(*sample_.size)));
     }
-    return std::nullopt;
+    return Frame{index, list_.times[index], std::make_shared<const GrayImage>(std::move(*image))};
   }
+  std::optional<size_t> frame_count() const override { return list_.paths.size(); }
+  std::optional<PictureSize> picture_size() const override { return sample_.size; }
+  std::vector<SourceNote> notes() const override { return list_.notes; }
   std::string describe() const override {
-    return description_ + ", " + std::to_string(images_.size()) + " images";
+    return list_.description + ", " + std::to_string(list_.paths.size()) + " images";
   }
 
  private:
-  std::string description_;
-  std::vector<ListedImage> images_;
+  ImageList list_;
+  PictureSample sample_;
   size_t next_ = 0;
 };
 
-bool is_digit(char c) {
-  return c >= '0' && c <= '9';
+std::unique_ptr<FrameSource> make_source(ImageList list) {
+  const auto sample = sample_pictures(list.paths);
+  return std::make_unique<ImageListSource>(std::move(list), sample);
 }
 
-/// Cuts a run of digits, without leading zeros, off the front of `text`.
-std::string_view take_digits(std::string_view& text) {
-  const auto end = static_cast<size_t>(std::find_if_not(text.begin(), text.end(), is_digit) - text.begin());
-  auto digits = text.substr(0, end);
-  text.remove_prefix(end);
-  digits.remove_prefix(std::min(digits.find_first_not_of('0'), digits.size()));
-  return digits;
+/// How a recording lists its frames: rows of a time, a separator and a file.
+struct ListFormat {
+  std::string_view separators;
+  std::string_view row;   ///< for a person
+  TimeUnit unit;          ///< unless the source says another
+  std::string_view hint;  ///< where there is no list
+};
+constexpr ListFormat kTum = {
+    " \t", "time file", TimeUnit::kSeconds,
+    "tum: needs this list of rows `time file` (images:DIR takes a folder without one)"};
+constexpr ListFormat kEuroc = {",", "time,file", TimeUnit::kNanoseconds,
+                               "euroc: needs DIR/mav0/cam0/data.csv (tum:DIR takes a folder with rgb.txt)"};
+
+Result<std::unique_ptr<FrameSource>> open_list(const SourceUri& uri, const ListFormat& format,
+                                               const std::filesystem::path& file,
+                                               const std::filesystem::path& pictures,
+                                               std::string description) {
+  const auto unit = stamp_unit(uri, format.unit);
+  if (!unit) return tl::unexpected(unit.error());
+  const auto content = read_text_file(file);
+  if (!content) {
+    auto error = content.error();
+    if (error.code == ErrorCode::kNotFound) error.message += fmt::format("; {}", format.hint);
+    return tl::unexpected(error);
+  }
+  ImageList list{std::move(description), {}, {}, {}};
+  size_t companions = 0;
+  for (const auto& line : table_rows(*content)) {
+    const size_t end = std::min(line.text.find_first_of(format.separators), line.text.size());
+    const auto stamp = trim(line.text.substr(0, end));
+    const auto name = trim(line.text.substr(std::min(end + 1, line.text.size())));
+    const auto time = parse_stamp(stamp, unit->unit);
+    if (!time || name.empty()) {
+      return fail(ErrorCode::kDamaged, at_line(file, line.number,
+                                               fmt::format("not a row `{}` with the time in {}{}", format.row,
+                                                           long_name(unit->unit),
+                                                           time ? "" : other_unit_hint(stamp, unit->unit))));
+    }
+    const auto path = listed_file(pictures, name);
+    if (is_hidden(path)) {
+      ++companions;
+      continue;
+    }
+    list.paths.push_back(path);
+    list.times.push_back(*time);
+  }
+  if (list.paths.empty()) return fail(ErrorCode::kDamaged, file.string() + ": lists no frame");
+  auto notes = vet_stamps(file, list.times, *unit);
+  if (!notes) return tl::unexpected(notes.error());
+  list.notes = std::move(*notes);
+  if (companions > 0)
+    list.notes.push_back(
+        {fmt::format("{}: {} hidden files (as ._a.jpg) are no frames", file.string(), companions)});
+  return make_source(std::move(list));
 }
 
-bool is_image_name(const std::filesystem::path& path) {
-  auto extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".pgm" ||
-         extension == ".ppm";
-}
-
-Result<std::vector<std::filesystem::path>> images_in(const std::filesystem::path& directory) {
-  std::error_code error;
-  if (!std::filesystem::exists(directory, error)) {
-    return fail(ErrorCode::kNotFound, directory.string() + ": no such directory");
+/// The times of an image folder: those of its list, or its rate.
+Status stamp_pictures(const SourceUri& uri, ImageList& list) {
+  const auto fps = uri.positive_number("fps", 30.0);
+  if (!fps) return tl::unexpected(fps.error());
+  const auto file = uri.options.find("times");
+  if (file == uri.options.end()) {
+    for (size_t i = 0; i < list.paths.size(); ++i)
+      list.times.push_back({std::llround(static_cast<double>(i) * 1e9 / *fps)});
+    return {};
   }
-  std::vector<std::filesystem::path> paths;
-  for (std::filesystem::directory_iterator at(directory, error), end; !error && at != end;
-       at.increment(error)) {
-    if (is_image_name(at->path())) paths.push_back(at->path());
+  if (uri.options.contains("fps"))
+    return fail(ErrorCode::kUsage, "source options fps and times: both stamp the pictures; give one of them");
+  const auto unit = stamp_unit(uri, TimeUnit::kSeconds);
+  if (!unit) return tl::unexpected(unit.error());
+  auto times = read_times(file->second, unit->unit);
+  if (!times) return tl::unexpected(times.error());
+  if (times->size() != list.paths.size()) {
+    return fail(ErrorCode::kDamaged, fmt::format("{}: {} times, but {} has {} pictures", file->second,
+                                                 times->size(), uri.path, list.paths.size()));
   }
-  if (error) return fail(ErrorCode::kIo, directory.string() + ": cannot be listed: " + error.message());
-  if (paths.empty()) {
-    return fail(ErrorCode::kNotFound, directory.string() + ": no png, jpg, jpeg, pgm or ppm file in it");
-  }
-  std::sort(paths.begin(), paths.end(), [](const auto& a, const auto& b) {
-    return natural_less(a.filename().string(), b.filename().string());
-  });
-  return paths;
+  const auto notes = vet_stamps(file->second, *times, *unit);
+  if (!notes) return tl::unexpected(notes.error());
+  list.times = std::move(*times);
+  list.notes.insert(list.notes.end(), notes->begin(), notes->end());
+  list.description += ", times from " + file->second;
+  return {};
 }
 
 }  // namespace
 
-bool natural_less(std::string_view a, std::string_view b) {
-  const std::string_view whole_a = a;
-  const std::string_view whole_b = b;
-  while (!a.empty() && !b.empty()) {
-    if (is_digit(a.front()) && is_digit(b.front())) {
-      const auto digits_a = take_digits(a);
-      const auto digits_b = take_digits(b);
-      if (digits_a.size() != digits_b.size()) return digits_a.size() < digits_b.size();
-      if (digits_a != digits_b) return digits_a < digits_b;
-      continue;
-    }
-    if (a.front() != b.front()) return a.front() < b.front();
-    a.remove_prefix(1);
-    b.remove_prefix(1);
-  }
-  if (a.empty() != b.empty()) return a.empty();
-  return whole_a < whole_b;  // equal but for leading zeros
-}
-
 Result<std::unique_ptr<FrameSource>> open_tum_source(const SourceUri& uri) {
-  if (auto status = uri.check_options({}); !status) return tl::unexpected(status.error());
+  if (auto status = uri.check_options({"unit"}); !status) return tl::unexpected(status.error());
   const std::filesystem::path directory(uri.path);
-  const auto list = directory / "rgb.txt";
-  const auto content = read_text_file(list);
-  if (!content) {
-    auto error = content.error();
-    if (error.code == ErrorCode::kNotFound) {
-      error.message += "; tum: needs this list of rows `time file` (images:DIR takes a folder without one)";
-    }
-    return tl::unexpected(error);
-  }
-  std::vector<ListedImage> images;
-  for (const auto& line : table_rows(*content)) {
-    const size_t time_end = std::min(line.text.find_first_of(" \t"), line.text.size());
-    const auto time = parse_timestamp(line.text.substr(0, time_end));
-    const auto file = trim(line.text.substr(time_end));
-    if (!time || file.empty()) {
-      return fail(ErrorCode::kDamaged,
-                  at_line(list, line.number, "not a row `time file` with the time in seconds"));
-    }
-    images.push_back({*time, listed_file(directory, file)});
-  }
-  if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
-  return std::make_unique<ImageListSource>("TUM sequence " + uri.path, std::move(images));
+  return open_list(uri, kTum, directory / "rgb.txt", directory, "TUM sequence " + uri.path);
 }
 
 std::filesystem::path euroc_camera_folder(const SourceUri& uri) {
@@ -153,46 +174,25 @@ std::filesystem::path euroc_camera_folder(const SourceUri& uri) {
 }
 
 Result<std::unique_ptr<FrameSource>> open_euroc_source(const SourceUri& uri) {
-  if (auto status = uri.check_options({"camera"}); !status) return tl::unexpected(status.error());
+  if (auto status = uri.check_options({"camera", "unit"}); !status) return tl::unexpected(status.error());
   const auto folder = euroc_camera_folder(uri);
-  const auto list = folder / "data.csv";
-  const auto content = read_text_file(list);
-  if (!content) {
-    auto error = content.error();
-    if (error.code == ErrorCode::kNotFound) {
-      error.message += "; euroc: needs DIR/mav0/cam0/data.csv (tum:DIR takes a folder with rgb.txt)";
-    }
-    return tl::unexpected(error);
-  }
-  std::vector<ListedImage> images;
-  for (const auto& line : table_rows(*content)) {
-    const size_t comma = std::min(line.text.find(','), line.text.size());
-    const auto digits = trim(line.text.substr(0, comma));
-    const auto file = trim(line.text.substr(std::min(comma + 1, line.text.size())));
-    Timestamp time;
-    const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), time.nanoseconds);
-    if (error != std::errc() || end != digits.data() + digits.size() || file.empty()) {
-      return fail(ErrorCode::kDamaged,
-                  at_line(list, line.number, "not a row `time,file` with the time in nanoseconds"));
-    }
-    images.push_back({time, listed_file(folder / "data", file)});
-  }
-  if (images.empty()) return fail(ErrorCode::kDamaged, list.string() + ": lists no frame");
-  return std::make_unique<ImageListSource>("EuRoC sequence " + folder.string(), std::move(images));
+  return open_list(uri, kEuroc, folder / "data.csv", folder / "data", "EuRoC sequence " + folder.string());
 }
 
 Result<std::unique_ptr<FrameSource>> open_images_source(const SourceUri& uri) {
-  if (auto status = uri.check_options({"fps"}); !status) return tl::unexpected(status.error());
-  const auto fps = uri.positive_number("fps", 30.0);
-  if (!fps) return tl::unexpected(fps.error());
-  auto paths = images_in(uri.path);
-  if (!paths) return tl::unexpected(paths.error());
-  std::vector<ListedImage> images;
-  for (auto& path : *paths) {
-    const double nanoseconds = static_cast<double>(images.size()) * 1e9 / *fps;
-    images.push_back({Timestamp{std::llround(nanoseconds)}, std::move(path)});
+  if (auto status = uri.check_options({"fps", "times", "unit", "match"}); !status)
+    return tl::unexpected(status.error());
+  const auto option = uri.options.find("match");
+  auto folder =
+      list_pictures(uri.path, option == uri.options.end() ? std::nullopt : std::optional(option->second));
+  if (!folder) return tl::unexpected(folder.error());
+  ImageList list{"image folder " + uri.path, std::move(folder->files), {}, {}};
+  if (folder->hidden > 0) {
+    list.notes.push_back(
+        {fmt::format("{}: {} hidden files (as ._a.jpg) are no frames", uri.path, folder->hidden)});
   }
-  return std::make_unique<ImageListSource>("image folder " + uri.path, std::move(images));
+  if (auto status = stamp_pictures(uri, list); !status) return tl::unexpected(status.error());
+  return make_source(std::move(list));
 }
 
 }  // namespace cairn

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <string_view>
-
 #include "client/capture/frame_source.h"
 #include "client/capture/source_uri.h"
 
@@ -14,8 +12,5 @@ namespace cairn {
 
 /// The camera's folder of an `euroc:` source, which holds data.csv, data/ and sensor.yaml.
 [[nodiscard]] std::filesystem::path euroc_camera_folder(const SourceUri& uri);
-
-/// Order of file names in which runs of digits count by value: frame2 < frame10. A strict total order.
-[[nodiscard]] bool natural_less(std::string_view a, std::string_view b);
 
 }  // namespace cairn

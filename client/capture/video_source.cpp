@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/video_source.h"
 
+#include <fmt/format.h>
+
 #include <cmath>
+#include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <vector>
 
-#include "common/io/text.h"
+#include "client/capture/stamp_list.h"
 
 namespace cairn {
 namespace {
@@ -15,17 +18,50 @@ namespace {
 /// there are.
 constexpr double kWholeShare = 0.95;
 
-/// Frames of a video file, stamped by a list of times or else by the container.
+/// By how much the picture is to be turned clockwise so that it is upright, from what the container says:
+/// phones keep the rows of the sensor and say how it was held. Turned by OpenCV itself, OpenCV 4.6 would turn
+/// the wrong way, for it gives the angle with the other sign.
+int clockwise_turn(cv::VideoCapture& capture) {
+  capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 0);
+  const int angle = static_cast<int>(std::lround(capture.get(cv::CAP_PROP_ORIENTATION_META)));
+  const bool is_counterclockwise = cv::getVersionMajor() == 4 && cv::getVersionMinor() == 6;
+  return ((is_counterclockwise ? -angle : angle) % 360 + 360) % 360;
+}
+
+/// Nothing where the picture is to stay, or at an angle that rows of pixels cannot have.
+std::optional<cv::RotateFlags> turn_of(int clockwise_degrees) {
+  switch (clockwise_degrees) {
+    case 90:
+      return cv::ROTATE_90_CLOCKWISE;
+    case 180:
+      return cv::ROTATE_180;
+    case 270:
+      return cv::ROTATE_90_COUNTERCLOCKWISE;
+    default:
+      return std::nullopt;
+  }
+}
+
+/// Frames of a video file, upright as players show them, stamped by a list of times or else by the container.
 class VideoSource final : public FrameSource {
  public:
   VideoSource(std::string path, std::unique_ptr<cv::VideoCapture> capture, std::string times_path,
-              std::vector<Timestamp> times)
+              std::vector<Timestamp> times, std::vector<SourceNote> notes)
       : path_(std::move(path)),
         times_path_(std::move(times_path)),
         capture_(std::move(capture)),
         times_(std::move(times)),
+        notes_(std::move(notes)),
+        turn_(clockwise_turn(*capture_)),
         container_count_(std::max(0.0, capture_->get(cv::CAP_PROP_FRAME_COUNT))),
-        frame_period_(period_of(*capture_)) {}
+        frame_period_(period_of(*capture_)) {
+    if (!turn_of(turn_)) return;
+    const auto size = *picture_size();
+    notes_.push_back(
+        {fmt::format("{}: its pictures are turned by {} degrees clockwise, as the file says and as "
+                     "players show it; the calibration is for upright pictures of {}x{}",
+                     path_, turn_, size.width, size.height)});
+  }
 
   Result<std::optional<Frame>> next() override {
     if (at_end_) return std::nullopt;
@@ -37,6 +73,7 @@ class VideoSource final : public FrameSource {
                                              path_ + " has more frames; the rest is left out");
       }
       cv::cvtColor(pixels_, gray_, cv::COLOR_BGR2GRAY);
+      if (const auto turn = turn_of(turn_)) cv::rotate(gray_, gray_, *turn);
     } catch (const cv::Exception& error) {
       at_end_ = true;
       return fail(ErrorCode::kDamaged, path_ + ": frame " + std::to_string(index_) + ": " + error.err);
@@ -52,9 +89,11 @@ class VideoSource final : public FrameSource {
     return static_cast<size_t>(container_count_);
   }
   std::optional<PictureSize> picture_size() const override {
-    return PictureSize{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
-                       static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+    const PictureSize size{static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_WIDTH)),
+                           static_cast<int>(capture_->get(cv::CAP_PROP_FRAME_HEIGHT))};
+    return turn_ % 180 == 90 ? PictureSize{size.height, size.width} : size;
   }
+  std::vector<SourceNote> notes() const override { return notes_; }
   std::string describe() const override {
     return "video " + path_ + (has_times() ? ", times from " + times_path_ : "");
   }
@@ -95,6 +134,8 @@ class VideoSource final : public FrameSource {
   std::string times_path_;  ///< empty without a list of times
   std::unique_ptr<cv::VideoCapture> capture_;
   std::vector<Timestamp> times_;
+  std::vector<SourceNote> notes_;
+  int turn_;  ///< clockwise [degrees]
   double container_count_;
   std::chrono::nanoseconds frame_period_;
   std::optional<Timestamp> last_time_;
@@ -104,33 +145,23 @@ class VideoSource final : public FrameSource {
   bool at_end_ = false;
 };
 
-Result<std::vector<Timestamp>> read_times(const std::filesystem::path& path) {
-  const auto content = read_text_file(path);
-  if (!content) return tl::unexpected(content.error());
-  std::vector<Timestamp> times;
-  for (const auto& line : table_rows(*content)) {
-    const auto time = parse_timestamp(line.text);
-    if (!time) {
-      return fail(ErrorCode::kDamaged,
-                  at_line(path, line.number, in_quotes(line.text) + " is not one time in seconds"));
-    }
-    times.push_back(*time);
-  }
-  if (times.empty()) return fail(ErrorCode::kDamaged, path.string() + ": no time in it");
-  return times;
-}
-
 }  // namespace
 
 Result<std::unique_ptr<FrameSource>> open_video_source(const SourceUri& uri) {
-  if (auto status = uri.check_options({"times"}); !status) return tl::unexpected(status.error());
+  if (auto status = uri.check_options({"times", "unit"}); !status) return tl::unexpected(status.error());
   std::string times_path;
   std::vector<Timestamp> times;
+  std::vector<SourceNote> notes;
   if (const auto option = uri.options.find("times"); option != uri.options.end()) {
     times_path = option->second;
-    auto read = read_times(times_path);
+    const auto unit = stamp_unit(uri, TimeUnit::kSeconds);
+    if (!unit) return tl::unexpected(unit.error());
+    auto read = read_times(times_path, unit->unit);
     if (!read) return tl::unexpected(read.error());
     times = std::move(*read);
+    auto vetted = vet_stamps(times_path, times, *unit);
+    if (!vetted) return tl::unexpected(vetted.error());
+    notes = std::move(*vetted);
   }
   std::error_code error;
   if (!std::filesystem::is_regular_file(uri.path, error)) {
@@ -141,7 +172,7 @@ Result<std::unique_ptr<FrameSource>> open_video_source(const SourceUri& uri) {
     auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_FFMPEG);
     if (!capture->isOpened()) return fail(ErrorCode::kDamaged, uri.path + ": not a video that FFmpeg reads");
     return std::make_unique<VideoSource>(uri.path, std::move(capture), std::move(times_path),
-                                         std::move(times));
+                                         std::move(times), std::move(notes));
   } catch (const cv::Exception& exception) {
     return fail(ErrorCode::kDamaged, uri.path + ": " + exception.err);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/io/image_file.h"
 
+#include <algorithm>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
@@ -10,7 +11,10 @@
 
 namespace cairn {
 
-Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes) {
+namespace {
+
+/// The pixels as OpenCV gives them with these flags.
+Result<cv::Mat> decode(std::span<const uint8_t> bytes, int flags) {
   if (bytes.empty()) return fail(ErrorCode::kDamaged, "the file is empty");
   const auto header = read_image_header(bytes);
   if (!header) return tl::unexpected(header.error());
@@ -24,19 +28,51 @@ Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes) {
   cv::Mat pixels;
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8U, const_cast<uint8_t*>(bytes.data()));
-    pixels = cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+    pixels = cv::imdecode(encoded, flags | cv::IMREAD_IGNORE_ORIENTATION);
   } catch (const cv::Exception& error) {
     return fail(ErrorCode::kDamaged, "the image cannot be decoded: " + error.err);
   }
   if (pixels.empty())
     return fail(ErrorCode::kDamaged, "the image (" + size + ") cannot be decoded: cut short or damaged");
+  return pixels;
+}
+
+GrayImage to_gray(const cv::Mat& pixels) {
   return GrayImage(GrayView{pixels.data, pixels.cols, pixels.rows, static_cast<int>(pixels.step)});
 }
 
-Result<GrayImage> read_gray_image(const std::filesystem::path& path) {
+void exchange_bytes(cv::Mat& pixels) {
+  for (auto at = pixels.begin<uint16_t>(); at != pixels.end<uint16_t>(); ++at)
+    *at = static_cast<uint16_t>(*at << 8 | *at >> 8);
+}
+
+}  // namespace
+
+Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes, const std::optional<GrayLevels>& levels) {
+  auto pixels = decode(bytes, cv::IMREAD_GRAYSCALE | (levels ? cv::IMREAD_ANYDEPTH : 0));
+  if (!pixels) return tl::unexpected(pixels.error());
+  if (pixels->depth() != CV_16U) return to_gray(*pixels);
+  if (levels->exchange_bytes) exchange_bytes(*pixels);
+  const double scale = 255.0 / std::max(1, levels->white - levels->black);
+  cv::Mat gray;
+  pixels->convertTo(gray, CV_8U, scale, -scale * levels->black);
+  return to_gray(gray);
+}
+
+Result<DeepImage> decode_deep_image(std::span<const uint8_t> bytes) {
+  auto pixels = decode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  if (!pixels) return tl::unexpected(pixels.error());
+  cv::Mat deep;
+  pixels->convertTo(deep, CV_16U);
+  return DeepImage{deep.cols, deep.rows, {deep.begin<uint16_t>(), deep.end<uint16_t>()}};
+}
+
+Result<GrayImage> read_gray_image(const std::filesystem::path& path,
+                                  const std::optional<GrayLevels>& levels) {
   const auto content = read_file(path);
   if (!content) return tl::unexpected(content.error());
-  auto image = decode_gray_image({reinterpret_cast<const uint8_t*>(content->data()), content->size()});
+  auto image =
+      decode_gray_image({reinterpret_cast<const uint8_t*>(content->data()), content->size()}, levels);
   if (!image) image.error().message = path.string() + ": " + image.error().message;
   return image;
 }

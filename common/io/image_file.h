@@ -3,7 +3,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <vector>
 
 #include "common/base/result.h"
 #include "common/image/image.h"
@@ -11,12 +13,31 @@
 
 namespace cairn {
 
+/// What becomes 0 and 255 of pictures with more than 8 bits; what is below or above, too.
+struct GrayLevels {
+  int black = 0;
+  int white = 65535;
+  bool exchange_bytes = false;  ///< the file has the low byte first, against the format
+};
+
+/// Grey pixels as they are in a file with up to 16 bits, row after row.
+struct DeepImage {
+  int width = 0;
+  int height = 0;
+  std::vector<uint16_t> pixels;
+};
+
 /// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey; the orientation tag of phones is ignored, because
 /// calibrations are of the sensor's rows and columns. Error kDamaged (without a file name) for anything that
-/// is not a whole image of at most kMaxImageSide. Thread-safe.
-[[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes);
+/// is not a whole image of at most kMaxImageSide. Of pictures with more than 8 bits the upper 8 are taken, or
+/// what `levels` makes of them. Thread-safe.
+[[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes,
+                                                  const std::optional<GrayLevels>& levels = {});
+/// As decode_gray_image(), with all bits.
+[[nodiscard]] Result<DeepImage> decode_deep_image(std::span<const uint8_t> bytes);
 
 /// As decode_gray_image() from a file; errors name it: kNotFound, kIo, kDamaged (empty, cut, not an image).
-[[nodiscard]] Result<GrayImage> read_gray_image(const std::filesystem::path& path);
+[[nodiscard]] Result<GrayImage> read_gray_image(const std::filesystem::path& path,
+                                                const std::optional<GrayLevels>& levels = {});
 
 }  // namespace cairn

@@ -30,7 +30,8 @@ Result<ImageHeader> read_png(Bytes bytes) {
   if (bytes.size() < 24) return cut_short();
   const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
   const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
-  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), complete};
+  const int bits = bytes.size() > 24 ? bytes[24] : 8;
+  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), bits, complete};
 }
 
 bool is_start_of_frame(uint8_t marker) {
@@ -69,8 +70,8 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     if (at + 4 > bytes.size()) break;
     if (is_start_of_frame(marker)) {
       if (at + 9 > bytes.size()) break;
-      header =
-          ImageHeader{ImageFormat::kJpeg, big_endian_16(bytes, at + 7), big_endian_16(bytes, at + 5), false};
+      header = ImageHeader{ImageFormat::kJpeg, big_endian_16(bytes, at + 7), big_endian_16(bytes, at + 5),
+                           bytes[at + 4], false};
     }
     in_scan = marker == kStartOfScan;
     at += 2 + std::max<size_t>(2, big_endian_16(bytes, at + 2));
@@ -79,11 +80,12 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
   return *header;
 }
 
-/// "P2".."P6", then width and height in decimal; '#' comments up to the line's end (netpbm).
+/// "P2".."P6", then width, height and the largest value in decimal; '#' comments up to the line's end
+/// (netpbm).
 Result<ImageHeader> read_pnm(Bytes bytes) {
-  std::array<int64_t, 2> sides{};
+  std::array<int64_t, 3> numbers{};
   size_t at = 2;
-  for (auto& side : sides) {
+  for (auto& number : numbers) {
     while (at < bytes.size() && (bytes[at] <= ' ' || bytes[at] == '#')) {
       if (bytes[at] == '#') {
         while (at < bytes.size() && bytes[at] != '\n') ++at;
@@ -92,11 +94,11 @@ Result<ImageHeader> read_pnm(Bytes bytes) {
       }
     }
     for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9'; ++at) {
-      side = std::min<int64_t>(side * 10 + (bytes[at] - '0'), int64_t{1} << 32);
+      number = std::min<int64_t>(number * 10 + (bytes[at] - '0'), int64_t{1} << 32);
     }
     if (at == bytes.size()) return cut_short();
   }
-  return ImageHeader{ImageFormat::kPnm, sides[0], sides[1], true};
+  return ImageHeader{ImageFormat::kPnm, numbers[0], numbers[1], numbers[2] > 255 ? 16 : 8, true};
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ struct ImageHeader {
   ImageFormat format = ImageFormat::kPng;
   int64_t width = 0;
   int64_t height = 0;
+  int bits = 8;  ///< of a sample
   bool complete =
       true;  ///< whether the file has its end; decoders paint the missing part of a cut JPEG grey in silence
 };

@@ -329,7 +329,7 @@ Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& sourc
 }
 
 Status run(const Arguments& arguments) {
-  auto source = open_source(arguments.source);
+  auto source = open_aloud(arguments.source);
   if (!source) return tl::unexpected(source.error());
   std::optional<TrajectoryWriter> trajectory;
   if (!arguments.trajectory.empty()) {

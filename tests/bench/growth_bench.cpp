@@ -133,7 +133,7 @@ struct Place {
 };
 
 Result<Place> record(const Arguments& arguments) {
-  auto source = open_source(arguments.source);
+  auto source = open_aloud(arguments.source);
   if (!source) return tl::unexpected(source.error());
   const auto camera = choose_camera(**source, arguments.source, arguments.calibration);
   if (!camera) return tl::unexpected(camera.error());

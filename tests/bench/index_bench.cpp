@@ -54,7 +54,7 @@ struct RecordedPlace {
 };
 
 Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, size_t views) {
-  auto source = open_source(uri);
+  auto source = open_aloud(uri);
   if (!source) return tl::unexpected(source.error());
   const auto camera = choose_camera(**source, uri, "");
   if (!camera) return tl::unexpected(camera.error());

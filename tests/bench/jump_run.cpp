@@ -47,7 +47,7 @@ struct Place {
 
 Result<Place> make_place(std::span<const std::string> fields, uint8_t id, const std::vector<Jump>& jumps,
                          uint64_t seed, PlaceIndex* index) {
-  auto source = open_source(fields[1]);
+  auto source = open_aloud(fields[1]);
   if (!source) return tl::unexpected(source.error());
   const auto camera = choose_camera(**source, fields[1], "");
   if (!camera) return tl::unexpected(camera.error());

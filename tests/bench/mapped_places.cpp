@@ -39,7 +39,7 @@ struct Recording {
 Result<Recording> open_recording(const ListedPlace& listed, const PlacesOptions& options) {
   const auto files = find_files(listed, options.recordings, fs::absolute(options.list).parent_path());
   if (!files) return tl::unexpected(files.error());
-  auto source = open_source(files->source);
+  auto source = open_aloud(files->source);
   if (!source) return tl::unexpected(source.error());
   const auto camera = choose_camera(**source, files->source, files->camera);
   if (!camera) return tl::unexpected(camera.error());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/recorded_map.h"
 
+#include <cstdio>
 #include <limits>
 
 #include "common/io/calibration.h"
@@ -19,11 +20,24 @@ class LivePoses final : public MappingObserver {
 
 }  // namespace
 
+Result<std::unique_ptr<FrameSource>> open_aloud(const std::string& uri) {
+  auto source = open_source(uri);
+  if (!source) return source;
+  for (const SourceNote& note : (*source)->notes()) std::fprintf(stderr, "%s\n", note.text.c_str());
+  return source;
+}
+
 Result<CameraPtr> choose_camera(const FrameSource& source, const std::string& uri, const std::string& file) {
-  if (!file.empty()) return read_calibration(file).and_then(make_camera);
-  if (const auto known = source.builtin_calibration()) return make_camera(*known);
-  if (const auto found = find_calibration(uri)) return read_calibration(*found).and_then(make_camera);
-  return fail(ErrorCode::kConfiguration, uri + ": no camera.txt beside it; pass --calibration FILE");
+  if (file.empty()) {
+    if (const auto known = source.builtin_calibration()) return make_camera(*known);
+  }
+  const auto path = file.empty() ? find_calibration(uri) : file;
+  if (!path)
+    return fail(ErrorCode::kConfiguration, uri + ": no camera.txt beside it; pass --calibration FILE");
+  const auto calibration = read_calibration(*path, source.picture_size());
+  if (!calibration) return tl::unexpected(calibration.error());
+  if (Status fits = check_picture_size(source, *calibration); !fits) return tl::unexpected(fits.error());
+  return make_camera(*calibration);
 }
 
 Result<RecordedMap> map_beginning(FrameSource* source, size_t frames, const CameraPtr& camera, MapId map,
@@ -47,7 +61,7 @@ Status map_others(const std::vector<std::string>& sources, uint8_t first, uint64
   MapId id;
   id.bytes[0] = first;
   for (const std::string& uri : sources) {
-    auto source = open_source(uri);
+    auto source = open_aloud(uri);
     if (!source) return tl::unexpected(source.error());
     const auto camera = choose_camera(**source, uri, "");
     if (!camera) return tl::unexpected(camera.error());

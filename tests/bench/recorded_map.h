@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,8 +14,11 @@
 /// Maps made of recordings by the engines alone.
 namespace cairn {
 
+/// open_source(), which tells on stderr what it noticed.
+[[nodiscard]] Result<std::unique_ptr<FrameSource>> open_aloud(const std::string& uri);
+
 /// The camera of `file`, or, if that is empty, what `source`, opened from `uri`, knows itself, or that of the
-/// file beside it.
+/// file beside it. kConfiguration where it is for pictures of another size.
 [[nodiscard]] Result<CameraPtr> choose_camera(const FrameSource& source, const std::string& uri,
                                               const std::string& file);
 

@@ -138,7 +138,7 @@ class Judge {
 Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const RelocOptions& options,
                    bool verbose) {
   constexpr uint64_t kEvery = 5;
-  auto source = open_source(foreign);
+  auto source = open_aloud(foreign);
   if (!source) return tl::unexpected(source.error());
   const auto camera = choose_camera(**source, foreign, "");
   if (!camera) return tl::unexpected(camera.error());
@@ -219,7 +219,7 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
 }
 
 Status run(const Arguments& arguments) {
-  auto source = open_source(arguments.source);
+  auto source = open_aloud(arguments.source);
   if (!source) return tl::unexpected(source.error());
   auto camera = choose_camera(**source, arguments.source, arguments.calibration);
   if (!camera) return tl::unexpected(camera.error());

@@ -12,6 +12,7 @@
 
 #include "client/app/calibrate/view_picker.h"
 #include "client/app/camera_keeper.h"
+#include "client/app/narrator.h"
 #include "common/base/stream_writer.h"
 #include "common/io/calibration.h"
 #include "common/io/distinct_files.h"
@@ -196,6 +197,7 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   }
   auto source = open_source(options.source);
   if (!source) return report_error(source.error(), log);
+  tell_notes(**source, log);
   log->info("{}; looking for a {}", (*source)->describe(), (*board)->describe());
   if ((*source)->is_live())
     log->info("move the board through the whole picture, near and tilted; Ctrl-C ends");

@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/capture/picture_sample.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstdlib>
+#include <map>
+#include <numeric>
+
+#include "common/io/image_header.h"
+#include "common/io/text.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kPictures = 9;
+constexpr size_t kValues = 65536;
+constexpr int kAllBits = 16;
+constexpr int kLeastBits = 8;      ///< of a mapping: fewer would show noise
+constexpr double kFaults = 1e-3;   ///< of the pixels, at either end
+constexpr int kNarrow = 4;         ///< part of the range below which the used part is stretched
+constexpr int kLeastSpread = 64;   ///< values of a stretched range
+constexpr uint64_t kSmoother = 4;  ///< times that exchanged bytes must be smoother
+
+/// The least value that at least `share` of all do not exceed.
+int quantile(const DeepHistogram& histogram, uint64_t total, double share) {
+  const auto wanted = static_cast<uint64_t>(share * static_cast<double>(total));
+  uint64_t sum = 0;
+  for (size_t value = 0; value < histogram.size(); ++value) {
+    sum += histogram[value];
+    if (sum > wanted) return static_cast<int>(value);
+  }
+  return static_cast<int>(kValues) - 1;
+}
+
+uint16_t exchanged(uint16_t value) {
+  return static_cast<uint16_t>(value << 8 | value >> 8);
+}
+
+/// Headers of the pictures in a sample, and the values of those with more than 8 bits.
+class Sampler {
+ public:
+  /// Whether it can be read.
+  bool look(const std::filesystem::path& path) {
+    const auto content = read_file(path);
+    if (!content) return false;
+    const std::span bytes(reinterpret_cast<const uint8_t*>(content->data()), content->size());
+    const auto header = read_image_header(bytes);
+    if (!header || header->width > kMaxImageSide || header->height > kMaxImageSide) return false;
+    const auto size = std::pair(static_cast<int>(header->width), static_cast<int>(header->height));
+    sizes_.push_back(size);
+    if (header->bits > 8) count(bytes, header->format);
+    return true;
+  }
+  [[nodiscard]] PictureSample result() const {
+    PictureSample sample;
+    if (sizes_.empty()) return sample;
+    const auto commonest = std::max_element(sizes_.begin(), sizes_.end(), [&](const auto& a, const auto& b) {
+      return std::count(sizes_.begin(), sizes_.end(), a) < std::count(sizes_.begin(), sizes_.end(), b);
+    });
+    sample.size = PictureSize{commonest->first, commonest->second};
+    const bool exchange = 2 * exchanged_ > deep_;
+    sample.levels = used_levels(exchange ? exchanged_values_ : values_);
+    if (exchange) {
+      if (!sample.levels) sample.levels = GrayLevels{};
+      sample.levels->exchange_bytes = true;
+    }
+    return sample;
+  }
+
+ private:
+  void count(std::span<const uint8_t> bytes, ImageFormat format) {
+    const auto image = decode_deep_image(bytes);
+    if (!image) return;
+    ++deep_;
+    // The bytes of PNG lie as its specification says.
+    exchanged_ += format == ImageFormat::kPnm && has_exchanged_bytes(*image) ? 1 : 0;
+    for (const uint16_t value : image->pixels) {
+      ++values_[value];
+      ++exchanged_values_[exchanged(value)];
+    }
+  }
+
+  std::vector<std::pair<int, int>> sizes_;
+  DeepHistogram values_ = DeepHistogram(kValues);
+  DeepHistogram exchanged_values_ = DeepHistogram(kValues);
+  size_t deep_ = 0;       ///< pictures with more than 8 bits
+  size_t exchanged_ = 0;  ///< of those
+};
+
+}  // namespace
+
+std::optional<GrayLevels> used_levels(const DeepHistogram& histogram) {
+  const auto total = std::accumulate(histogram.begin(), histogram.end(), uint64_t{0});
+  if (total == 0) return std::nullopt;
+  const int low = quantile(histogram, total, kFaults);
+  const int high = quantile(histogram, total, 1 - kFaults);
+  const int bits = std::max(kLeastBits, static_cast<int>(std::bit_width(static_cast<unsigned>(high))));
+  const int white = (1 << bits) - 1;
+  if (low > 0 && (high - low) * kNarrow < white) {
+    const int margin = std::max(high - low, kLeastSpread) / 2;
+    return GrayLevels{std::max(0, low - margin), std::min(static_cast<int>(kValues) - 1, high + margin)};
+  }
+  if (bits == kAllBits) return std::nullopt;
+  return GrayLevels{0, white};
+}
+
+bool has_exchanged_bytes(const DeepImage& image) {
+  uint64_t as_it_is = 0;
+  uint64_t exchanging = 0;
+  const auto width = static_cast<size_t>(image.width);
+  for (size_t i = 1; i < image.pixels.size(); ++i) {
+    if (i % width == 0) continue;
+    const uint16_t left = image.pixels[i - 1];
+    const uint16_t right = image.pixels[i];
+    as_it_is += static_cast<uint64_t>(std::abs(left - right));
+    exchanging += static_cast<uint64_t>(std::abs(exchanged(left) - exchanged(right)));
+  }
+  return exchanging * kSmoother < as_it_is;
+}
+
+PictureSample sample_pictures(std::span<const std::filesystem::path> paths) {
+  Sampler sampler;
+  size_t readable = 0;
+  const size_t count = std::min(paths.size(), kPictures);
+  for (size_t i = 0; i < count; ++i) readable += sampler.look(paths[i * paths.size() / count]) ? 1 : 0;
+  for (size_t i = 0; i < paths.size() && readable == 0; ++i) readable += sampler.look(paths[i]) ? 1 : 0;
+  return sampler.result();
+}
+
+}  // namespace cairn

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// What the numbers of a list of stamps count.
+enum class TimeUnit : uint8_t { kSeconds, kMilliseconds, kMicroseconds, kNanoseconds };
+
+/// As `unit=` of a source has it: s, ms, us, ns.
+[[nodiscard]] std::string_view short_name(TimeUnit unit);
+/// For a sentence: seconds, milliseconds, ...
+[[nodiscard]] std::string_view long_name(TimeUnit unit);
+
+struct StampReport {
+  /// Why no camera has such stamps, with the likely cause and what to do. A sentence about the list.
+  std::optional<std::string> impossible;
+  /// What recordings do have and a person should know. Sentences about the list.
+  std::vector<std::string> remarks;
+};
+
+/// Looks at the steps between stamps that were read as `unit`. Impossible: most steps are 0 (whole seconds,
+/// 32-bit floats, a spreadsheet's rounding), or they are regular and their median is that of a camera in
+/// another unit only. Remarks: steps over a second (stills), stamps that go back (a counter that wraps among
+/// them). A list of fewer than ten says nothing of its unit.
+[[nodiscard]] StampReport check_stamps(std::span<const Timestamp> stamps, TimeUnit unit);
+
+}  // namespace cairn
