@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <numeric>
@@ -16,11 +17,11 @@ namespace {
 constexpr size_t kPictures = 9;
 constexpr size_t kValues = 65536;
 constexpr int kAllBits = 16;
-constexpr int kLeastBits = 8;      ///< of a mapping: fewer would show noise
-constexpr double kFaults = 1e-3;   ///< of the pixels, at either end
-constexpr int kNarrow = 4;         ///< part of the range below which the used part is stretched
-constexpr int kLeastSpread = 64;   ///< values of a stretched range
-constexpr uint64_t kSmoother = 4;  ///< times that exchanged bytes must be smoother
+constexpr int kLeastBits = 8;     ///< of a mapping: fewer would show noise
+constexpr double kFaults = 1e-3;  ///< of the pixels, at either end
+constexpr int kNarrow = 4;        ///< part of the range below which the used part is stretched
+constexpr int kLeastSpread = 64;  ///< values of a stretched range
+constexpr double kSmoother = 2;   ///< times that exchanged bytes must be smoother
 
 /// The least value that at least `share` of all do not exceed.
 int quantile(const DeepHistogram& histogram, uint64_t total, double share) {
@@ -35,6 +36,24 @@ int quantile(const DeepHistogram& histogram, uint64_t total, double share) {
 
 uint16_t exchanged(uint16_t value) {
   return static_cast<uint16_t>(value << 8 | value >> 8);
+}
+
+/// How much neighbours differ, right and below, for the spread of all: large for noise, small for pictures.
+template <typename Value>
+double roughness(const DeepImage& image, Value value) {
+  const auto width = static_cast<size_t>(image.width);
+  const auto at = [&](size_t i) { return int{value(image.pixels[i])}; };
+  double sum = 0;
+  for (const uint16_t pixel : image.pixels) sum += value(pixel);
+  const double mean = sum / static_cast<double>(image.pixels.size());
+  double spread = 0;
+  double steps = 0;
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
+    spread += std::abs(at(i) - mean);
+    if (i % width != 0) steps += std::abs(at(i) - at(i - 1));
+    if (i >= width) steps += std::abs(at(i) - at(i - width));
+  }
+  return spread > 0 ? steps / spread : 0;
 }
 
 /// Headers of the pictures in a sample, and the values of those with more than 8 bits.
@@ -106,17 +125,8 @@ std::optional<GrayLevels> used_levels(const DeepHistogram& histogram) {
 }
 
 bool has_exchanged_bytes(const DeepImage& image) {
-  uint64_t as_it_is = 0;
-  uint64_t exchanging = 0;
-  const auto width = static_cast<size_t>(image.width);
-  for (size_t i = 1; i < image.pixels.size(); ++i) {
-    if (i % width == 0) continue;
-    const uint16_t left = image.pixels[i - 1];
-    const uint16_t right = image.pixels[i];
-    as_it_is += static_cast<uint64_t>(std::abs(left - right));
-    exchanging += static_cast<uint64_t>(std::abs(exchanged(left) - exchanged(right)));
-  }
-  return exchanging * kSmoother < as_it_is;
+  return roughness(image, exchanged) * kSmoother < roughness(
+                                                       image, [](uint16_t value) { return value; });
 }
 
 PictureSample sample_pictures(std::span<const std::filesystem::path> paths) {

@@ -67,12 +67,14 @@ struct Steps {
 };
 
 /// What may have made stamps equal: seen in the least amount by which those that differ do.
-std::string why_equal(const Steps& steps, const Unit& unit) {
+std::string why_equal(const Steps& steps, Timestamp first, const Unit& unit) {
   const int64_t common = std::accumulate(steps.forward.begin(), steps.forward.end(), int64_t{0},
                                          [](int64_t a, int64_t b) { return std::gcd(a, b); });
   const double quantum = static_cast<double>(common);
   const double in_units = quantum / unit.nanoseconds;
   const bool is_power_of_two = std::exp2(std::round(std::log2(in_units))) == in_units;
+  if (common == 0 && first.nanoseconds % static_cast<int64_t>(kSecond) == 0)
+    return "all are the same whole second: the decimals are lost, or they went through 32-bit numbers";
   if (common == 0) return "all are the same";
   if (quantum == kSecond) return "these are whole seconds: the decimals are lost";
   if (static_cast<double>(steps.forward.back()) < kNoStep && unit.unit == TimeUnit::kSeconds) {
@@ -90,13 +92,14 @@ std::string count_text(size_t part, size_t whole) {
   return fmt::format("{} of {}", part, whole);
 }
 
-std::optional<std::string> why_impossible(const Steps& steps, TimeUnit unit) {
+std::optional<std::string> why_impossible(std::span<const Timestamp> stamps, const Steps& steps,
+                                          TimeUnit unit) {
   const Unit& read = find(unit);
   if (2 * steps.equal() > steps.all.size()) {
     return fmt::format(
         "{} stamps are equal to the one before, which no camera has: {}; export the times with all their "
         "digits",
-        count_text(steps.equal(), steps.all.size() + 1), why_equal(steps, read));
+        count_text(steps.equal(), steps.all.size() + 1), why_equal(steps, stamps.front(), read));
   }
   if (steps.forward.empty()) return std::nullopt;  // all go back
   const double median = steps.median();
@@ -155,7 +158,7 @@ StampReport check_stamps(std::span<const Timestamp> stamps, TimeUnit unit) {
         count_text(steps.back.size(), stamps.size()), steps.back.front() + 1, why_back(steps, find(unit))));
   }
   if (stamps.size() < kLeastStamps) return report;
-  report.impossible = why_impossible(steps, unit);
+  report.impossible = why_impossible(stamps, steps, unit);
   if (!steps.forward.empty() && steps.median() > kSlowest) {
     report.remarks.push_back(fmt::format(
         "the median step of the stamps is {:.3g} s: between pictures that far apart no motion can "
