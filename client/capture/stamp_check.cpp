@@ -123,18 +123,15 @@ std::optional<std::string> why_impossible(std::span<const Timestamp> stamps, con
 }
 
 /// ", as ... does" where stamps go back by what a 32-bit counter holds.
-std::string why_back(const Steps& steps, const Unit& read) {
+std::string why_back(const Steps& steps) {
   for (const Unit& counted : kUnits) {
-    for (const double nanoseconds : {counted.nanoseconds, read.nanoseconds * counted.nanoseconds / kSecond}) {
-      const double wrap = kWrap * nanoseconds;
-      const auto is_wrap = [&](size_t at) {
-        const double back = -static_cast<double>(steps.all[at - 1]);
-        return std::abs(back + (steps.forward.empty() ? 0 : steps.median()) - wrap) < 0.01 * wrap;
-      };
-      if (nanoseconds >= 1 && std::all_of(steps.back.begin(), steps.back.end(), is_wrap)) {
-        return fmt::format(", as a 32-bit counter does that begins again after {:.4g} s", wrap / kSecond);
-      }
-    }
+    const double wrap = kWrap * counted.nanoseconds;
+    const auto is_wrap = [&](size_t at) {
+      const double back = -static_cast<double>(steps.all[at - 1]);
+      return std::abs(back + (steps.forward.empty() ? 0 : steps.median()) - wrap) < 0.01 * wrap;
+    };
+    if (std::all_of(steps.back.begin(), steps.back.end(), is_wrap))
+      return fmt::format(", as a 32-bit counter does that begins again after {:.4g} s", wrap / kSecond);
   }
   return "";
 }
@@ -153,9 +150,9 @@ StampReport check_stamps(std::span<const Timestamp> stamps, TimeUnit unit) {
   const Steps steps(stamps);
   StampReport report;
   if (!steps.back.empty()) {
-    report.remarks.push_back(fmt::format(
-        "{} stamps go back, stamp {} as the first{}: each is taken for a cut",
-        count_text(steps.back.size(), stamps.size()), steps.back.front() + 1, why_back(steps, find(unit))));
+    report.remarks.push_back(
+        fmt::format("{} stamps go back, stamp {} as the first{}: each is taken for a cut",
+                    count_text(steps.back.size(), stamps.size()), steps.back.front() + 1, why_back(steps)));
   }
   if (stamps.size() < kLeastStamps) return report;
   report.impossible = why_impossible(stamps, steps, unit);
