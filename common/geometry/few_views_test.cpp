@@ -121,6 +121,18 @@ TEST(FewViews, AWayThatBendsTellsTheMotionsOfAPlaneApart) {
   }
 }
 
+/// Trails of a sharp picture are as good as this: their residuals say how much another motion may cost, no
+/// floor does.
+TEST(FewViews, TheNoiseOfSharpPicturesIsMeasured) {
+  constexpr double kNoise = 0.03;
+  for (unsigned seed = 1; seed <= 5; ++seed) {
+    const PlaneOnTheWay plane(seed, 0.5, kNoise);
+    const SE3& truth = plane.truth();
+    const MotionsAdjusted adjusted = plane.adjust({SE3(truth.rotation(), truth.translation().normalized())});
+    EXPECT_GT(adjusted.motions.front().cost, adjusted.noise_cost) << seed;
+  }
+}
+
 TEST(FewViews, AStraightWayInNoiseIsLeftUndecidedRatherThanGuessed) {
   const Endings result = endings(0, 0.5);
   EXPECT_GE(result.ambiguous, 20);

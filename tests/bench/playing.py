@@ -16,6 +16,7 @@ import tempfile
 PROGRAM = pathlib.Path(sys.argv[0]).name
 STOP_DEADLINE_S = 30
 CUBE_CAMERA = pathlib.Path(__file__).resolve().parents[2] / "deploy/demo-data/cube-camera.txt"
+CUBE_NAMES = ("cube", "visp-cube-poster")  # one recording, in Debian's package and among the recordings
 ON_TIME_MS = 33.0  # as kOnTimeMs of client/app/on_time.h
 LAST_DOMAIN = 230
 
@@ -152,7 +153,7 @@ class Sequence:
             self.name = folder.absolute().name
             self.source = text if "?" in text else f"{text}?fps=25"
             own = first_existing(folder, ["camera.txt"])
-            self.calibration = own or calibration or (CUBE_CAMERA if self.name == "cube" else None)
+            self.calibration = own or calibration or self.camera_of_cube()
             return
         folder = pathlib.Path(text)
         if not folder.is_dir():
@@ -166,8 +167,12 @@ class Sequence:
             self.listing = folder / "times.txt"
         else:
             refuse(f"{folder}: neither rgb.txt nor video.mp4 and times.txt")
-        self.calibration = first_existing(folder, ["camera.txt", "camera-colmap.txt"]) or calibration
+        own = first_existing(folder, ["camera.txt", "camera-colmap.txt"])
+        self.calibration = own or calibration or self.camera_of_cube()
         self.truth = first_existing(folder, ["groundtruth-colmap.txt", "groundtruth.txt"])
+
+    def camera_of_cube(self):
+        return CUBE_CAMERA if self.name in CUBE_NAMES else None
 
 
 def first_existing(folder, names):
