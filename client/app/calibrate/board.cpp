@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/calibrate/board.h"
 
-#include <nlohmann/json.hpp>
-
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
-#include <map>
 #include <opencv2/aruco.hpp>
 #include <opencv2/aruco/charuco.hpp>
 #include <opencv2/calib3d.hpp>
@@ -17,7 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/io/text.h"
+#include "client/app/calibrate/tag_board.h"
+#include "client/app/calibrate/tag_file.h"
 
 namespace cairn {
 namespace {
@@ -194,72 +191,6 @@ class Charuco final : public Board {
   std::vector<Pattern> patterns_;
 };
 
-/// Single tags anywhere on a plane.
-class TagBoard final : public Board {
- public:
-  using Corners = std::array<Eigen::Vector3d, 4>;
-  TagBoard(std::string description, std::map<int, Corners> tags, cv::Ptr<cv::aruco::Dictionary> dictionary)
-      : description_(std::move(description)), tags_(std::move(tags)), dictionary_(std::move(dictionary)) {}
-
-  std::optional<BoardView> find(const GrayView& picture) const override {
-    const auto parameters = cv::aruco::DetectorParameters::create();
-    parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_CONTOUR;
-    std::vector<std::vector<cv::Point2f>> corners;
-    std::vector<int> ids;
-    cv::aruco::detectMarkers(as_mat(picture), dictionary_, corners, ids, parameters);
-    BoardView view;
-    for (size_t i = 0; i < ids.size(); ++i) {
-      const auto tag = tags_.find(ids[i]);
-      if (tag == tags_.end()) continue;
-      for (size_t k = 0; k < 4; ++k) {
-        view.on_board.push_back(tag->second[k]);
-        view.pixels.emplace_back(corners[i][k].x, corners[i][k].y);
-      }
-    }
-    return view.size() < kMinPoints ? std::nullopt : std::optional<BoardView>(std::move(view));
-  }
-  std::string describe() const override { return description_; }
-
- private:
-  std::string description_;
-  std::map<int, Corners> tags_;
-  cv::Ptr<cv::aruco::Dictionary> dictionary_;
-};
-
-Result<std::map<int, TagBoard::Corners>> read_tags(const std::filesystem::path& path) {
-  const auto content = read_text_file(path);
-  if (!content) return tl::unexpected(content.error());
-  const auto wrong = [&](const std::string& what) {
-    return fail(ErrorCode::kConfiguration,
-                path.string() + ": " + what + "; expected {\"ID\": [[x, y, 0], three more corners], ...}");
-  };
-  const auto json = nlohmann::json::parse(*content, nullptr, false);
-  if (!json.is_object()) return wrong("not a JSON object");
-  std::map<int, TagBoard::Corners> tags;
-  for (const auto& [key, value] : json.items()) {
-    int id = 0;
-    const auto [end, error] = std::from_chars(key.data(), key.data() + key.size(), id);
-    if (error != std::errc() || end != key.data() + key.size()) continue;  // notes on the paper and the like
-    TagBoard::Corners corners;
-    if (!value.is_array() || value.size() != corners.size())
-      return wrong("tag " + key + " has not four corners");
-    for (size_t k = 0; k < corners.size(); ++k) {
-      const auto& corner = value[k];
-      if (!corner.is_array() || corner.size() < 2 || !corner[0].is_number() || !corner[1].is_number()) {
-        return wrong("tag " + key + ": a corner is not a list of numbers");
-      }
-      corners[k] = {corner[0].get<double>(), corner[1].get<double>(), 0};
-      constexpr double kFlat = 1e-6;
-      if (corner.size() > 2 && !(corner[2].is_number() && std::abs(corner[2].get<double>()) < kFlat)) {
-        return wrong("tag " + key + " is not in the plane z = 0");
-      }
-    }
-    tags.emplace(id, corners);
-  }
-  if (tags.empty()) return wrong("no tag in it");
-  return tags;
-}
-
 Status check_squares(const BoardDescription& board) {
   constexpr int kMaxSquares = 100;
   if (board.columns < 3 || board.rows < 3 || board.columns > kMaxSquares || board.rows > kMaxSquares) {
@@ -311,12 +242,11 @@ Result<std::vector<Charuco::Pattern>> charuco_patterns(const BoardDescription& b
 
 Result<std::unique_ptr<Board>> make_board(const BoardDescription& description) {
   if (description.kind == BoardDescription::Kind::kTags) {
-    auto tags = read_tags(description.tags);
-    if (!tags) return tl::unexpected(tags.error());
+    auto plan = read_tag_plan(description.tags);
+    if (!plan) return tl::unexpected(plan.error());
     auto dictionary = dictionary_of(description.dictionary);
     if (!dictionary) return tl::unexpected(dictionary.error());
-    return std::make_unique<TagBoard>(std::to_string(tags->size()) + " tags of " + description.tags.string(),
-                                      std::move(*tags), std::move(*dictionary));
+    return std::make_unique<TagBoard>(description.tags.string(), std::move(*plan), std::move(*dictionary));
   }
   if (auto status = check_squares(description); !status) return tl::unexpected(status.error());
   if (description.kind == BoardDescription::Kind::kChessboard)

@@ -20,8 +20,7 @@ struct BoardDescription {
   double square = 1;                  ///< side [any unit]
   double marker = 0.75;               ///< side of ChArUco's markers, in squares
   std::string dictionary = "4x4_50";  ///< of the markers: NxN_COUNT or apriltag_NAME
-  std::filesystem::path
-      tags;  ///< kTags: JSON object of tag id -> four corners [x, y, 0], clockwise from the upper left
+  std::filesystem::path tags;         ///< kTags: as read_tag_plan()
 };
 
 /// Finds a board in pictures. Used by one thread at a time.

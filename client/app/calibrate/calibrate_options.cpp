@@ -59,7 +59,9 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--marker", board.marker, "side of a ChArUco marker in squares")->capture_default_str();
   app.add_option("--dictionary", board.dictionary, "of the markers [4x4_50; tags: apriltag_36h11]")
       ->type_name("NAME");
-  app.add_option("--tags", words.tags, "JSON: tag id -> its four corners on the plane")->type_name("FILE");
+  app.add_option("--tags", words.tags,
+                 "JSON: tag id -> its four corners on the plane; or the yaml of Kalibr's aprilgrid")
+      ->type_name("FILE");
   app.add_option("--model", words.model, "radtan: most lenses; kb4: wide and fisheye lenses")
       ->check(CLI::IsMember({"radtan", "kb4"}))
       ->capture_default_str();

@@ -25,28 +25,11 @@ namespace {
 
 using testing::BoardPainter;
 using ::testing::HasSubstr;
+using testing::kNever;
 using testing::make_or_fail;
+using testing::Pictures;
 
 constexpr unsigned kSeed = 21;
-const auto kNever = [] { return false; };
-
-/// Pictures of a vector, one a second.
-class Pictures final : public FrameSource {
- public:
-  explicit Pictures(std::vector<GrayImagePtr> pictures) : pictures_(std::move(pictures)) {}
-  Result<std::optional<Frame>> next() override {
-    if (next_ == pictures_.size()) return std::nullopt;
-    const Frame frame{next_, {static_cast<int64_t>(next_) * 1'000'000'000}, pictures_[next_]};
-    ++next_;
-    return frame;
-  }
-  std::optional<size_t> frame_count() const override { return pictures_.size(); }
-  std::string describe() const override { return "pictures"; }
-
- private:
-  std::vector<GrayImagePtr> pictures_;
-  size_t next_ = 0;
-};
 
 BoardDescription description_of(BoardDescription::Kind kind) {
   BoardDescription description;
@@ -473,7 +456,7 @@ TEST(Boards, WrongOnesAreRefusedWithTheRemedy) {
 }
 
 /// Stills of a frame of AprilTags: the intrinsics that came with them are 320.45 320.08 321.20 183.16,
-/// without distortion.
+/// without distortion. The paper is not quite flat.
 TEST(CalibrateRecordings, PragueBoard) {
   const char* data = std::getenv("CAIRN_DATA");
   if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set";
@@ -491,9 +474,10 @@ TEST(CalibrateRecordings, PragueBoard) {
   ASSERT_TRUE(truth) << truth.error().message;
   const auto report = calibrate_from(**source, **board, CameraModel::kPinholeRadtan, null_logger(), kNever);
   ASSERT_TRUE(report) << report.error().message;
-  EXPECT_NE(report->verdict.grade, Grade::kPoor);
+  EXPECT_EQ(report->verdict.grade, Grade::kGood);
+  EXPECT_LT(report->calibration.rms, 0.25);
   for (size_t i = 0; i < 4; ++i) {
-    EXPECT_NEAR(report->calibration.parameters.values[i], truth->values[i], 0.01 * truth->values[0])
+    EXPECT_NEAR(report->calibration.parameters.values[i], truth->values[i], 0.003 * truth->values[0])
         << i << " sigma " << report->calibration.sigma[i];
   }
 }

@@ -12,10 +12,31 @@
 #include <vector>
 
 #include "client/app/calibrate/board.h"
+#include "client/capture/frame_source.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 
 namespace cairn::testing {
+
+inline const auto kNever = [] { return false; };
+
+/// Pictures of a vector, one a second.
+class Pictures final : public FrameSource {
+ public:
+  explicit Pictures(std::vector<GrayImagePtr> pictures) : pictures_(std::move(pictures)) {}
+  Result<std::optional<Frame>> next() override {
+    if (next_ == pictures_.size()) return std::nullopt;
+    const Frame frame{next_, {static_cast<int64_t>(next_) * 1'000'000'000}, pictures_[next_]};
+    ++next_;
+    return frame;
+  }
+  std::optional<size_t> frame_count() const override { return pictures_.size(); }
+  std::string describe() const override { return "pictures"; }
+
+ private:
+  std::vector<GrayImagePtr> pictures_;
+  size_t next_ = 0;
+};
 
 inline CameraPtr make_or_fail(const CameraParameters& parameters) {
   auto camera = make_camera(parameters);
