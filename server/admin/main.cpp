@@ -32,8 +32,8 @@ using nlohmann::json;
 constexpr int kInterruptedExit = 130;
 
 constexpr const char* kFooter =
-    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 4 no server, 5 refused, 6 damaged data, "
-    "130 interrupted\n\n"
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, or a file that cannot be read or written, here or "
+    "by the server (disk full), 4 no server, 5 refused, 6 damaged data, 130 interrupted\n\n"
     "Examples:\n"
     "  cairnctl maps                                   lists all maps\n"
     "  cairnctl maps export desk --format colmap --out exported\n"

@@ -135,8 +135,9 @@ json describe_labels(const std::string& map, std::span<const Label> labels, Labe
 
 wire::AdminReply refusal(const Error& error) {
   wire::AdminReply reply;
-  // Whatever else it is to us, to the operator it is the server's no.
-  const bool own_words = error.code == ErrorCode::kUsage || error.code == ErrorCode::kDamaged;
+  // Whatever else it is to us, to the operator it is the server's no; a disk that takes nothing is none.
+  const bool own_words =
+      error.code == ErrorCode::kUsage || error.code == ErrorCode::kDamaged || error.code == ErrorCode::kIo;
   reply.result = static_cast<uint8_t>(exit_code(own_words ? error.code : ErrorCode::kRefused));
   reply.text = one_line(error.message).substr(0, wire::kMaxAdminText);
   return reply;

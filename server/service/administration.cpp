@@ -38,6 +38,13 @@ bool is_set(const json& request, const char* key) {
   return it != request.end() && it->is_boolean() && it->get<bool>();
 }
 
+/// What it is to an operator that a label is not changed.
+ErrorCode error_of(wire::RequestDecision decision) {
+  if (decision == wire::RequestDecision::kUnfit) return ErrorCode::kUsage;
+  // No label is added here: nothing is full but the disk.
+  return decision == wire::RequestDecision::kFull ? ErrorCode::kIo : ErrorCode::kRefused;
+}
+
 /// Of an archive, which goes over in hundreds.
 bool is_piece(const std::string& verb) {
   return verb == "import-write" || verb == "export-read";
@@ -270,9 +277,7 @@ void Switchboard::edit_label(const MapEntry& entry, const wire::ClientRequest& w
   const auto done = [name = entry.name, which, before = *before,
                      answer](const LabelBook::Judgement& judgement) {
     if (judgement.decision != wire::RequestDecision::kDone) {
-      const bool unfit = judgement.decision == wire::RequestDecision::kUnfit;
-      return answer(
-          refusal(unfit ? ErrorCode::kUsage : ErrorCode::kRefused, which + ": " + judgement.reason));
+      return answer(refusal(error_of(judgement.decision), which + ": " + judgement.reason));
     }
     answer(success(describe(name, judgement.changed ? label_of(*judgement.changed) : before)));
   };

@@ -68,23 +68,23 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   if (!maps_.is_free(name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
-  const std::string before = std::exchange(entry->name, name);
-  entry->runner->rename(name, [this, id, before, answer](const Status& kept) {
-    post([this, id, before, answer, kept] {
+  if (!entry->name_to_be.empty())
+    return answer(refusal(ErrorCode::kRefused, "the map is being renamed by another; try again"));
+  entry->name_to_be = name;  // nobody else gets it meanwhile
+  entry->runner->rename(name, [this, id, name, answer](const Status& kept) {
+    post([this, id, name, answer, kept] {
       MapEntry* renamed = maps_.find(id);
       if (renamed == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
-      if (!kept) {
-        renamed->name = before;
-        renamed->runner->rename(before, [](const Status&) {});
-        return answer(refusal(kept.error()));
-      }
+      renamed->name_to_be.clear();
+      if (!kept) return answer(refusal(kept.error()));
+      renamed->name = name;
       tell_all(make_map_info(options_.server, id, *renamed));
       answer(success(describe_map(id, *renamed)));
     });
   });
 }
 
-void Switchboard::delete_map(MapId id, const MapEntry* entry, bool for_good, const AdminAnswer& answer) {
+void Switchboard::delete_map(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer) {
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (store_ == nullptr && !for_good) {
     return answer(refusal(ErrorCode::kRefused,
@@ -96,28 +96,40 @@ void Switchboard::delete_map(MapId id, const MapEntry* entry, bool for_good, con
                           "a deleted map can be had back from this server until `cairnctl maps purge`; "
                           "delete it without --for-good"));
   }
-  entry->runner->flush([this, id, answer] { post([this, id, answer] { finish_deletion(id, answer); }); });
+  if (store_ == nullptr) {
+    entry->runner->retire();
+    return finish_deletion(id, {}, answer);
+  }
+  entry->leaving = true;
+  // All that is handed in is written, exports of it that are under way come to their end, and then its file
+  // goes, in the writer's turn. Until then the map is served: it may yet stay.
+  const auto remove = [this, id, runner = entry->runner, answer](Store& store) {
+    const Status removed = store.remove(id);
+    if (removed) runner->retire();
+    post([this, id, removed, answer] { finish_deletion(id, removed, answer); });
+  };
+  entry->runner->flush([this, answer, remove] {
+    store_->run([this, answer, remove](const Store&) {
+      with_store(answer, [this, remove](const Store&) -> Task {
+        store_->run(remove);
+        return {};
+      });
+    });
+  });
 }
 
-void Switchboard::finish_deletion(MapId id, const AdminAnswer& answer) {
-  const MapEntry* entry = maps_.find(id);
+void Switchboard::finish_deletion(MapId id, const Status& removed, const AdminAnswer& answer) {
+  MapEntry* entry = maps_.find(id);
   if (entry == nullptr) return answer(success({{"id", to_hex(id.bytes)}}));  // by another operator meanwhile
+  if (!removed) {
+    entry->leaving = false;
+    return answer(refusal(removed.error()));
+  }
   const json deleted = describe(id, *entry);
-  entry->runner->retire();
   forget_map(id);
   maps_.reserve(id);
-  if (store_ == nullptr) {
-    overlaps_.forget(id);
-    return answer(success(deleted));
-  }
-  // Behind the exports of it that are under way, then in the writer's turn.
-  with_store(answer, [this, id, answer, deleted](const Store&) -> Task {
-    store_->run([this, id, answer, deleted](Store& store) {
-      const Status removed = store.remove(id);
-      post([answer, deleted, removed] { answer(removed ? success(deleted) : refusal(removed.error())); });
-    });
-    return {};
-  });
+  if (store_ == nullptr) overlaps_.forget(id);
+  answer(success(deleted));
 }
 
 void Switchboard::answer_without_map(const std::string& verb, const std::string& wanted,
@@ -154,7 +166,7 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
     if (maps[0].problem) return say(refusal(maps[0]));
     if (!full.empty()) return say(refusal(ErrorCode::kRefused, full));
     if (const Status back = store.undelete(maps[0].header.id); !back) return say(refusal(back.error()));
-    take_in(maps[0].header.id, answer);
+    take_in(maps[0].header.id, &Store::undo_undelete, answer);
     return {};
   });
 }
@@ -178,38 +190,68 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
   });
 }
 
-void Switchboard::take_in(MapId id, const AdminAnswer& answer) {
-  const auto serve = [this, id, answer](Result<RestoredMap> restored) {
+void Switchboard::take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer) {
+  const auto serve = [this, id, undo, answer](Result<RestoredMap> restored) {
     look_for_damage();
-    if (!restored) {
-      return post([answer, error = restored.error()] { answer(refusal(error)); });
+    if (!restored) return post([answer, error = restored.error()] { answer(refusal(error)); });
+    const std::string name = restored->header.name;
+    try {
+      post([this, undo, answer, map = prepare(std::move(*restored))]() mutable {
+        serve_anew(std::move(map), undo, answer);
+      });
+    } catch (const std::exception& problem) {  // memory
+      const std::string why = std::string("cannot be served: ") + problem.what();
+      store_->take_back(id, name, undo, why);
+      post([answer, why] { answer(refusal(ErrorCode::kRefused, "the map " + why)); });
     }
-    post([this, id, answer, map = prepare(std::move(*restored))]() mutable {
-      const std::string name = maps_.free_name(map.header.name);
-      const bool renamed = name != map.header.name;
-      take_up(std::move(map));
-      MapEntry* entry = maps_.find(id);
-      if (renamed) return rename_map(id, entry, name, answer);
+  };
+  store_->restore_one(id, options_.mapping, restored_images(options_.rest_after), undo, serve);
+}
+
+void Switchboard::serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer) {
+  const MapId id = map.header.id;
+  const std::string old_name = map.header.name;
+  const std::string name = maps_.free_name(old_name);
+  map.header.name = name;  // no two are called the same, however long it takes to keep that
+  take_up(std::move(map));
+  const auto runner = maps_.find(id)->runner;
+  const auto done = [this, id, old_name, undo, runner, answer](const Status& kept) {
+    if (!kept) {
+      runner->retire();
+      store_->run([this, id, old_name, undo, why = kept.error().message](Store&) {
+        store_->take_back(id, old_name, undo, why);
+      });
+    }
+    post([this, id, answer, kept] {
+      const MapEntry* entry = maps_.find(id);
+      if (!kept) forget_map(id);
+      if (!kept) return answer(refusal(kept.error()));
+      if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
       answer(success(describe_map(id, *entry)));
     });
   };
-  store_->restore_one(id, options_.mapping, restored_images(options_.rest_after), serve);
+  if (name == old_name) return done({});
+  runner->rename(name, done);
 }
 
 void Switchboard::export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer) {
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  if (entry->leaving) return answer(refusal(ErrorCode::kRefused, "the map is being deleted"));
   const auto copy = [this, id, name = entry->name, answer](const Store& store) -> Task {
     const auto token = transfers_->begin_export(steady_clock::now());
     if (!token) return [answer, error = token.error()] { answer(refusal(error)); };
     const std::filesystem::path path = *transfers_->find(*token, steady_clock::now());
     const Status exported = store.export_map(id, path);
-    if (!exported) transfers_->end(*token);
+    if (!exported) {
+      transfers_->end(*token);
+      return [answer, error = exported.error()] { answer(refusal(error)); };
+    }
     const json archive{{"token", *token},
-                       {"bytes", exported ? std::filesystem::file_size(path) : 0},
+                       {"bytes", std::filesystem::file_size(path)},
                        {"name", name},
                        {"id", to_hex(id.bytes)}};
-    return [answer, reply = exported ? success(archive) : refusal(exported.error())] { answer(reply); };
+    return [answer, archive] { answer(success(archive)); };
   };
   // What was handed to the writer is in the file once a task of its own has come to its turn.
   entry->runner->flush([this, answer, copy] {
@@ -250,13 +292,16 @@ void Switchboard::import_map(const std::string& token, const AdminAnswer& answer
     if (!path) return refuse(path.error());
     if (!full.empty()) return refuse({ErrorCode::kRefused, full});
     // A map takes more memory than its file: pictures are packed in there.
-    if (std::filesystem::file_size(*path) > room)
+    std::error_code problem;
+    const uintmax_t bytes = std::filesystem::file_size(*path, problem);
+    if (problem) return refuse({ErrorCode::kIo, path->string() + ": cannot be read: " + problem.message()});
+    if (bytes > room)
       return refuse(
           {ErrorCode::kRefused, "the archive does not fit into the server's memory (--max-memory)"});
     const auto imported = store.import_map(*path);
     if (!imported) return refuse(imported.error());
     transfers_->end(token);
-    take_in(*imported, answer);
+    take_in(*imported, &Store::undo_import, answer);
     return {};
   });
 }

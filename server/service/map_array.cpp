@@ -66,7 +66,7 @@ MapId MapArray::repeatable_id(const wire::MapSeed& seed) {
 
 bool MapArray::is_free(const std::string& name) const {
   return std::none_of(maps_.begin(), maps_.end(), [&](const auto& entry) {
-    return entry.second.name == name || to_hex(entry.first.bytes) == name;
+    return entry.second.name == name || entry.second.name_to_be == name || to_hex(entry.first.bytes) == name;
   });
 }
 

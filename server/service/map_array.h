@@ -28,6 +28,8 @@ struct MapEntry {
   std::string frozen = {};                    ///< why it takes nothing any more; empty: it does
   MonotonicTime used_at = {};                 ///< when it last changed or was offered a keyframe
   int offers_in_work = 0;                     ///< each may wake it
+  std::string name_to_be = {};                ///< while it is being kept: taken already
+  bool leaving = false;                       ///< it is being deleted
 };
 
 /// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has

@@ -123,13 +123,20 @@ void MapRunner::rename(std::string name, std::function<void(Status)> done) {
   queue_.post([self = shared_from_this(), name = std::move(name), done = std::move(done)] {
     if (self->deleted_) return done(fail(ErrorCode::kRefused, kDeleted));
     if (self->maker_ == nullptr || self->frozen_) return done(fail(ErrorCode::kRefused, "the map is frozen"));
-    self->guarded([&] {
-      self->maker_->rename(name);
-      self->publish();
+    const auto show = [self, name, done] {
+      self->guarded([&] {
+        self->maker_->rename(name);
+        self->publish();
+      });
+      done({});
+    };
+    if (self->store_ == nullptr) return show();
+    // Nobody sees a name that is not kept.
+    self->store_->run([self, map = self->published_->map, name, show, done](Store& store) {
+      const Status kept = store.rename(map, name);
+      if (!kept) return done(kept);
+      self->queue_.post(show);
     });
-    if (self->store_ == nullptr) return done({});
-    self->store_->run(
-        [map = self->published_->map, name, done](Store& store) { done(store.rename(map, name)); });
   });
 }
 

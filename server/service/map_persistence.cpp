@@ -110,21 +110,7 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
 Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   const std::string name = to_hex(loaded.map.bytes);
   for (const std::string& line : loaded.damage) log_->error("map {}: {}", name, line);
-  if (!loaded.restored) {
-    const Error& error = loaded.restored.error();
-    if (error.code == ErrorCode::kDamaged) {
-      loaded.damage.push_back(error.message);
-      const auto aside = store_->set_aside(loaded.map, loaded.name, loaded.damage);
-      if (aside) {
-        log_->error("map {} cannot be used: {}; kept as {}", name, error.message, aside->string());
-      } else {
-        leave_alone(loaded.map, loaded.name, error.message + "; " + aside.error().message);
-      }
-    } else {
-      leave_alone(loaded.map, loaded.name, error.message);
-    }
-    return std::move(loaded.restored);
-  }
+  if (!loaded.restored) return std::move(loaded.restored);
   forget_unloaded(loaded.map);
   RestoredMap& map = *loaded.restored;
   if (!loaded.damage.empty()) {
@@ -134,6 +120,17 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
                 aside ? "the damaged file is kept as " + aside->string() : aside.error().message);
   }
   return std::move(loaded.restored);
+}
+
+void MapPersistence::part_with(const Loaded& failed) {
+  const Error& error = failed.restored.error();
+  if (error.code != ErrorCode::kDamaged) return leave_alone(failed.map, failed.name, error.message);
+  std::vector<std::string> reasons = failed.damage;
+  reasons.push_back(error.message);
+  const auto aside = store_->set_aside(failed.map, failed.name, reasons);
+  if (!aside) return leave_alone(failed.map, failed.name, error.message + "; " + aside.error().message);
+  log_->error("map {} cannot be used: {}; kept as {}", to_hex(failed.map.bytes), error.message,
+              aside->string());
 }
 
 std::vector<UnloadedMap> MapPersistence::unloaded() const {
@@ -173,15 +170,25 @@ std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options,
   for (std::thread& helper : helpers) helper.join();
   std::vector<RestoredMap> restored;
   for (Loaded& one : loaded) {
+    if (!one.restored) part_with(one);
     if (auto map = settle(std::move(one))) restored.push_back(std::move(*map));
   }
   return restored;
 }
 
-void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
+void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, RestoredImages images, Undo undo,
                                  std::function<void(Result<RestoredMap>)> done) {
   auto loaded = std::make_shared<Loaded>(load(map, options, images));
-  run([this, loaded, done = std::move(done)](Store&) { done(settle(std::move(*loaded))); });
+  run([this, loaded, undo, done = std::move(done)](Store&) {
+    if (!loaded->restored) take_back(loaded->map, loaded->name, undo, loaded->restored.error().message);
+    done(settle(std::move(*loaded)));
+  });
+}
+
+void MapPersistence::take_back(MapId map, const std::string& name, Undo undo, const std::string& reason) {
+  log_->error("map {} cannot be served: {}", to_hex(map.bytes), reason);
+  const Status undone = (store_.get()->*undo)(map);
+  if (!undone) leave_alone(map, name, reason + "; " + undone.error().message);
 }
 
 void MapPersistence::read_images(MapId map, std::vector<KeyframeId> keyframes, ImagesRead done) {

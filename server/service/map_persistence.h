@@ -80,10 +80,14 @@ class MapPersistence {
   [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads,
                                                  RestoredImages images = RestoredImages::kStay);
 
-  /// One map, e.g. after Store::undelete(): to be called by the other thread (run_beside()). `done` is called
-  /// by the writer.
-  void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images,
+  /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_beside()). If it
+  /// cannot be loaded, `undo` takes it back to where it was: nothing has happened then. `done` is called by
+  /// the writer.
+  using Undo = Status (Store::*)(MapId map);
+  void restore_one(MapId map, const MapMakerOptions& options, RestoredImages images, Undo undo,
                    std::function<void(Result<RestoredMap>)> done);
+  /// The same for one that was loaded and cannot be served after all, for this reason: by the writer.
+  void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
 
   /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
   /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
@@ -136,6 +140,8 @@ class MapPersistence {
   struct Loaded;
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
+  /// Of a map that cannot be loaded and has been there: out of the way if it is damaged, else left alone.
+  void part_with(const Loaded& failed);
   void forget_unloaded(MapId map);
 
   const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs, but for folders

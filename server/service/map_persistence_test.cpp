@@ -62,6 +62,14 @@ class MapPersistenceTest : public testing::KeptMapFixture {
       maps += entry.path().extension() == ".cairnmap" ? 1 : 0;
     return maps;
   }
+  /// Waits for a map that has come in to be loaded.
+  [[nodiscard]] Status restored(MapPersistence* store, MapPersistence::Undo undo = &Store::undo_undelete) {
+    auto loaded = std::make_shared<std::promise<Status>>();
+    store->restore_one(header_.id, options_, RestoredImages::kStay, undo, [loaded](const auto& map) {
+      loaded->set_value(map ? Status() : tl::unexpected(map.error()));
+    });
+    return loaded->get_future().get();
+  }
   /// Waits for what the writer says of an update.
   [[nodiscard]] static Status written(MapPersistence* store, MapId map, MapUpdate update) {
     auto promise = std::make_shared<std::promise<Status>>();
@@ -156,11 +164,38 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   std::filesystem::remove(no_file);
   EXPECT_THAT(store->unloaded(), SizeIs(1));
   set_version(map_schema_version());
-  auto loaded = std::make_shared<std::promise<bool>>();
-  store->restore_one(header_.id, options_, RestoredImages::kStay,
-                     [loaded](const auto& map) { loaded->set_value(map.has_value()); });
-  EXPECT_TRUE(loaded->get_future().get());
+  EXPECT_TRUE(restored(store.get()));
   EXPECT_THAT(store->unloaded(), IsEmpty()) << "it is served";
+}
+
+/// Refused means unchanged.
+TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedGoesBackToWhereItCameFrom) {
+  keep_a_map();
+  const std::filesystem::path deleted = folder_ / "deleted" / file().filename();
+  const std::filesystem::path archive = folder_ / "copy";
+  std::filesystem::copy_file(file(), archive);
+  std::filesystem::rename(file(), deleted);
+  const auto store = open();
+  // It cannot be read now, or never: `map` row 2 is what it stands on.
+  for (const char* problem :
+       {"PRAGMA user_version=99", "UPDATE map SET checksum = checksum + 1 WHERE id = 2"}) {
+    SCOPED_TRACE(problem);
+    std::filesystem::copy_file(archive, deleted, std::filesystem::copy_options::overwrite_existing);
+    ASSERT_TRUE(sqlite::Database::open(deleted, sqlite::OpenMode::kReadWrite)->execute(problem));
+    store->run_beside([&](Store& s) { EXPECT_TRUE(s.undelete(header_.id)); });
+    std::promise<Status> refused;
+    store->run_beside([&](Store&) { refused.set_value(restored(store.get())); });
+    EXPECT_FALSE(refused.get_future().get());
+    EXPECT_TRUE(std::filesystem::exists(deleted));
+    EXPECT_FALSE(std::filesystem::exists(file()));
+  }
+  EXPECT_THAT(store->unloaded(), IsEmpty());
+  EXPECT_EQ(set_aside(), 0U);
+  std::filesystem::rename(deleted, file());
+  EXPECT_FALSE(restored(store.get(), &Store::undo_import));
+  EXPECT_FALSE(std::filesystem::exists(file())) << "the operator has the archive";
+  std::filesystem::copy_file(archive, file());
+  EXPECT_TRUE(restored(store.get(), &Store::undo_import));
 }
 
 TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {

@@ -119,7 +119,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void rest(Revision indexed);
   /// `done` gets them of the map as it is.
   void measure(std::function<void(const MapMeasures&)> done);
-  /// Publishes the map under another name. `done` is called when the store has it.
+  /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
   void rename(std::string name, std::function<void(Status kept)> done);
   /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.
   void flush(std::function<void()> then);

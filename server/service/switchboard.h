@@ -140,14 +140,16 @@ class Switchboard {
   /// the answer; without a store as well.
   void with_store(const AdminAnswer& answer, std::function<Task(Store& store)> work);
   void rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer);
-  void delete_map(MapId id, const MapEntry* entry, bool for_good, const AdminAnswer& answer);
-  void finish_deletion(MapId id, const AdminAnswer& answer);
+  void delete_map(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer);
+  /// `removed`: whether the store has let go of it; if not, it stays in service.
+  void finish_deletion(MapId id, const Status& removed, const AdminAnswer& answer);
   /// To a request about a map that is not in service: one that is deleted is told from one that nobody knows.
   void answer_without_map(const std::string& verb, const std::string& wanted, const AdminAnswer& answer);
   void undelete_map(const std::string& wanted, const AdminAnswer& answer);
   void purge_map(const std::string& wanted, const AdminAnswer& answer);
-  /// Beside the writer: a map that has just come (back) into the store.
-  void take_in(MapId id, const AdminAnswer& answer);
+  /// Beside the writer: a map that has just come (back) into the store; `undo` takes it out again if it
+  /// cannot be served, or not be called as it must.
+  void take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer);
   void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
   void transfer(const std::string& verb, const std::string& token, uint64_t offset, std::vector<uint8_t> data,
                 const AdminAnswer& answer);
@@ -166,6 +168,9 @@ class Switchboard {
   /// The part that takes time: by any thread.
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);
+  /// take_up() of one that comes in while others are served, under a name that is free; the answer follows
+  /// when that is kept.
+  void serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer);
   void resume_clients(const std::vector<RestoredMap>& restored);
   /// Those that have not been in use for long.
   void let_maps_rest(MonotonicTime now);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/transfers.h"
 
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <utility>
 
@@ -32,10 +34,11 @@ Status Transfers::begin_import(const std::string& token, MonotonicTime now) {
   if (!is_valid_name(token)) return fail(ErrorCode::kUsage, "'" + token + "' is not a transfer");
   end(token);
   if (Status room = make_room(now); !room) return room;
+  errno = 0;  // a stream keeps it, and says nothing else
   const std::ofstream out(path_of(token), std::ios::binary | std::ios::trunc);
   if (!out) {
-    return fail(ErrorCode::kIo, path_of(token).string() +
-                                    ": cannot be made; see to space, owner and mount of the server's store");
+    return fail(ErrorCode::kIo, path_of(token).string() + ": cannot be made: " + std::strerror(errno) +
+                                    "; see to space, owner and mount of the server's store");
   }
   touched_[token] = now;
   return {};
@@ -68,12 +71,16 @@ Status Transfers::write(const std::string& token, uint64_t offset, std::span<con
   if (!path) return tl::unexpected(path.error());
   if (offset > kMostBytes || data.size() > kMostBytes - offset)
     return fail(ErrorCode::kRefused, "too large for an archive");
+  errno = 0;
   std::fstream out(*path, std::ios::binary | std::ios::in | std::ios::out);
   out.seekp(static_cast<std::streamoff>(offset));
   out.write(reinterpret_cast<const char*>(data.data()), static_cast<std::streamsize>(data.size()));
   out.close();
-  if (!out) return fail(ErrorCode::kIo, path->string() + ": cannot be written; is the disk full?");
-  return {};
+  if (out) return {};
+  const std::string why = std::strerror(errno);
+  end(token);  // on a full disk what has come of it is in the way of all else
+  return fail(ErrorCode::kIo, path->string() + ": cannot be written: " + why +
+                                  "; see to space, owner and mount of the server's store");
 }
 
 void Transfers::end(const std::string& token) {

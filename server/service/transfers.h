@@ -38,7 +38,7 @@ class Transfers {
   [[nodiscard]] Result<std::vector<uint8_t>> read(const std::string& token, uint64_t offset, size_t most,
                                                   MonotonicTime now);
   /// Writes at an offset, so a piece that comes twice does no harm. Errors: kNotFound, kRefused (too large),
-  /// kIo.
+  /// kIo, which ends the transfer.
   Status write(const std::string& token, uint64_t offset, std::span<const uint8_t> data, MonotonicTime now);
 
   /// The file of a transfer that is under way. Error kNotFound.

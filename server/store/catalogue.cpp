@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 //
-// The catalogue of a store: which server this is, how often it has started, and which maps overlap.
+// The catalogue of a store: which server this is, the last epoch that it has given, and which maps overlap.
 #include <algorithm>
 #include <chrono>
 #include <random>
@@ -41,13 +41,13 @@ Status Store::read_catalogue() {
   if (!done) return done;
 
   std::vector<std::string> damage;
-  uint64_t last_start = 0;
+  uint64_t last_epoch = 0;
   read_rows(
       &*database, "server",
       [&](int64_t, std::span<const uint8_t> data) {
         ByteReader in(data);
         in.get(std::span(server_.bytes));
-        last_start = in.get<uint64_t>();
+        last_epoch = in.get<uint64_t>();
         return in.finished();
       },
       &damage);
@@ -57,15 +57,38 @@ Status Store::read_catalogue() {
     std::random_device device;
     for (uint8_t& byte : server_.bytes) byte = static_cast<uint8_t>(device());
   }
-  start_count_ = std::max(last_start + 1, wall_clock_ms());
+  start_count_ = std::max(last_epoch + 1, wall_clock_ms());
+  last_epoch_ = start_count_;
+  done = put_server(&*database, start_count_);
+  return done ? transaction->commit() : done;
+}
+
+Status Store::put_server(sqlite::Database* catalogue, uint64_t last_epoch) const {
   ByteWriter row;
   row.put(std::span<const uint8_t>(server_.bytes));
-  row.put(start_count_);
+  row.put(last_epoch);
   const Blob data = row.take();
-  auto insert = database->prepare(put_row_sql("server"));
+  auto insert = catalogue->prepare(put_row_sql("server"));
   if (!insert) return tl::unexpected(insert.error());
-  done = insert->bind(0, kServerRow).bind(1, std::span(data)).bind(2, row_checksum(kServerRow, data)).run();
-  return done ? transaction->commit() : done;
+  return insert->bind(0, kServerRow).bind(1, std::span(data)).bind(2, row_checksum(kServerRow, data)).run();
+}
+
+Status Store::keep_last_epoch(uint64_t epoch) const {
+  auto database = sqlite::Database::open(catalogue_path(), sqlite::OpenMode::kReadWrite);
+  return database ? put_server(&*database, epoch) : tl::unexpected(database.error());
+}
+
+/// One mark for all ids: of those that were purged nothing need be kept, and a start is later than all.
+Result<Epoch> Store::next_epoch(MapId map, Epoch last_of_file) {
+  const std::scoped_lock lock(epochs_mutex_);
+  const bool unserved_since_start = not_loaded_.erase(map) > 0;
+  const uint64_t later_than_served = unserved_since_start ? start_count_ : last_epoch_ + 1;
+  const Epoch epoch{std::max(later_than_served, last_of_file.value + 1)};
+  if (epoch.value <= last_epoch_) return epoch;
+  // Before anybody is served in it: no later start may give it again.
+  if (Status kept = keep_last_epoch(epoch.value); !kept) return tl::unexpected(kept.error());
+  last_epoch_ = epoch.value;
+  return epoch;
 }
 
 void Store::read_overlaps(sqlite::Database* catalogue) {

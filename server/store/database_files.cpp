@@ -14,6 +14,18 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr size_t kCopyBytes = size_t{1} << 20;
+
+struct Descriptor {
+  explicit Descriptor(int n) : number(n) {}
+  ~Descriptor() {
+    if (number >= 0) ::close(number);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+  const int number;
+};
+
 /// 0 or an error number; EEXIST when something is there, which stays.
 int rename_unless_taken(const fs::path& from, const fs::path& to) {
   if (::renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
@@ -45,13 +57,24 @@ bool is_there(const fs::path& path) {
 Status move_database(const fs::path& from, const fs::path& to) {
   const int error = rename_unless_taken(from, to);
   if (error == EEXIST) return fail(ErrorCode::kRefused, to.string() + ": there is such a file already");
-  if (error != 0) return io_failure(from, "cannot be moved to " + to.string() + ": " + std::strerror(error));
+  const auto not_moved = [&](const fs::path& file, const std::string& why) {
+    return io_failure(
+        file, "cannot be moved to " + to.string() + ": " + why + "; see to owner and mount of both folders");
+  };
+  if (error != 0) return not_moved(from, std::strerror(error));
   std::error_code problem;
+  std::vector<std::string> moved{""};
   for (const char* companion : kCompanions) {
     const fs::path source = from.string() + companion;
     if (!is_there(source)) continue;
     fs::rename(source, to.string() + companion, problem);
-    if (problem) return io_failure(source, "cannot be moved to " + to.string() + ": " + problem.message());
+    if (!problem) {
+      moved.emplace_back(companion);
+      continue;
+    }
+    std::error_code ignored;  // all of it or nothing
+    for (const std::string& end : moved) fs::rename(to.string() + end, from.string() + end, ignored);
+    return not_moved(source, problem.message());
   }
   // Rather in both folders than in none.
   sync_folder(to.parent_path());
@@ -59,10 +82,37 @@ Status move_database(const fs::path& from, const fs::path& to) {
   return {};
 }
 
-void remove_database(const fs::path& path) {
-  std::error_code ignored;
-  fs::remove(path, ignored);
-  for (const char* companion : kCompanions) fs::remove(path.string() + companion, ignored);
+Status remove_database(const fs::path& path) {
+  std::error_code problem;
+  fs::remove(path, problem);
+  if (problem)
+    return io_failure(path, "cannot be removed: " + problem.message() + "; see to owner and mount");
+  for (const char* companion : kCompanions) fs::remove(path.string() + companion, problem);
+  return {};
+}
+
+Status copy_bytes(const fs::path& from, const fs::path& to) {
+  const Descriptor in(::open(from.c_str(), O_RDONLY | O_CLOEXEC));
+  if (in.number < 0) return io_failure(from, std::string("cannot be read: ") + std::strerror(errno));
+  const Descriptor out(::open(to.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0640));
+  if (out.number < 0) return io_failure(to, std::string("cannot be made: ") + std::strerror(errno));
+  std::vector<uint8_t> piece(kCopyBytes);
+  while (true) {
+    const ssize_t got = ::read(in.number, piece.data(), piece.size());
+    if (got == 0) return {};
+    if (got < 0) return io_failure(from, std::string("cannot be read: ") + std::strerror(errno));
+    if (Status written = write_all(out.number, std::span(piece).first(static_cast<size_t>(got))); !written)
+      return io_failure(to, written.error().message);
+  }
+}
+
+Status write_all(int descriptor, std::span<const uint8_t> bytes) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
+    if (written < 0) return fail(ErrorCode::kIo, std::string("cannot be written: ") + std::strerror(errno));
+    bytes = bytes.subspan(static_cast<size_t>(written));
+  }
+  return {};
 }
 
 bool has_log(const fs::path& file) {

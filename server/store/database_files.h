@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -25,10 +27,17 @@ void sync_folder(const std::filesystem::path& folder);
 [[nodiscard]] bool is_there(const std::filesystem::path& path);
 
 /// A database file with its companions to another place. An end in between leaves a log without its file
-/// (Store::part_with_lone_log()). Errors: kRefused (the place is taken), kIo.
+/// (Store::part_with_lone_log()). Errors, after which all of it is where it was: kRefused (the place is
+/// taken), kIo.
 [[nodiscard]] Status move_database(const std::filesystem::path& from, const std::filesystem::path& to);
 
-void remove_database(const std::filesystem::path& path);
+/// With its companions; that there is none is no error. Error kIo, after which all of it is there still.
+Status remove_database(const std::filesystem::path& path);
+
+/// The bytes of a file. Errors kIo, with the system's reason; what was written stays.
+[[nodiscard]] Status copy_bytes(const std::filesystem::path& from, const std::filesystem::path& to);
+/// Error kIo, without a name.
+[[nodiscard]] Status write_all(int descriptor, std::span<const uint8_t> bytes);
 
 /// Of a database file. An empty one holds nothing.
 [[nodiscard]] bool has_log(const std::filesystem::path& file);

@@ -9,6 +9,7 @@
 
 #include "common/map/limits.h"
 #include "server/store/entry_codec.h"
+#include "server/store/os_reason.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
@@ -250,7 +251,11 @@ Status MapFile::begin_epoch(Epoch epoch) {
 Status MapFile::copy_to(const std::filesystem::path& path) {
   auto copy = database_.prepare("VACUUM INTO ?");
   if (!copy) return tl::unexpected(copy.error());
-  return copy->bind(0, std::string_view(path.native())).run();
+  Status copied = copy->bind(0, std::string_view(path.native())).run();
+  if (copied) return copied;
+  const std::string why = why_not_writable(path);
+  return fail(copied.error().code,
+              path.string() + ": cannot be written: " + (why.empty() ? copied.error().message : why));
 }
 
 void MapFile::tidy() {

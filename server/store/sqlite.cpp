@@ -3,27 +3,40 @@
 
 #include <sqlite3.h>
 
+#include <cerrno>
+#include <cstring>
 #include <utility>
+
+#include "server/store/os_reason.h"
 
 namespace cairn::sqlite {
 namespace {
 
 constexpr int kBusyMilliseconds = 5000;  ///< a reader (backup, sqlite3 shell) may hold the file for a moment
 
-tl::unexpected<Error> failure(int code, const std::string& path, const char* said) {
+/// `said`: by SQLite; `system_error`: the number of the system call that failed, 0 where it is not known.
+tl::unexpected<Error> failure(int code, const std::string& path, const std::string& said, int system_error) {
+  const std::string reason = system_error != 0 ? std::strerror(system_error) : said;
   switch (code & 0xff) {
     case SQLITE_FULL:
-      return fail(ErrorCode::kIo, path + ": disk full; free space there and go on");
+      return fail(ErrorCode::kIo,
+                  path + ": disk full (" + std::strerror(ENOSPC) + "); free space there and go on");
     case SQLITE_IOERR:
       return fail(ErrorCode::kIo,
-                  path + ": cannot be written or read (" + said + "); see to the disk, quota or mount");
+                  path + ": cannot be written or read: " + reason + "; see to the disk, quota or mount");
     case SQLITE_READONLY:
     case SQLITE_PERM:
-    case SQLITE_CANTOPEN:
-      return fail(ErrorCode::kIo, path + ": " + said + "; see to existence, owner and mount");
+    case SQLITE_CANTOPEN: {
+      const std::string why = why_not_writable(path);
+      return fail(ErrorCode::kIo, path + ": cannot be written: " + (why.empty() ? reason : why) +
+                                      "; see to existence, owner and mount");
+    }
     case SQLITE_BUSY:
-    case SQLITE_LOCKED:
-      return fail(ErrorCode::kIo, path + ": in use by another program");
+    case SQLITE_LOCKED: {
+      const std::string holder = holder_of_lock(path);
+      return fail(ErrorCode::kIo, path + ": locked by " + (holder.empty() ? "another program" : holder) +
+                                      "; end that, or wait for it, and try again");
+    }
     case SQLITE_NOMEM:
       return fail(ErrorCode::kIo, path + ": no memory");
     case SQLITE_CORRUPT:
@@ -33,6 +46,11 @@ tl::unexpected<Error> failure(int code, const std::string& path, const char* sai
     default:
       return fail(ErrorCode::kInternal, path + ": " + said);
   }
+}
+
+/// What the last call on `database` failed of.
+tl::unexpected<Error> failure(int code, const std::string& path, sqlite3* database) {
+  return failure(code, path, sqlite3_errmsg(database), sqlite3_system_errno(database));
 }
 
 }  // namespace
@@ -64,7 +82,7 @@ Result<bool> Statement::step() {
   const int code = sqlite3_step(statement_.get());
   if (code == SQLITE_ROW) return true;
   if (code == SQLITE_DONE) return false;
-  return failure(code, *path_, sqlite3_errmsg(sqlite3_db_handle(statement_.get())));
+  return failure(code, *path_, sqlite3_db_handle(statement_.get()));
 }
 
 Status Statement::run() {
@@ -112,7 +130,8 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   sqlite3* raw = nullptr;
   const int code = sqlite3_open_v2(name->c_str(), &raw, flags, nullptr);
   std::unique_ptr<sqlite3, Close> handle(raw);
-  if (code != SQLITE_OK) return failure(code, *name, sqlite3_errstr(code));
+  if (code != SQLITE_OK)
+    return failure(code, *name, sqlite3_errstr(code), raw == nullptr ? 0 : sqlite3_system_errno(raw));
   sqlite3_busy_timeout(raw, kBusyMilliseconds);
   sqlite3_db_config(raw, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   Database database(std::move(handle), std::move(name));
@@ -133,7 +152,7 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
 
 Status Database::execute(const std::string& sql) {
   const int code = sqlite3_exec(database_.get(), sql.c_str(), nullptr, nullptr, nullptr);
-  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  if (code != SQLITE_OK) return failure(code, *path_, database_.get());
   return {};
 }
 
@@ -142,7 +161,7 @@ Result<Statement> Database::prepare(std::string_view sql) {
   const int code =
       sqlite3_prepare_v2(database_.get(), sql.data(), static_cast<int>(sql.size()), &raw, nullptr);
   Statement statement(raw, path_.get());
-  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  if (code != SQLITE_OK) return failure(code, *path_, database_.get());
   return statement;
 }
 
@@ -160,9 +179,9 @@ Status Database::checkpoint() {
   int written = 0;
   const int code =
       sqlite3_wal_checkpoint_v2(database_.get(), nullptr, SQLITE_CHECKPOINT_PASSIVE, &pages, &written);
-  if (code != SQLITE_OK) return failure(code, *path_, sqlite3_errmsg(database_.get()));
+  if (code != SQLITE_OK) return failure(code, *path_, database_.get());
   *log_pages_ = 0;
-  if (written < pages) return failure(SQLITE_BUSY, *path_, "");  // as far as nobody reads
+  if (written < pages) return failure(SQLITE_BUSY, *path_, "", 0);  // as far as nobody reads
   return {};
 }
 

@@ -34,6 +34,9 @@ constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
 
+/// Of an archive [ms, as start_count()]: the year 71 000. What follows it must be a number, too.
+constexpr uint64_t kLatestEpoch = uint64_t{1} << 51;
+
 constexpr const char* kLogSuffix = ".cairnmap-wal";
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
 
@@ -178,6 +181,8 @@ Result<std::unique_ptr<Store>> Store::open(const fs::path& folder, Logger log) {
   if (!left_over) return tl::unexpected(left_over.error());
   for (const fs::path& path : *left_over) fs::remove_all(path, problem);
   if (Status opened = store->open_catalogue(); !opened) return tl::unexpected(opened.error());
+  const std::vector<MapId> there = store->maps();
+  store->not_loaded_ = {there.begin(), there.end()};
   return store;
 }
 
@@ -346,11 +351,12 @@ std::vector<DamagedFile> Store::damaged_files() const {
   return files;
 }
 
-Result<StoredMap> Store::load(MapId map) const {
+Result<StoredMap> Store::load(MapId map) {
   auto file = open_file_of(map, path_of(map));
   if (!file) return tl::unexpected(file.error());
-  const Epoch epoch{std::max(start_count_, file->header().epoch.value + 1)};
-  if (Status begun = file->begin_epoch(epoch); !begun) return tl::unexpected(begun.error());
+  const auto epoch = next_epoch(map, file->header().epoch);
+  if (!epoch) return tl::unexpected(epoch.error());
+  if (Status begun = file->begin_epoch(*epoch); !begun) return tl::unexpected(begun.error());
   return file->load();
 }
 
@@ -446,10 +452,21 @@ Status Store::undelete(MapId map) {
 }
 
 Status Store::purge(MapId map) {
-  remove_database(deleted_path_of(map));
-  if (is_there(deleted_path_of(map))) return io_failure(deleted_path_of(map), "cannot be removed");
-  sync_folder(folder_ / "deleted");
-  return {};
+  Status removed = remove_database(deleted_path_of(map));
+  if (removed) sync_folder(folder_ / "deleted");
+  return removed;
+}
+
+Status Store::undo_undelete(MapId map) {
+  close(map);
+  return put_in_place(path_of(map), deleted_path_of(map));
+}
+
+Status Store::undo_import(MapId map) {
+  close(map);
+  Status removed = remove_database(path_of(map));
+  if (removed) sync_folder(folder_ / "maps");
+  return removed;
 }
 
 Status Store::probe() const {
@@ -457,15 +474,13 @@ Status Store::probe() const {
   const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0640);
   if (descriptor < 0) return io_failure(path, std::strerror(errno));
   const std::vector<uint8_t> bytes(kProbeBytes, 1);
-  const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
-  const bool whole = written == static_cast<ssize_t>(bytes.size()) && ::fsync(descriptor) == 0;
-  const int problem = errno;
+  Status written = write_all(descriptor, bytes);
+  if (written && ::fsync(descriptor) != 0)
+    written = fail(ErrorCode::kIo, std::string("cannot be written: ") + std::strerror(errno));
   ::close(descriptor);
   std::error_code ignored;
   fs::remove(path, ignored);
-  if (whole) return {};
-  return io_failure(
-      folder_, std::string("takes nothing more: ") + (written >= 0 ? "no room" : std::strerror(problem)));
+  return written ? written : io_failure(folder_, "takes nothing more: it " + written.error().message);
 }
 
 Result<fs::path> Store::set_aside(MapId map, const std::string& name,
@@ -500,14 +515,19 @@ Status Store::export_map(MapId map, const fs::path& path) const {
 Result<MapId> Store::import_map(const fs::path& archive) const {
   const fs::path copy = folder_ / "incoming";
   remove_database(copy);
-  std::error_code problem;
-  fs::copy_file(archive, copy, problem);
-  if (problem) return fail(ErrorCode::kIo, "it cannot be copied into the store: " + problem.message());
+  if (Status copied = copy_bytes(archive, copy); !copied) {
+    remove_database(copy);
+    return fail(ErrorCode::kIo, "it cannot be copied into the store: " + copied.error().message +
+                                    "; free space there, or see to owner and mount");
+  }
   auto read = read_archive(copy);
   remove_database(copy);
   if (!read) return fail(read.error().code, without_path(read.error().message, copy));
   if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
   const MapId map = read->header.id;
+  if (read->header.epoch.value > kLatestEpoch)
+    return fail(ErrorCode::kDamaged, "its epoch, " + std::to_string(read->header.epoch.value) +
+                                         ", is none that a server has given");
   if (const Status is_free = check_is_free(read->header); !is_free) return tl::unexpected(is_free.error());
   // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};

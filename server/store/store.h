@@ -4,7 +4,9 @@
 #include <filesystem>
 #include <list>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -56,8 +58,8 @@ class Store {
 
   /// The same through all starts.
   [[nodiscard]] ServerId server() const { return server_; }
-  /// Larger at every start, and not below the wall clock [ms]: later than any epoch of a map in here, of a
-  /// backup, or of a catalogue that was lost.
+  /// Larger at every start, and not below the wall clock [ms]: later than any epoch in which a map has been
+  /// served from here, whatever has become of it, and of a backup or a catalogue that was lost.
   [[nodiscard]] uint64_t start_count() const { return start_count_; }
   [[nodiscard]] const std::filesystem::path& folder() const { return folder_; }
 
@@ -79,9 +81,10 @@ class Store {
   /// Where the file of a map in use is. By any thread.
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
 
-  /// All of a map, which has begun a new epoch that is persisted. Different maps may be loaded at the same
-  /// time, by any thread, before anything is written. Errors: as MapFile::open().
-  [[nodiscard]] Result<StoredMap> load(MapId map) const;
+  /// All of a map, which has begun a new epoch that is persisted: later than those of the file, and than any
+  /// in which a map of that id has been served from here, be it that another copy of it was deleted and
+  /// purged. Different maps may be loaded at the same time, by any thread. Errors: as MapFile::open().
+  [[nodiscard]] Result<StoredMap> load(MapId map);
 
   /// Adds a map. Error kRefused when its id is in use; nothing that is there is overwritten.
   Status create(const MapHeader& header, const MapUpdate& whole);
@@ -91,11 +94,15 @@ class Store {
   /// As MapFile::read_images().
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
-  /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place.
+  /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place. An error leaves
+  /// it where it was.
   Status remove(MapId map);
   Status undelete(MapId map);
-  /// Removes a deleted map for good. Idempotent.
+  /// Removes a deleted map for good. Idempotent. An error leaves it as it was.
   Status purge(MapId map);
+  /// Take undelete() and import_map() back, when the map cannot be served after all.
+  Status undo_undelete(MapId map);
+  Status undo_import(MapId map);
 
   /// Which maps have a place in common, as was last kept before this start; of deleted maps, too.
   [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
@@ -142,6 +149,11 @@ class Store {
   [[nodiscard]] Status finish_replacements();
   Status open_catalogue();
   [[nodiscard]] Status read_catalogue();
+  /// The epoch in which a map is to be served whose file says that it was last served in another.
+  [[nodiscard]] Result<Epoch> next_epoch(MapId map, Epoch last_of_file);
+  /// Keeps that this epoch has been given.
+  [[nodiscard]] Status keep_last_epoch(uint64_t epoch) const;
+  [[nodiscard]] Status put_server(sqlite::Database* catalogue, uint64_t last_epoch) const;
   [[nodiscard]] std::filesystem::path catalogue_path() const;
   void read_overlaps(sqlite::Database* catalogue);
   [[nodiscard]] std::filesystem::path deleted_path_of(MapId map) const;
@@ -159,6 +171,9 @@ class Store {
   Logger log_;
   ServerId server_;
   uint64_t start_count_ = 0;
+  std::mutex epochs_mutex_;     ///< of what follows
+  uint64_t last_epoch_ = 0;     ///< given to any map, the start included
+  std::set<MapId> not_loaded_;  ///< of those that were there at the start
   std::vector<OverlapRecord> overlaps_;
   std::vector<UnloadedMap> unplaced_;
   std::list<OpenFile> open_files_;  ///< the one used last in front

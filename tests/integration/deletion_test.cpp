@@ -4,8 +4,11 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <filesystem>
+#include <fstream>
 #include <map>
 
+#include "client/session/label_request.h"
 #include "client/tracking/frame_images.h"
 #include "common/image/place.h"
 #include "common/io/test_directory.h"
@@ -70,6 +73,11 @@ class DeletionTest : public ::testing::Test {
     return maps;
   }
 
+  [[nodiscard]] nlohmann::json maps() { return admin_->maps().value_or(nlohmann::json()); }
+  [[nodiscard]] nlohmann::json labels(const std::string& map) {
+    return admin_->labels(map).value_or(nlohmann::json());
+  }
+
   const testing::Scene scene_{11};
   const TestDirectory folder_;
   ServerProcess server_;
@@ -106,6 +114,63 @@ TEST_F(DeletionTest, OffersToADeletedMapAreAnsweredAndItIsNoPlaceAnyMore) {
     if (reply.accepted) continue;
     EXPECT_THAT(reply.reason, ::testing::AnyOf(HasSubstr("deleted"), HasSubstr("does not know"))) << seq;
   }
+}
+
+/// Whatever an operator asks for: what is refused has not happened, and the reason is the disk's.
+TEST_F(DeletionTest, WhatTheDiskDoesNotTakeHasNotHappened) {
+  const SeedReply made = seed();
+  ASSERT_TRUE(made.answer) << made.reason;
+  ASSERT_TRUE(session_->wait_for_map(60s));
+  const std::string id = to_hex(made.answer->map.bytes);
+  const SE3 camera_from_map = session_->snapshot()->find(KeyframeId{2})->camera_from_map;
+  session_->send_request(*request_new_label(*session_->snapshot(), camera_from_map,
+                                            camera_from_map.inverse() * Eigen::Vector3d(0, 0, 1), "vice"));
+  ASSERT_TRUE(eventually([&] { return !labels(id).empty(); }));
+  const auto name = [&] { return maps()["maps"].at(0).value("name", ""); };
+  const std::string before = name();
+  const auto expect_refused = [&](const nlohmann::json& request, const char* reason) {
+    const auto refused = admin_->ask(request);
+    ASSERT_FALSE(refused) << request;
+    EXPECT_EQ(exit_code(refused.error().code), 3) << request << refused.error().message;
+    EXPECT_THAT(refused.error().message, HasSubstr(reason)) << request;
+  };
+
+  // The folder of deleted maps takes nothing.
+  const std::filesystem::path deleted = folder_.path() / "deleted";
+  std::filesystem::remove(deleted);
+  std::ofstream(deleted) << "no folder";
+  expect_refused({{"verb", "delete"}, {"map", id}}, "Not a directory");
+  ASSERT_EQ(maps()["maps"].size(), 1U);
+  send_offer(*session_->snapshot(), 5);
+  ASSERT_TRUE(eventually([&] {
+    const auto replies = session_->take_offer_replies();
+    return !replies.empty() && replies.front().accepted;
+  })) << "it grows on";
+  EXPECT_THAT(places(), ::testing::Contains(made.answer->map));
+  std::filesystem::remove(deleted);
+  std::filesystem::create_directory(deleted);
+
+  // No file takes anything more.
+  limit_files(1);
+  expect_refused({{"verb", "rename"}, {"map", id}, {"name", "bench"}}, "File too large");
+  EXPECT_EQ(name(), before);
+  expect_refused({{"verb", "label-rename"}, {"map", id}, {"label", 1}, {"text", "saw"}}, "File too large");
+  expect_refused({{"verb", "label-remove"}, {"map", id}, {"label", 1}}, "File too large");
+  EXPECT_EQ(labels(id).at(0).value("text", ""), "vice");
+  expect_refused({{"verb", "export"}, {"map", id}}, "transfer");
+  limit_files(RLIM_INFINITY);
+
+  ASSERT_TRUE(admin_->ask({{"verb", "delete"}, {"map", id}}));
+  limit_files(1);
+  expect_refused({{"verb", "undelete"}, {"map", id}}, "File too large");
+  EXPECT_THAT(maps()["maps"], IsEmpty());
+  EXPECT_THAT(maps()["unloaded"], IsEmpty());
+  EXPECT_EQ(maps()["deleted"].size(), 1U);
+  limit_files(RLIM_INFINITY);
+  const auto back = admin_->ask({{"verb", "undelete"}, {"map", id}});
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(back->content.value("name", ""), before);
+  EXPECT_EQ(back->content.value("keyframes", 0), 3);
 }
 
 TEST_F(DeletionTest, AMapThatCannotBeKeptWasNeverThere) {
