@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "common/map/limits.h"
+#include "server/store/database_files.h"
 #include "server/store/entry_codec.h"
 #include "server/store/os_reason.h"
 #include "server/store/row_codec.h"
@@ -25,6 +26,36 @@ enum MapRow : int64_t { kHeaderRow = 1, kFoundationRow = 2, kWorkRow = 3 };
 
 bool is_item(int64_t id, size_t count) {
   return id >= 1 && static_cast<uint64_t>(id) <= count;
+}
+
+Result<sqlite::Database> open_database(const std::filesystem::path& path, sqlite::OpenMode mode) {
+  // To SQLite it would be a new database, whose log goes.
+  std::error_code ignored;
+  if (std::filesystem::file_size(path, ignored) == 0)
+    return fail(ErrorCode::kDamaged, path.string() + ": cut to 0 bytes");
+  return sqlite::Database::open(path, mode);
+}
+
+Result<int> version_of(sqlite::Database* database) {
+  auto version = schema_version(database, map_schema());
+  if (version && *version == 0)
+    return fail(ErrorCode::kDamaged, database->path() + ": holds no table of a map");
+  return version;
+}
+
+Result<CountedHeader> header_of(sqlite::Database* database) {
+  std::optional<CountedHeader> header;
+  std::vector<std::string> damage;
+  read_rows(
+      database, "map",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        if (id == kHeaderRow) header = decode_header(data);
+        return true;
+      },
+      &damage);
+  if (header) return std::move(*header);
+  return fail(ErrorCode::kDamaged,
+              database->path() + ": " + (damage.empty() ? "it does not say what it is" : damage.front()));
 }
 
 }  // namespace
@@ -73,15 +104,10 @@ Result<MapFile> MapFile::create(const std::filesystem::path& path, const MapHead
 }
 
 Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin origin) {
-  // To SQLite it would be a new database, whose log goes.
-  std::error_code ignored;
-  if (std::filesystem::file_size(path, ignored) == 0)
-    return fail(ErrorCode::kDamaged, path.string() + ": cut to 0 bytes");
-  auto database = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
+  auto database = open_database(path, sqlite::OpenMode::kReadWrite);
   if (!database) return tl::unexpected(database.error());
-  const auto version = schema_version(&*database, map_schema());
+  const auto version = version_of(&*database);
   if (!version) return tl::unexpected(version.error());
-  if (*version == 0) return fail(ErrorCode::kDamaged, path.string() + ": holds no table of a map");
   if (origin == FileOrigin::kElsewhere) {
     if (Status sound = check_schema(&*database, map_schema(), *version); !sound)
       return tl::unexpected(sound.error());
@@ -93,23 +119,21 @@ Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin orig
     if (done) done = transaction->commit();
     if (!done) return tl::unexpected(done.error());
   }
-  std::optional<CountedHeader> header;
-  std::vector<std::string> damage;
-  read_rows(
-      &*database, "map",
-      [&](int64_t id, std::span<const uint8_t> data) {
-        if (id == kHeaderRow) header = decode_header(data);
-        return true;
-      },
-      &damage);
-  if (!header) {
-    return fail(ErrorCode::kDamaged,
-                path.string() + ": " + (damage.empty() ? "it does not say what it is" : damage.front()));
-  }
-  MapFile file(std::move(*database), header->header);
+  auto header = header_of(&*database);
+  if (!header) return tl::unexpected(header.error());
+  MapFile file(std::move(*database), std::move(header->header));
   file.keyframe_count_ = header->keyframes;
   file.point_count_ = header->points;
   return file;
+}
+
+Result<MapHeader> MapFile::read_header(const std::filesystem::path& path) {
+  auto database =
+      open_database(path, has_log(path) ? sqlite::OpenMode::kReadWrite : sqlite::OpenMode::kAtRest);
+  if (!database) return tl::unexpected(database.error());
+  if (const auto version = version_of(&*database); !version) return tl::unexpected(version.error());
+  auto header = header_of(&*database);
+  return header ? Result<MapHeader>(std::move(header->header)) : tl::unexpected(header.error());
 }
 
 // ---- writing

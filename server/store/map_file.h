@@ -105,6 +105,10 @@ class MapFile {
   [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path,
                                             FileOrigin origin = FileOrigin::kOwn);
 
+  /// The header of a file that nobody has open, without writing anything where its log is empty. Errors: as
+  /// open().
+  [[nodiscard]] static Result<MapHeader> read_header(const std::filesystem::path& path);
+
   [[nodiscard]] const MapHeader& header() const { return header_; }
 
   /// Writes updates in their order, in one transaction: on return they are durable, or none is.

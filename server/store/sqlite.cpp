@@ -4,6 +4,7 @@
 #include <sqlite3.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <utility>
 
@@ -51,6 +52,21 @@ tl::unexpected<Error> failure(int code, const std::string& path, const std::stri
 /// What the last call on `database` failed of.
 tl::unexpected<Error> failure(int code, const std::string& path, sqlite3* database) {
   return failure(code, path, sqlite3_errmsg(database), sqlite3_system_errno(database));
+}
+
+/// Else SQLite would lay files beside a database that is only read, which a full disk does not take.
+std::string at_rest_uri(const std::string& path) {
+  std::string uri = "file:";
+  for (const char c : path) {
+    if (c == '%' || c == '?' || c == '#') {
+      char text[4];
+      std::snprintf(text, sizeof(text), "%%%02x", static_cast<unsigned>(c));
+      uri += text;
+    } else {
+      uri += c;
+    }
+  }
+  return uri + "?immutable=1";
 }
 
 }  // namespace
@@ -125,10 +141,13 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   if (mode != OpenMode::kCreate && !std::filesystem::exists(path)) {
     return fail(ErrorCode::kNotFound, *name + ": no such file");
   }
-  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE | SQLITE_OPEN_READWRITE;
+  const bool at_rest = mode == OpenMode::kAtRest;
+  int flags = SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE;
+  flags |= at_rest ? SQLITE_OPEN_READONLY | SQLITE_OPEN_URI : SQLITE_OPEN_READWRITE;
   if (mode == OpenMode::kCreate) flags |= SQLITE_OPEN_CREATE;
   sqlite3* raw = nullptr;
-  const int code = sqlite3_open_v2(name->c_str(), &raw, flags, nullptr);
+  const std::string source = at_rest ? at_rest_uri(*name) : *name;
+  const int code = sqlite3_open_v2(source.c_str(), &raw, flags, nullptr);
   std::unique_ptr<sqlite3, Close> handle(raw);
   if (code != SQLITE_OK)
     return failure(code, *name, sqlite3_errstr(code), raw == nullptr ? 0 : sqlite3_system_errno(raw));
@@ -136,9 +155,10 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
   sqlite3_db_config(raw, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
   Database database(std::move(handle), std::move(name));
   // The log is written back by checkpoint(), after the answers have gone out.
-  Status prepared = database.execute(
-      "PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;"
-      "PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
+  Status prepared = database.execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;");
+  if (prepared && !at_rest)
+    prepared =
+        database.execute("PRAGMA journal_mode=WAL; PRAGMA synchronous=FULL; PRAGMA wal_autocheckpoint=0;");
   sqlite3_wal_hook(
       raw,
       [](void* pages, sqlite3*, const char*, int count) {

@@ -44,7 +44,12 @@ class Statement {
   const std::string* path_;
 };
 
-enum class OpenMode : uint8_t { kCreate, kReadWrite };
+enum class OpenMode : uint8_t {
+  kCreate,
+  kReadWrite,
+  kAtRest,  ///< to be read, of a file without a log that nobody changes: nothing is written, not beside it
+            ///< either
+};
 
 class Database {
  public:

@@ -98,13 +98,10 @@ Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate&
   return made;
 }
 
-/// Error kDamaged also when it is the file of another map.
-Result<MapFile> open_file_of(MapId map, const fs::path& path) {
-  auto file = MapFile::open(path);
-  if (file && file->header().id != map)
-    return fail(ErrorCode::kDamaged,
-                path.string() + ": holds another map, " + to_hex(file->header().id.bytes));
-  return file;
+/// Error kDamaged: it is the file of another map.
+Status check_is_of(MapId map, const MapHeader& header, const fs::path& path) {
+  if (header.id == map) return {};
+  return fail(ErrorCode::kDamaged, path.string() + ": holds another map, " + to_hex(header.id.bytes));
 }
 
 constexpr std::string_view kNameLine = "map ";
@@ -320,11 +317,10 @@ std::vector<DeletedMap> Store::deleted_maps() const {
     DeletedMap& deleted =
         maps.emplace_back(DeletedMap{{}, changed_at(file), static_cast<uint64_t>(file.st_size), {}});
     deleted.header.id = map;
-    if (const auto opened = open_file_of(map, path)) {
-      deleted.header = opened->header();
-    } else {
-      deleted.problem = opened.error();
-    }
+    const auto header = MapFile::read_header(path);
+    const Status usable = header ? check_is_of(map, *header, path) : tl::unexpected(header.error());
+    if (usable) deleted.header = *header;
+    if (!usable) deleted.problem = usable.error();
   }
   std::stable_sort(maps.begin(), maps.end(),
                    [](const DeletedMap& a, const DeletedMap& b) { return a.deleted > b.deleted; });
@@ -352,8 +348,10 @@ std::vector<DamagedFile> Store::damaged_files() const {
 }
 
 Result<StoredMap> Store::load(MapId map) {
-  auto file = open_file_of(map, path_of(map));
+  auto file = MapFile::open(path_of(map));
   if (!file) return tl::unexpected(file.error());
+  if (Status its_own = check_is_of(map, file->header(), path_of(map)); !its_own)
+    return tl::unexpected(its_own.error());
   const auto epoch = next_epoch(map, file->header().epoch);
   if (!epoch) return tl::unexpected(epoch.error());
   if (Status begun = file->begin_epoch(*epoch); !begun) return tl::unexpected(begun.error());

@@ -69,7 +69,7 @@ class Store {
   /// Ids of those that were deleted, ascending; they are not given again.
   [[nodiscard]] std::vector<MapId> deleted_ids() const;
   /// The same with what they were, those that cannot be used among them, the latest deleted first. Opens each
-  /// file.
+  /// file, and writes nothing: to purge one must be possible on a full disk.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
 
   /// Maps whose place could not be taken at the start by what had been saved of them: none of maps().

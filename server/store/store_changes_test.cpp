@@ -251,6 +251,20 @@ TEST_F(StoreChangesTest, WhatADiskDoesNotTakeIsToldWithTheReasonAndLeavesNothing
   EXPECT_EQ(store_->load(header_.id)->header.name, "desk");
 }
 
+/// So there is a way out of a full disk.
+TEST_F(StoreChangesTest, ADeletedMapIsKnownAndPurgedWhereNothingCanBeWritten) {
+  open();
+  keep();
+  ASSERT_TRUE(store_->remove(header_.id));
+  const auto before = files();
+  limit_files(0);
+  const std::vector<DeletedMap> deleted = store_->deleted_maps();
+  ASSERT_EQ(deleted.size(), 1U);
+  EXPECT_EQ(deleted[0].header.name, "desk") << deleted[0].problem.value_or(Error{}).message;
+  EXPECT_EQ(files(), before);
+  EXPECT_TRUE(store_->purge(header_.id));
+}
+
 TEST_F(StoreChangesTest, WhatWasTakenInAndCannotBeServedGoesBack) {
   open();
   keep();
