@@ -2,6 +2,7 @@
 #include "server/store/os_reason.h"
 
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <sys/sysmacros.h>
 #include <unistd.h>
 
@@ -44,7 +45,10 @@ std::string why_not_writable(const fs::path& file) {
   if (is_there(file)) {
     if (std::string why = why_no_access(file); !why.empty()) return why;
   }
-  return why_no_access(file.parent_path());  // logs lie beside it
+  if (std::string why = why_no_access(file.parent_path()); !why.empty()) return why;  // logs lie beside it
+  struct statvfs space {};
+  const bool full = ::statvfs(file.parent_path().c_str(), &space) == 0 && space.f_bavail == 0;
+  return full ? std::strerror(ENOSPC) : "";
 }
 
 std::string holder_of_lock(const fs::path& database) {

@@ -17,21 +17,23 @@ constexpr int kBusyMilliseconds = 5000;  ///< a reader (backup, sqlite3 shell) m
 
 /// `said`: by SQLite; `system_error`: the number of the system call that failed, 0 where it is not known.
 tl::unexpected<Error> failure(int code, const std::string& path, const std::string& said, int system_error) {
-  const std::string reason = system_error != 0 ? std::strerror(system_error) : said;
+  const auto reason = [&]() -> std::string {
+    if (system_error != 0) return std::strerror(system_error);
+    std::string why = why_not_writable(path);
+    return why.empty() ? said : why;
+  };
   switch (code & 0xff) {
     case SQLITE_FULL:
       return fail(ErrorCode::kIo,
                   path + ": disk full (" + std::strerror(ENOSPC) + "); free space there and go on");
     case SQLITE_IOERR:
       return fail(ErrorCode::kIo,
-                  path + ": cannot be written or read: " + reason + "; see to the disk, quota or mount");
+                  path + ": cannot be written or read: " + reason() + "; see to the disk, quota or mount");
     case SQLITE_READONLY:
     case SQLITE_PERM:
-    case SQLITE_CANTOPEN: {
-      const std::string why = why_not_writable(path);
-      return fail(ErrorCode::kIo, path + ": cannot be written: " + (why.empty() ? reason : why) +
-                                      "; see to existence, owner and mount");
-    }
+    case SQLITE_CANTOPEN:
+      return fail(ErrorCode::kIo,
+                  path + ": cannot be written: " + reason() + "; see to existence, owner and mount");
     case SQLITE_BUSY:
     case SQLITE_LOCKED: {
       const std::string holder = holder_of_lock(path);
@@ -49,9 +51,22 @@ tl::unexpected<Error> failure(int code, const std::string& path, const std::stri
   }
 }
 
+/// The number of the system call that failed last on the log or the file; 0: not known.
+int system_error_of(sqlite3* database) {
+  if (const int error = sqlite3_system_errno(database); error != 0) return error;
+  int error = 0;
+  for (const int which : {SQLITE_FCNTL_JOURNAL_POINTER, SQLITE_FCNTL_FILE_POINTER}) {
+    sqlite3_file* file = nullptr;
+    if (error == 0 && sqlite3_file_control(database, "main", which, static_cast<void*>(&file)) == SQLITE_OK &&
+        file != nullptr && file->pMethods != nullptr)
+      file->pMethods->xFileControl(file, SQLITE_FCNTL_LAST_ERRNO, &error);
+  }
+  return error;
+}
+
 /// What the last call on `database` failed of.
 tl::unexpected<Error> failure(int code, const std::string& path, sqlite3* database) {
-  return failure(code, path, sqlite3_errmsg(database), sqlite3_system_errno(database));
+  return failure(code, path, sqlite3_errmsg(database), system_error_of(database));
 }
 
 /// Else SQLite would lay files beside a database that is only read, which a full disk does not take.

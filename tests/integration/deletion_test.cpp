@@ -162,7 +162,7 @@ TEST_F(DeletionTest, WhatTheDiskDoesNotTakeHasNotHappened) {
 
   ASSERT_TRUE(admin_->ask({{"verb", "delete"}, {"map", id}}));
   limit_files(1);
-  expect_refused({{"verb", "undelete"}, {"map", id}}, "File too large");
+  expect_refused({{"verb", "undelete"}, {"map", id}}, folder_.path().c_str());
   EXPECT_THAT(maps()["maps"], IsEmpty());
   EXPECT_THAT(maps()["unloaded"], IsEmpty());
   EXPECT_EQ(maps()["deleted"].size(), 1U);
