@@ -9,7 +9,6 @@
 #include <optional>
 
 #include "common/geometry/pose.h"
-#include "common/geometry/robust.h"
 #include "common/geometry/scene_depth.h"
 #include "server/mapping/patch_view.h"
 #include "server/mapping/refind.h"
@@ -126,9 +125,8 @@ std::string describe_distance(double distance, double needed) {
   return text;
 }
 
-/// Those of the measurements that the keyframe's own image bears out: it shows what the map has there, and
-/// shows it where the map has it. The tracker measures to a pixel where that is enough for it; here they are
-/// refined.
+/// Those of the measurements that the keyframe's own image bears out: it shows what the map has there. The
+/// tracker measures to a pixel where that is enough for it; here they are refined.
 std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyframe& keyframe,
                                             const std::vector<PointMeasurement>& measurements) {
   std::vector<Measurement> shown;
@@ -137,21 +135,19 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
     const auto view = view_point(map, point, keyframe);
     if (!view) continue;
     const auto found = refine_from(*point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
-    if (!found) continue;
-    const Measurement refined{m.id, found->level, found->pixel};
-    const double off = (found->pixel.cast<double>() - view->pixel).norm() * refined.inverse_sigma();
-    if (off < kTukeyCutoffPerSigma) shown.push_back(refined);
+    if (found) shown.push_back({m.id, found->level, found->pixel});
   }
   return shown;
 }
 
 /// The robust pose takes the scatter of the measurements themselves for its measure: half of any heap of them
-/// "agree" with some pose. What the image bears out has a measure of its own. Without a majority of that the
-/// pose is not what the measurements say: the offer was measured in another map, or in another state of it.
+/// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
+/// being found out. What the image shows is one. Without a majority of that the pose is not what the
+/// measurements say: the offer was measured in another map, or in another state of it.
 std::string why_not_of_this_map(size_t shown, size_t measured) {
   if (shown >= kMinMeasurements && 2 * shown > measured) return {};
-  return "its picture shows " + std::to_string(shown) + " of its " + std::to_string(measured) +
-         " measurements where the map has them, " +
+  return "its picture shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
+         " points of the map that were measured in it, " +
          std::to_string(std::max(kMinMeasurements, measured / 2 + 1)) +
          " needed: it was measured in another map, or in another state of this one";
 }
