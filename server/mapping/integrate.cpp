@@ -16,7 +16,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kMinMeasurements = 20;  ///< good ones
+constexpr size_t kMinMeasurements = 20;  ///< good ones
 constexpr double kSameDirection =
     0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
 constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
@@ -29,6 +29,7 @@ constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker'
 
 struct Judged {
   SE3 camera_from_map;
+  size_t measured = 0;  ///< points of the map, inliers or not
   std::vector<PointMeasurement> inliers;
   double mean_depth = 0;
 };
@@ -61,6 +62,7 @@ std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input
   if (!estimate || !estimate->camera_from_map.is_finite()) return std::nullopt;
   Judged judged;
   judged.camera_from_map = estimate->camera_from_map;
+  judged.measured = known.size();
   std::vector<double> depths;
   for (size_t i = 0; i < known.size(); ++i) {
     if (estimate->weights[i] <= 0) continue;
@@ -123,19 +125,36 @@ std::string describe_distance(double distance, double needed) {
   return text;
 }
 
-/// The tracker measures to a pixel where that is enough for it; a keyframe's measurements are refined on its
-/// own image.
-void add_refined(MapState* map, KeyframeId id, const std::vector<PointMeasurement>& measurements) {
+/// Those of the measurements that the keyframe's own image bears out: it shows what the map has there. The
+/// tracker measures to a pixel where that is enough for it; here they are refined.
+std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyframe& keyframe,
+                                            const std::vector<PointMeasurement>& measurements) {
+  std::vector<Measurement> shown;
   for (const PointMeasurement& m : measurements) {
-    MapPoint& point = map->point(m.id);
-    const MapKeyframe& keyframe = map->keyframe(id);
-    const auto view = view_point(*map, point, keyframe);
+    const MapPoint& point = map.point(m.id);
+    const auto view = view_point(map, point, keyframe);
     if (!view) continue;
     const auto found = refine_from(*point.source, *view, *keyframe.images, m.pixel, kMaxRefinement);
-    if (!found) continue;
+    if (found) shown.push_back({m.id, found->level, found->pixel});
+  }
+  return shown;
+}
+
+/// The robust pose takes the scatter of the measurements themselves for its measure: half of any heap of them
+/// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
+/// being found out. What the image shows is one.
+std::string not_of_this_map(size_t shown, size_t measured) {
+  return "its picture shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
+         " points of the map that were measured in it, " + std::to_string(kMinMeasurements) +
+         " needed: it was measured in another map, or in another state of this one";
+}
+
+void add_measurements(MapState* map, KeyframeId id, const std::vector<Measurement>& measurements) {
+  for (const Measurement& m : measurements) {
+    MapPoint& point = map->point(m.point);
     ++point.attempts;
     ++point.found;
-    map->add_measurement(id, {m.id, found->level, found->pixel});
+    map->add_measurement(id, m);
   }
 }
 
@@ -166,7 +185,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
   if (!map->is_live(input.reference))
     return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
   const auto judged = reoptimize(*map, input);
-  if (!judged || static_cast<int>(judged->inliers.size()) < kMinMeasurements) {
+  if (!judged || judged->inliers.size() < kMinMeasurements) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
                                                       " good measurements of map points, " +
                                                       std::to_string(kMinMeasurements) + " needed");
@@ -192,8 +211,11 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
   keyframe.camera_from_map = judged->camera_from_map;
   keyframe.images = std::move(images);
   keyframe.mean_depth = judged->mean_depth;
+  const std::vector<Measurement> shown = shown_measurements(*map, keyframe, judged->inliers);
+  if (shown.size() < kMinMeasurements)
+    return refuse(KeyframeVerdict::kTooFewPoints, not_of_this_map(shown.size(), judged->measured));
   const KeyframeId id = map->add_keyframe(std::move(keyframe));
-  add_refined(map, id, judged->inliers);
+  add_measurements(map, id, shown);
   refind_all(map, id);
   polish_pose(map, id);
   map->update_depths(id);

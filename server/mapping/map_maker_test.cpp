@@ -163,6 +163,30 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
 }
 
+/// A tracker may hold another state of the map than the server, by its fault or ours: then what it calls by a
+/// number is not what the map has under it.
+TEST_F(MapMakerTest, AFrameOfWhichNothingAgreesWithTheMapIsRefusedWhateverItsPoseSays) {
+  start();
+  const auto before = maker_->snapshot();
+  const KeyframeInput good = make_offer(scene_, *before, 5);
+  KeyframeInput other_points = good;  // the pose is true all the same
+  for (size_t i = 0; i < good.measurements.size(); ++i)
+    other_points.measurements[i].id = good.measurements[(i + 7) % good.measurements.size()].id;
+  KeyframeInput other_place = good;  // pose and measurements fit together, and not to the picture
+  other_place.image = testing::Scene(12).render(testing::Scene::pose(5), 5);
+  KeyframeInput other_points_and_pose = other_points;
+  other_points_and_pose.camera_from_reference =
+      SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0.1, 0.2, -0.1)) * good.camera_from_reference;
+  for (const KeyframeInput& input : {other_points, other_place, other_points_and_pose}) {
+    const KeyframeDecision decision = maker_->add_keyframe(input);
+    EXPECT_EQ(decision.verdict, KeyframeVerdict::kTooFewPoints);
+    EXPECT_FALSE(decision.reason.empty());
+    EXPECT_EQ(maker_->snapshot(), before);
+  }
+  EXPECT_THAT(maker_->add_keyframe(other_place).reason, HasSubstr("another state of this one"));
+  EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
+}
+
 TEST_F(MapMakerTest, APointThatIsMeasuredTwiceCountsOnce) {
   start();
   KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 5);
