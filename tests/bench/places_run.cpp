@@ -34,6 +34,7 @@ struct Arguments {
   bool check = false;
   bool check_times = false;
   bool verbose = false;
+  double tolerance = 10;  ///< % of the depth
 };
 
 enum class Method : uint8_t { kOurs, kPaper, kWords, kWordsConfirmed, kCount };
@@ -107,8 +108,9 @@ Answered ask(Method method, const PlaceIndex& index, const Camera& camera, const
   }
 }
 
-Judged judge(const Place& place, const Query& query, const std::optional<Said>& said) {
+Judged judge(const Place& place, const Query& query, const std::optional<Said>& said, double tolerance) {
   Judged judged;
+  judged.tolerance = tolerance;
   judged.in_view = place.map && !place.asks_elsewhere &&
                    (!query.exact || overlaps_a_view(*query.exact, place.mapped, place.reach));
   judged.answered = said.has_value();
@@ -140,7 +142,7 @@ using Scores = std::array<Score, kMethods>;
 class Examination {
  public:
   Examination(const std::vector<Place>& places, const Arguments& a)
-      : places_(places), verbose_(a.verbose), ours_alone_(a.ours_alone) {
+      : places_(places), verbose_(a.verbose), ours_alone_(a.ours_alone), tolerance_(a.tolerance / 100) {
     for (const Place& place : places) {
       if (place.map) all_.put(place.map);
     }
@@ -159,7 +161,7 @@ class Examination {
         const double before = thread_cpu_ms();
         const Answered answer = ask(method, all_, *place.camera, view);
         scores[m].times.add(answer.tried, thread_cpu_ms() - before);
-        const Judged judged = judge(place, query, answer.said);
+        const Judged judged = judge(place, query, answer.said, tolerance_);
         scores[m].recall.add(judged);
         const auto claim = place.map ? ask(method, others, *place.camera, view).said : answer.said;
         ++scores[m].foreign;
@@ -233,6 +235,7 @@ class Examination {
   const std::vector<Place>& places_;
   bool verbose_;
   bool ours_alone_;
+  double tolerance_;  ///< of the depth
   PlaceIndex all_;
 };
 
@@ -382,6 +385,10 @@ void add_options(CLI::App& app, Arguments* arguments) {
       "right in every light");
   app.add_flag("--check-times", arguments->check_times,
                "ends with 1 unless ours answers within 5 ms of CPU by pictures and 15 with words (p95)");
+  app.add_option("--tolerance", arguments->tolerance, "of a right pose, in % of the depth")
+      ->check(CLI::Range(0.0, 100.0))
+      ->type_name("PERCENT")
+      ->capture_default_str();
   app.add_flag("-v,--verbose", arguments->verbose, "a line for each of our mistakes");
   app.footer(kFooter);
 }

@@ -8,7 +8,6 @@ namespace cairn {
 namespace {
 
 constexpr double kSameDirection = 20 * M_PI / 180;
-constexpr double kRightPose = 0.1;  // of the depth
 
 }  // namespace
 
@@ -22,7 +21,7 @@ bool overlaps_a_view(const SE3& view, std::span<const SE3> mapped, double distan
 }
 
 bool is_right_pose(const Judged& judged) {
-  return !judged.off || judged.off->is_right(kRightPose * judged.depth);
+  return !judged.off || judged.off->is_right(judged.tolerance * judged.depth);
 }
 
 void Recall::add(const Judged& judged) {

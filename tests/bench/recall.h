@@ -23,6 +23,7 @@ struct Judged {
   bool right_map = false;
   std::optional<Offset> off = {};  ///< where there is truth and the map is right
   double depth = 0;                ///< [of the truth] mean distance of what is seen, to judge `off` by
+  double tolerance = 0.1;          ///< of the depth, within which a pose is right
 };
 
 struct Recall {
@@ -41,7 +42,7 @@ struct Recall {
   }
 };
 
-/// A pose is right within a tenth of the depth and 5 degrees; one that cannot be judged counts as right.
+/// A pose is right within the tolerance and 5 degrees; one that cannot be judged counts as right.
 [[nodiscard]] bool is_right_pose(const Judged& judged);
 
 }  // namespace cairn

@@ -230,26 +230,7 @@ class BuildingBuilder {
   }
 
   void furnish_library(Random& random) {
-    const TextureRegion wood_side = world_.add_texture(wood(256, 128, random), 0.5);
-    const BoxSides shelf = all_sides(wood_side);
-    for (const double x : {-1.2, 0.0, 1.2}) {
-      world_.add_box({{x, 0.22, -kCounter}, 0}, {0.03, 0.32, 2.2}, shelf);
-    }
-    std::array<TextureRegion, 24> spines;
-    for (TextureRegion& back : spines) {
-      back = world_.add_texture(spine(64, 256, random), random.uniform(-0.9, 0.9));
-    }
-    for (int row = 0; row < 5; ++row) {
-      const double z = -kCounter + 0.05 + 0.42 * row;
-      world_.add_box({{0, 0.22, z - 0.03}, 0}, {2.4, 0.32, 0.03}, shelf);
-      for (double x = -1.16; x < 1.1;) {
-        const double thickness = random.uniform(0.022, 0.05);
-        const Eigen::Vector3d size(thickness, 0.2, random.uniform(0.22, 0.33));
-        const TextureRegion& back = spines[static_cast<size_t>(random.integer(0, 23))];
-        world_.add_box({{x + thickness / 2, 0.2, z}, 0}, size, {back, materials_.dark, materials_.light});
-        x += thickness + (random.chance(0.08) ? 0.14 : 0.002);
-      }
-    }
+    add_bookcase(-kCounter, materials_, random, &world_);
     add_sun(-0.5, 0.2, random);
   }
 

@@ -117,6 +117,8 @@ Status render(const RenderRequest& request) {
   if (!list) return tl::unexpected(list.error());
   auto truth = open_file(request.directory / "groundtruth.txt");
   if (!truth) return tl::unexpected(truth.error());
+  auto depths = open_file(request.directory / "depths.txt");
+  if (!depths) return tl::unexpected(depths.error());
   if (auto status = remove_frames(request.directory / "rgb"); !status) return status;
   if (auto status = write_camera(request.directory, simulator->camera().parameters()); !status) return status;
   if (auto status = write_annotation(request.directory, annotate(*simulator)); !status) return status;
@@ -124,6 +126,7 @@ Status render(const RenderRequest& request) {
     return status;
 
   *list << "# timestamp filename\n" << std::setprecision(6);
+  *depths << "# timestamp depth: median of what the frame shows [m], 0 in the dark\n";
   *truth << "# timestamp tx ty tz qx qy qz qw  camera to world, exact\n";
   const int count = simulator->frame_count();
   const bool is_terminal = isatty(STDERR_FILENO) != 0;
@@ -135,6 +138,7 @@ Status render(const RenderRequest& request) {
   for (; written < count && !interrupted; ++written) {
     const Timestamp time = simulator->time(written);
     write_pose(*truth, time, simulator->map_from_camera(time.seconds()));
+    *depths << time.seconds() << ' ' << simulator->view(written).depth << '\n';
     if (!request.images) continue;
     const std::string name = frame_name(time);
     if (auto status = write_image(request.directory / name, simulator->frame(written).image); !status) {
@@ -149,8 +153,9 @@ Status render(const RenderRequest& request) {
     line << line_start << "frame " << written + 1 << " of " << count << line_end;
     (void)progress->write(line.str());
   }
-  if (is_terminal) (void)progress->write("\n");
-  if (!list->flush() || !truth->flush()) {
+  if (is_terminal) (void)progress->write("
+");
+  if (!list->flush() || !truth->flush() || !depths->flush()) {
     return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
   }
   if (written < count) {

@@ -49,12 +49,20 @@ std::vector<Census::Hit> Census::cast(std::span<const ViewMatrix> camera_from_bo
   return hits;
 }
 
-std::vector<double> Census::shares(std::span<const ViewMatrix> camera_from_body) const {
-  std::vector<double> shares(scenario_.places.size(), 0.0);
+Census::Survey Census::survey(std::span<const ViewMatrix> camera_from_body) const {
+  Survey survey{std::vector<double>(scenario_.places.size(), 0.0)};
+  std::vector<float> inverse_depths;
   for (const Hit& hit : cast(camera_from_body, rays_, view_)) {
-    if (hit.place >= 0) shares[static_cast<size_t>(hit.place)] += 1.0 / static_cast<double>(rays_.size());
+    if (hit.place >= 0) {
+      survey.shares[static_cast<size_t>(hit.place)] += 1.0 / static_cast<double>(rays_.size());
+    }
+    if (hit.inverse_depth > 0) inverse_depths.push_back(hit.inverse_depth);
   }
-  return shares;
+  if (inverse_depths.empty()) return survey;
+  const auto middle = inverse_depths.begin() + static_cast<std::ptrdiff_t>(inverse_depths.size() / 2);
+  std::ranges::nth_element(inverse_depths, middle);
+  survey.depth = 1 / static_cast<double>(*middle);
+  return survey;
 }
 
 std::optional<Sight> Census::look(std::span<const ViewMatrix> camera_from_body,

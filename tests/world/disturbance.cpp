@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/disturbance.h"
 
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,11 +12,6 @@ namespace {
 
 constexpr double kQuiet = 6;         // s at the start
 constexpr double kHandDepth = 0.08;  // m
-
-double smooth(double t) {
-  t = std::clamp(t, 0.0, 1.0);
-  return t * t * t * (10 - 15 * t + 6 * t * t);
-}
 
 }  // namespace
 
@@ -61,7 +55,8 @@ size_t add_hand(uint64_t seed, Scenario* scenario) {
 }
 
 SE3 camera_from_hand(double part) {
-  const double in = smooth(part / 0.35) - smooth((part - 0.65) / 0.35);  // 0 away, 1 before the lens
+  const double in =
+      minimum_jerk(part / 0.35) - minimum_jerk((part - 0.65) / 0.35);  // 0 away, 1 before the lens
   return {so3_exp({0, 0, 0.25 * (1 - in)}),
           Eigen::Vector3d(0.30 * (1 - in) - 0.005, 0.05 * (1 - in), kHandDepth)};
 }

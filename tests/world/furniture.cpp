@@ -2,7 +2,10 @@
 #include "tests/world/furniture.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "tests/world/patterns.h"
 
 namespace cairn {
 
@@ -47,6 +50,26 @@ void add_pen_pot(const Placement& at, const TextureRegion& pens, const Materials
         at * Eigen::Vector3d(random.uniform(-0.02, 0.02), random.uniform(-0.02, 0.02), 0.07);
     const Eigen::Vector3d lean(random.uniform(-0.03, 0.03), random.uniform(-0.03, 0.03), 0.09);
     world->add_cable({foot, foot + lean}, 0.008, i % 2 == 0 ? materials.light : pens);
+  }
+}
+
+void add_bookcase(double floor, const Materials& materials, Random& random, WorldBuilder* world) {
+  const BoxSides shelf = all_sides(world->add_texture(wood(256, 128, random), 0.5));
+  for (const double x : {-1.2, 0.0, 1.2}) world->add_box({{x, 0.22, floor}, 0}, {0.03, 0.32, 2.2}, shelf);
+  std::array<TextureRegion, 24> spines;
+  for (TextureRegion& back : spines) {
+    back = world->add_texture(spine(64, 256, random), random.uniform(-0.9, 0.9));
+  }
+  for (int row = 0; row < 5; ++row) {
+    const double z = floor + 0.05 + 0.42 * row;
+    world->add_box({{0, 0.22, z - 0.03}, 0}, {2.4, 0.32, 0.03}, shelf);
+    for (double x = -1.16; x < 1.1;) {
+      const double thickness = random.uniform(0.022, 0.05);
+      const Eigen::Vector3d size(thickness, 0.2, random.uniform(0.22, 0.33));
+      const TextureRegion& back = spines[static_cast<size_t>(random.integer(0, 23))];
+      world->add_box({{x + thickness / 2, 0.2, z}, 0}, size, {back, materials.dark, materials.light});
+      x += thickness + (random.chance(0.08) ? 0.14 : 0.002);
+    }
   }
 }
 

@@ -34,6 +34,9 @@ void add_mug(const Placement& at, const TextureRegion& label, const Materials& m
 void add_pen_pot(const Placement& at, const TextureRegion& pens, const Materials& materials, Random& random,
                  WorldBuilder* world);
 
+/// Shelves of 2.4 m, full of books, from the floor up to 2.2 m; the middle of their fronts at y = 0.06.
+void add_bookcase(double floor, const Materials& materials, Random& random, WorldBuilder* world);
+
 /// A cable that hangs in an arc from one point to another, wandering sideways.
 [[nodiscard]] std::vector<Eigen::Vector3d> hanging_cable(const Eigen::Vector3d& from,
                                                          const Eigen::Vector3d& to, double sag,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/motion.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <stdexcept>
@@ -35,9 +36,48 @@ SE3 look_at(const Waypoint& view) {
 
 }  // namespace
 
-HandMotion::HandMotion(std::vector<Waypoint> route, double interval, double speed, uint64_t seed,
+double minimum_jerk(double part) {
+  const double t = std::clamp(part, 0.0, 1.0);
+  return t * t * t * (10 - 15 * t + 6 * t * t);
+}
+
+SE3 turned(const SE3& map_from_camera, std::span<const Turn> turns, double route_seconds) {
+  SE3 pose = map_from_camera;
+  for (const Turn& turn : turns) {
+    if (route_seconds <= turn.begin || route_seconds >= turn.end()) continue;
+    const double away = minimum_jerk((route_seconds - turn.begin) / turn.going) -
+                        minimum_jerk((route_seconds - turn.begin - turn.going - turn.staying) / turn.going);
+    const Eigen::Vector3d pivot = pose * turn.pivot;
+    const Eigen::Quaterniond rotation = so3_exp({0, 0, away * turn.yaw}) * pose.rotation() *
+                                        so3_exp({away * turn.pitch, 0, 0}) *
+                                        so3_exp({0, 0, away * turn.roll});
+    pose = SE3(rotation, Eigen::Vector3d(pivot - rotation * turn.pivot));
+  }
+  return pose;
+}
+
+double RouteClock::at(double seconds) const {
+  if (calm <= 0) return seconds * speed;
+  const double t = std::clamp(seconds - calm, 0.0, 1.0);
+  const double hurrying = t * t * t * t * (2.5 - 3 * t + t * t);  // the integral of minimum_jerk()
+  return seconds + (speed - 1) * (hurrying + std::max(seconds - calm - 1, 0.0));
+}
+
+double RouteClock::seconds_at(double route_seconds) const {
+  if (calm <= 0) return route_seconds / speed;
+  if (route_seconds <= calm) return route_seconds;
+  double low = calm;
+  double high = calm + 1 + route_seconds / std::min(speed, 1.0);
+  for (int i = 0; i < 60; ++i) {
+    const double middle = (low + high) / 2;
+    (at(middle) < route_seconds ? low : high) = middle;
+  }
+  return high;
+}
+
+HandMotion::HandMotion(std::vector<Waypoint> route, double interval, const RouteClock& clock, uint64_t seed,
                        double steadiness)
-    : route_(std::move(route)), interval_(interval), speed_(speed) {
+    : route_(std::move(route)), interval_(interval), clock_(clock) {
   if (route_.size() < 4) throw std::invalid_argument("hand motion: four waypoints or more");
   for (size_t axis = 0; axis < 6; ++axis) {
     const bool rotation = axis >= 3;
@@ -63,10 +103,6 @@ HandMotion::Waves HandMotion::make_waves(double low_hz, double high_hz, int coun
   return waves;
 }
 
-double HandMotion::period() const {
-  return interval_ * static_cast<double>(route_.size()) / speed_;
-}
-
 Waypoint HandMotion::route_at(double route_seconds) const {
   const double position = route_seconds / interval_;
   const double knot = std::floor(position);
@@ -85,12 +121,12 @@ Waypoint HandMotion::route_at(double route_seconds) const {
 }
 
 SE3 HandMotion::map_from_camera(double seconds) const {
+  const double route_seconds = clock_.at(seconds);
   Vector6d shake;
   for (size_t axis = 0; axis < 6; ++axis) {
-    shake[static_cast<int>(axis)] = sum_at(sway_[axis], seconds * speed_) + sum_at(tremor_[axis], seconds);
+    shake[static_cast<int>(axis)] = sum_at(sway_[axis], route_seconds) + sum_at(tremor_[axis], seconds);
   }
-  return look_at(route_at(seconds * speed_)) *
-         SE3(so3_exp(shake.tail<3>()), Eigen::Vector3d(shake.head<3>()));
+  return look_at(route_at(route_seconds)) * SE3(so3_exp(shake.tail<3>()), Eigen::Vector3d(shake.head<3>()));
 }
 
 }  // namespace cairn

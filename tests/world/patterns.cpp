@@ -66,7 +66,8 @@ void draw_glyph(Bitmap* picture, float x, float y, float size, float ink, Random
   }
 }
 
-/// A line of words from x to x_end at most, top at y, letters `size` px high.
+}  // namespace
+
 void draw_text_line(Bitmap* picture, float x, float y, float x_end, float size, float ink, Random& random) {
   const float advance = 0.72F * size;
   while (x + 2 * advance < x_end) {
@@ -78,6 +79,8 @@ void draw_text_line(Bitmap* picture, float x, float y, float x_end, float size, 
     x += 0.8F * advance;
   }
 }
+
+namespace {
 
 void draw_paragraph(Bitmap* picture, float x, float y, float x_end, int lines, float size, float ink,
                     Random& random) {

@@ -45,6 +45,9 @@ namespace cairn {
 /// Carpet tiles of broken stripes.
 [[nodiscard]] Bitmap carpet(int width, int height, Random& random);
 
+/// Paints a line of words of letter-like signs from x to x_end at most, top at y, `size` px high.
+void draw_text_line(Bitmap* picture, float x, float y, float x_end, float size, float ink, Random& random);
+
 /// Paints a random knot of cables with highlights, within `radius` px of (x, y).
 void draw_cable_tangle(Bitmap* picture, float x, float y, float radius, float thickness, Random& random);
 

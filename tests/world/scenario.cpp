@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/scenario.h"
 
-#include <algorithm>
 #include <array>
 
+#include "tests/world/bays.h"
 #include "tests/world/building.h"
+#include "tests/world/columns.h"
 #include "tests/world/desk.h"
+#include "tests/world/hold.h"
 #include "tests/world/laboratory.h"
 #include "tests/world/office.h"
 
@@ -17,7 +19,7 @@ struct Recipe {
   Scenario (*make)(const ScenarioOptions& options);
 };
 
-constexpr std::array<Recipe, 4> kRecipes = {
+constexpr std::array<Recipe, 13> kRecipes = {
     {{{"desk",
        "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; a round trip of 55 s"},
       make_desk},
@@ -29,15 +31,26 @@ constexpr std::array<Recipe, 4> kRecipes = {
       make_laboratory},
      {{"building",
        "five places on three floors, one of them nearly empty; mapped, then visited in another order"},
-      make_building}}};
+      make_building},
+     {{"pan", "turns of 90 degrees away from a mapped desk, to a bookcase, and back, at 60 to 150 degrees/s"},
+      make_pan},
+     {{"roll", "turns of 60 degrees to either side about the optical axis before a mapped desk"}, make_roll},
+     {{"look-away", "from a mapped desk to a blank wall and back"}, make_look_away},
+     {{"watermark", "look-away with a still water mark over the picture"}, make_watermark},
+     {{"border", "the desk through the round picture of an endoscope, with turns"}, make_border},
+     {{"rush", "the desk; `speed` is that of the hand after 8 calm seconds"}, make_rush},
+     {{"outage", "from a desk along the walls of its room, always to what is new"}, make_outage},
+     {{"bays", "forward along a footbridge of equal bays at night"}, make_bays},
+     {{"columns",
+       "round a temple of equal columns before black; with speed=6&frames=48 stills 7.5 degrees apart"},
+      make_columns}}};
 
 }  // namespace
 
 SE3 Body::at(double route_seconds) const {
   SE3 pose = map_from_body;
   for (const Glide& glide : glides) {
-    const double part = std::clamp((route_seconds - glide.begin) / (glide.end - glide.begin), 0.0, 1.0);
-    const double eased = part * part * part * (10 - 15 * part + 6 * part * part);  // C2 at both ends
+    const double eased = minimum_jerk((route_seconds - glide.begin) / (glide.end - glide.begin));
     pose = SE3(pose.rotation().slerp(eased, glide.map_from_body.rotation()),
                pose.translation() + eased * (glide.map_from_body.translation() - pose.translation()));
   }

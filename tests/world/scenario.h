@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -102,6 +103,12 @@ struct TextureRegion {
 [[nodiscard]] Face make_face(const Eigen::Vector3d& origin, const Eigen::Vector3d& right,
                              const Eigen::Vector3d& up, const TextureRegion& region, float brightness);
 
+/// What lies still over the picture, of the picture's size: a lens's border, a water mark.
+struct Overlay {
+  Bitmap grey;
+  Bitmap opacity;  ///< 0 the world, 1 the overlay
+};
+
 /// A world, the camera in it and the way the camera moves. A value; the renderer only reads it.
 struct Scenario {
   std::string name;
@@ -115,6 +122,9 @@ struct Scenario {
   std::vector<Waypoint> route;  ///< of the camera, one every kWaypointInterval
   std::vector<Phase> phases;    ///< in order, without gaps, on the clock of the route
   bool endless = true;          ///< the route is a loop
+  std::vector<Turn> turns;      ///< on top of the route
+  double calm = 0;              ///< s from the start in which the hand does not heed a factor on its speed
+  std::optional<Overlay> overlay;
 };
 
 constexpr double kWaypointInterval = 0.6;  // s at speed 1

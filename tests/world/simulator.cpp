@@ -58,6 +58,17 @@ Status choose(std::string_view key, std::string_view text, std::initializer_list
   return bad_value(key, text);
 }
 
+void lay_over(const Overlay& overlay, GrayImage* image) {
+  for (int y = 0; y < image->height(); ++y) {
+    uint8_t* row = image->row(y);
+    for (int x = 0; x < image->width(); ++x) {
+      const float world = row[x];
+      const float seen = world + overlay.opacity.at(x, y) * (255 * overlay.grey.at(x, y) - world);
+      row[x] = static_cast<uint8_t>(std::lround(seen));
+    }
+  }
+}
+
 }  // namespace
 
 const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
@@ -116,17 +127,19 @@ Simulator::Simulator(Scenario scenario, const SimulatorOptions& options)
     : options_(options),
       hand_body_(options.hands > 0 ? add_hand(options.seed, &scenario) : 0),
       scenario_(std::make_unique<const Scenario>(std::move(scenario))),
-      motion_(scenario_->route, kWaypointInterval, options.speed, options.seed,
+      clock_{options.speed, scenario_->calm},
+      motion_(scenario_->route, kWaypointInterval, clock_, options.seed,
               scenario_->carrier == Carrier::kShoulder ? kShoulderSteadiness : 1),
       hands_(options.hands, kHandSeconds, options.seed, kHands),
       blackouts_(options.blackouts, kBlackoutSeconds, options.seed, kBlackouts),
       jerks_(options.jerks, kJerkSeconds, options.seed, kJerks),
       renderer_(*scenario_),
       census_(*scenario_) {
-  frame_count_ = options.frames > 0 ? options.frames
-                 : scenario_->endless
-                     ? kLoopFrames
-                     : static_cast<int>(scenario_->phases.back().end / options.speed * kSimulatorFrameRate);
+  frame_count_ =
+      options.frames > 0 ? options.frames
+      : scenario_->endless
+          ? kLoopFrames
+          : static_cast<int>(clock_.seconds_at(scenario_->phases.back().end) * kSimulatorFrameRate);
 }
 
 Result<Simulator> Simulator::make(std::string_view scenario, const SimulatorOptions& options) {
@@ -137,13 +150,13 @@ Result<Simulator> Simulator::make(std::string_view scenario, const SimulatorOpti
 }
 
 SE3 Simulator::map_from_camera(double seconds) const {
-  const SE3 pose = motion_.map_from_camera(seconds);
+  const SE3 pose = turned(motion_.map_from_camera(seconds), scenario_->turns, clock_.at(seconds));
   const auto jerked = jerks_.at(seconds);
   return jerked ? pose * jerk(jerked->part, jerked->event, options_.seed) : pose;
 }
 
 SE3 Simulator::map_from_body(size_t body, double seconds) const {
-  if (body == 0 || body != hand_body_) return scenario_->bodies[body].at(seconds * options_.speed);
+  if (body == 0 || body != hand_body_) return scenario_->bodies[body].at(clock_.at(seconds));
   const auto passing = hands_.at(seconds);
   return map_from_camera(seconds) * camera_from_hand(passing ? passing->part : 0);
 }
@@ -165,8 +178,8 @@ std::vector<ViewMatrix> Simulator::camera_from_bodies(double seconds) const {
 std::vector<Phase> Simulator::phases() const {
   std::vector<Phase> phases = scenario_->phases;
   for (Phase& phase : phases) {
-    phase.begin /= options_.speed;
-    phase.end /= options_.speed;
+    phase.begin = clock_.seconds_at(phase.begin);
+    phase.end = clock_.seconds_at(phase.end);
   }
   return phases;
 }
@@ -174,7 +187,7 @@ std::vector<Phase> Simulator::phases() const {
 bool Simulator::is_dark(double seconds) const {
   if (blackouts_.at(seconds)) return true;
   return options_.walks == Walks::kDark && std::ranges::any_of(scenario_->phases, [&](const Phase& phase) {
-           const double on_route = seconds * options_.speed;
+           const double on_route = clock_.at(seconds);
            return phase.kind == PhaseKind::kWalk && on_route >= phase.begin && on_route < phase.end;
          });
 }
@@ -184,7 +197,8 @@ SimView Simulator::view(int index) const {
   SimView view;
   view.dark = is_dark(seconds);
   if (view.dark) return view;
-  const std::vector<double> shares = census_.shares(camera_from_bodies(seconds));
+  const auto [shares, depth] = census_.survey(camera_from_bodies(seconds));
+  view.depth = depth;
   for (int i = 0; i < static_cast<int>(shares.size()); ++i) {
     const double share = shares[static_cast<size_t>(i)];
     if (share > 0) view.places.push_back({i, share, map_from_place(i, seconds)});
@@ -230,6 +244,7 @@ SimFrame Simulator::frame(int index) {
   renderer_.render([&](double offset) { return map_from_camera(seconds + offset).inverse(); }, exposure,
                    &frame.image,
                    [&](size_t body, double offset) { return map_from_body(body, seconds + offset); });
+  if (scenario_->overlay) lay_over(*scenario_->overlay, &frame.image);
   return frame;
 }
 

@@ -64,6 +64,7 @@ struct SimView {
     SE3 map_from_place;  ///< at the frame's time
   };
   std::vector<PlaceShare> places;  ///< the largest share first; empty in the dark
+  double depth = 0;                ///< [m], the median along the camera's axis; 0 in the dark
   bool dark = false;               ///< blackout, or covered
 };
 
@@ -111,6 +112,7 @@ class Simulator {
   SimulatorOptions options_;
   size_t hand_body_;                          ///< 0 without
   std::unique_ptr<const Scenario> scenario_;  // where the renderer looks, also after a move
+  RouteClock clock_;
   HandMotion motion_;
   EventTrain hands_;
   EventTrain blackouts_;
