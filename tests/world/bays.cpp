@@ -28,20 +28,6 @@ struct Pictures {
   TextureRegion rail;
 };
 
-Bitmap steel(int width, int height, float value, Random& random) {
-  Bitmap picture = pink_noise(width, height, 32, 5, 0.09F, random);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) picture.at(x, y) += value;
-  }
-  for (int i = 0; i < 40; ++i) {  // rust
-    picture.fill_disc(random.uniform(0.0F, static_cast<float>(width)),
-                      random.uniform(0.0F, static_cast<float>(height)), random.uniform(0.8F, 3.0F),
-                      value * random.uniform(0.3F, 0.6F));
-  }
-  picture.clamp();
-  return picture;
-}
-
 Bitmap planks(Random& random) {
   Bitmap deck = wood(512, 512, random);
   for (int y = 0; y < 512; ++y) {
@@ -107,8 +93,8 @@ Scenario make_bays(const ScenarioOptions& options) {
   world.begin(SE3(), 0);
   Random random(options.seed, kSteel);
   const Pictures pictures = {world.add_texture(planks(random)),
-                             world.add_texture(steel(64, 512, 0.45F, random)),
-                             world.add_texture(steel(512, 64, 0.5F, random))};
+                             world.add_texture(rough(64, 512, 0.45F, 0.09F, 40, random)),
+                             world.add_texture(rough(512, 64, 0.5F, 0.09F, 40, random))};
   for (int bay = -2; bay < kBays; ++bay) add_bay(bay * kBay, pictures, &world);
   Random town(options.seed, kTown);
   add_town(town, &world);

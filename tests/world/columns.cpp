@@ -26,23 +26,8 @@ constexpr double kFocal = 1520;  // px: as one photographs a model
 
 enum Stream : uint64_t { kStone = 0xC01 };
 
-/// Plaster, with chips as often as asked [per 10 000 px].
-Bitmap stone(int width, int height, float value, int chips, Random& random) {
-  Bitmap picture = pink_noise(width, height, 64, 6, 0.03F, random);
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) picture.at(x, y) += value;
-  }
-  for (int chip = 0; chip < chips * width * height / 10000; ++chip) {
-    picture.fill_disc(random.uniform(0.0F, static_cast<float>(width)),
-                      random.uniform(0.0F, static_cast<float>(height)), random.uniform(1.0F, 3.5F),
-                      value * random.uniform(0.6F, 1.2F));
-  }
-  picture.clamp();
-  return picture;
-}
-
 Bitmap fluted(Random& random) {
-  Bitmap shaft = stone(256, 256, 0.6F, 4, random);
+  Bitmap shaft = rough(256, 256, 0.6F, 0.03F, 26, random);
   for (int x = 0; x < 256; ++x) {
     const auto groove = static_cast<float>(0.8 + 0.2 * std::cos(2 * std::numbers::pi * x / 16));
     for (int y = 0; y < 256; ++y) shaft.at(x, y) *= groove;
@@ -54,7 +39,7 @@ Bitmap fluted(Random& random) {
 
 /// What is over one gap between columns, and repeats.
 Bitmap frieze(Random& random) {
-  Bitmap piece = stone(128, 64, 0.6F, 2, random);
+  Bitmap piece = rough(128, 64, 0.6F, 0.03F, 2, random);
   for (const float x : {4.0F, 14.0F, 24.0F}) piece.fill_rectangle(x, 8, x + 5, 50, 0.38F);
   piece.fill_disc(80, 30, 16, 0.45F);
   piece.fill_disc(80, 30, 9, 0.66F);
@@ -69,7 +54,7 @@ Scenario make_columns(const ScenarioOptions& options) {
   world.scenario().places.push_back({"temple", 0, SE3()});
   world.begin(SE3(), 0);
   Random random(options.seed, kStone);
-  const TextureRegion plain = world.add_texture(stone(256, 256, 0.62F, 0, random));
+  const TextureRegion plain = world.add_texture(rough(256, 256, 0.62F, 0.03F, 0, random));
   const BoxSides block = all_sides(plain);
   const TextureRegion shaft = world.add_texture(fluted(random));
   for (int step = 0; step < 3; ++step) {
@@ -91,6 +76,11 @@ Scenario make_columns(const ScenarioOptions& options) {
   side.width *= kAcross - 1;
   world.add_box({{0, 0, kBase + kColumn}, 0}, {kLength, kDepth, 0.035}, {front, side, plain});
   world.add_box({{0, 0, kBase + kColumn + 0.035}, 0}, {kLength - 0.05, kDepth - 0.08, 0.025}, block);
+  // What tells front from rear: without it the temple would be the same from either side.
+  world.add_panel({-0.03, -(kDepth - 0.13) / 2 - 0.001, kBase}, {0.06, 0, 0}, {0, 0, 0.12},
+                  world.add_texture(rough(64, 128, 0.15F, 0.03F, 10, random)));
+  world.add_box({{0.13, -kDepth / 2 - 0.06, 0}, 0.3}, {0.07, 0.05, 0.06},
+                all_sides(world.add_texture(rough(128, 128, 0.5F, 0.12F, 60, random))));
   std::vector<Waypoint> route;
   for (int i = 0; i < kStations; ++i) {
     const double angle = 2 * std::numbers::pi * i / kStations;

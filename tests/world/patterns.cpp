@@ -136,6 +136,21 @@ Bitmap dead_leaves(int width, int height, Random& random) {
   return picture;
 }
 
+Bitmap rough(int width, int height, float value, float amplitude, int chips, Random& random) {
+  Bitmap picture = pink_noise(width, height, std::min(64, std::min(width, height)), 6, amplitude, random);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) picture.at(x, y) += value;
+  }
+  for (int chip = 0; chip < chips; ++chip) {
+    const float x = random.uniform(0.0F, static_cast<float>(width));
+    const float y = random.uniform(0.0F, static_cast<float>(height));
+    const float radius = random.uniform(0.8F, 3.2F);
+    picture.fill_disc(x, y, radius, value * random.uniform(0.3F, 0.8F));
+  }
+  picture.clamp();
+  return picture;
+}
+
 Bitmap wood(int width, int height, Random& random) {
   Bitmap warp(width, height);
   add_noise(&warp, 512, 64, 5.0F, random);

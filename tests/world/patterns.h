@@ -17,6 +17,10 @@ namespace cairn {
 /// occlusions, edges and scale-invariance of natural pictures (Lee, Mumford and Huang, IJCV 2001).
 [[nodiscard]] Bitmap dead_leaves(int width, int height, Random& random);
 
+/// Something rough of nearly one value, like stone or rusty steel: noise of that amplitude, and round darker
+/// chips, so many of them.
+[[nodiscard]] Bitmap rough(int width, int height, float value, float amplitude, int chips, Random& random);
+
 /// Wood with the grain along x.
 [[nodiscard]] Bitmap wood(int width, int height, Random& random);
 
