@@ -24,7 +24,7 @@ LIMITS = {
     "sim:border?frames=330": (98, 0, 0),
     "sim:watermark?frames=330": (70, 0, 1),
     "sim:bays?hands=6&blackouts=6&frames=330": (85, 150, 2),
-    "columns": (80, 4, 0),
+    "columns": (90, 8, 0),
 }
 
 

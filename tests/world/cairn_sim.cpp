@@ -153,8 +153,7 @@ Status render(const RenderRequest& request) {
     line << line_start << "frame " << written + 1 << " of " << count << line_end;
     (void)progress->write(line.str());
   }
-  if (is_terminal) (void)progress->write("
-");
+  if (is_terminal) (void)progress->write("\n");
   if (!list->flush() || !truth->flush() || !depths->flush()) {
     return fail(ErrorCode::kIo, request.directory.string() + ": write failed (disk full?)");
   }
