@@ -60,11 +60,11 @@ TEST(Allocations, AreSeenHere) {
   EXPECT_EQ(allocations - before, 4U) << vector.size() << " numbers, " << pixels->width() << " columns";
 }
 
-/// Round and round: what the first rounds had to learn (templates, places, how much memory a picture takes)
-/// the later ones know. The way is too short for a keyframe.
+/// Round and round: what the first rounds had to learn (templates, places, what stands still, how much memory
+/// a picture takes) the later ones know. The way is too short for a keyframe.
 TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
   constexpr int kRound = 24;  // frames
-  constexpr int kRoundsToLearn = 3;
+  constexpr int kRoundsToLearn = 5;
   const CameraPtr camera = *make_camera(
       {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
   const test::PlaneScene scene(3, camera);

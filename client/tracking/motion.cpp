@@ -46,7 +46,8 @@ void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {
   time_ = time;
 }
 
-void MotionModel::missed() {
+void MotionModel::missed(const SE3& turn) {
+  last_ = turn * last_;
   velocity_ *= kDecay;
 }
 

@@ -22,8 +22,9 @@ class MotionModel {
                              double mean_depth) const;
   /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
   void measured(const SE3& camera_from_map, Timestamp time);
-  /// A frame without a measurement: the velocity decays, the pose stays.
-  void missed();
+  /// A frame without a measurement: the velocity decays, and the camera turned by `turn` since the frame
+  /// before, as the small images say.
+  void missed(const SE3& turn);
   /// Starts from a pose at rest.
   void reset(const SE3& camera_from_map, Timestamp time);
   /// Moves the remembered pose with its map after an adjustment; the velocity, in camera coordinates, is

@@ -37,9 +37,18 @@ TEST(MotionModel, MissedFramesLetTheVelocityDecay) {
   model.reset(SE3(), {0});
   model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0, 0).finished()), {kFrame});
   const double before = model.velocity().norm();
-  model.missed();
+  model.missed(SE3());
   EXPECT_LT(model.velocity().norm(), before);
   EXPECT_GT(before, 0);
+}
+
+// Frames that fail one after another would else be looked at from where the camera was before all of them.
+TEST(MotionModel, TurnsOfMissedFramesAddUp) {
+  MotionModel model;
+  model.reset(SE3(), {0});
+  const SE3 turn(so3_exp(Eigen::Vector3d(0, 0.05, 0)), Eigen::Vector3d::Zero());
+  for (int i = 0; i < 3; ++i) model.missed(turn);
+  EXPECT_NEAR(so3_log(model.last().rotation()).y(), 0.15, 1e-12);
 }
 
 TEST(MotionModel, ALeapIsWhatNoHandCanDo) {

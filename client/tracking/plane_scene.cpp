@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "client/tracking/frame_images.h"
+#include "common/image/frame_images.h"
 
 namespace cairn::test {
 namespace {

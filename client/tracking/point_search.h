@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "client/tracking/frustum.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
 #include "common/image/patch.h"
 #include "common/map/snapshot.h"
 

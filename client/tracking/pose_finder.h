@@ -6,13 +6,13 @@
 #include <optional>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/stage.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/depth_order.h"
 #include "common/geometry/pose.h"
 #include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
 #include "common/map/snapshot.h"
 
 namespace cairn {

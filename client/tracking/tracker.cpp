@@ -5,23 +5,30 @@
 #include <array>
 #include <utility>
 
-#include "client/tracking/frame_images.h"
+#include "client/relocalization/keyframe_rounds.h"
+#include "client/relocalization/place_memory.h"
+#include "client/relocalization/place_question.h"
 #include "client/tracking/keyframe_policy.h"
-#include "client/tracking/keyframe_rounds.h"
 #include "client/tracking/motion.h"
-#include "client/tracking/place_memory.h"
-#include "client/tracking/place_question.h"
 #include "client/tracking/pose_finder.h"
+#include "client/tracking/pose_priors.h"
+#include "client/tracking/still_regions.h"
 #include "client/tracking/trail_pose.h"
 #include "client/tracking/trails.h"
+#include "common/image/frame_images.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kEnoughPoints = 80;     // found: the pose is sound although most of the map is out of sight
+constexpr int kEnoughPoints = 50;     // found: the pose is sound although most of the map is out of sight
 constexpr int kProofFrames = 3;       // in a row, for a pose that was found by looking for it
 constexpr int kFewestRecovered = 25;  // points found in each of them,
 constexpr float kRecoveredQuality = 0.4F;  // and their share;
+// A place where the camera can have got to since it was tracked needs less: this share of the quality it had.
+constexpr float kQualityKept = 0.7F;
+// Points followed from the frame before know no look-alikes: so many may agree of a map that has most
+// elsewhere.
+constexpr float kFlowQuality = 0.1F;
 constexpr float kSuggestedQuality =
     0.25F;                            // less for a place that geometry speaks for: it may be poorly mapped
 constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
@@ -31,10 +38,18 @@ constexpr double kStillHere = 1.0;
 // Correlation of the tiny images of two frames, the motion between them undone: below, they show different
 // things, most likely; strangers are above now and then, and cost two frames more.
 constexpr float kSameView = 0.5F;
+// While it tracks: what stands still is learnt from every so many frames, since their corners cost a
+// millisecond.
+constexpr int kLearnEvery = 8;
 constexpr double kWitnessPatience = 0.2;  // [s] an answer takes a frame or two
 
 /// Who says where the camera may be.
 enum class Guess : uint8_t { kSuggested, kOwn };
+
+/// In order of how far a pose is to be believed.
+constexpr bool is_worse(PoseVerdict a, PoseVerdict b) {
+  return a > b;
+}
 
 float proof_of(Guess whose) {
   return whose == Guess::kSuggested ? kSuggestedQuality : kRecoveredQuality;
@@ -54,18 +69,22 @@ struct Tracker::State {
         options(options_in),
         trails(camera_in, options_in),
         finder(camera_in, options_in),
+        priors(camera_in, options_in.seed),
         keyframes(options_in) {}
 
   CameraPtr camera;
   TrackerOptions options;
   TrailFollower trails;
   PoseFinder finder;
+  PosePriors priors;
   KeyframePolicy keyframes;
   PlaceMemory places;
   PlaceQuestion question;
   KeyframeRounds rounds;
   MotionModel model;
 
+  StillRegions still;
+  int frames_unlearnt = 0;  ///< since it learnt last
   std::array<FrameImages, 2> frames;
   size_t current = 0;
   bool has_previous = false;
@@ -88,7 +107,7 @@ struct Tracker::State {
   Anchor proven;          ///< of the last one published,
   Timestamp proven_time;  ///< and when
   double mean_depth = 1;
-  float quality_before = 0;  ///< of the frame before; 0: it was not tracked
+  float last_quality = 0;  ///< of the last frame that was tracked in this map; 0: none was
   int bad_frames = 0;
   size_t lost_frames = 0;
   /// A pose that was found by looking for it, to be proven before it is published.
@@ -125,6 +144,7 @@ struct Tracker::State {
   void clear_result();
   void prepare(const GrayImagePtr& image);
   void ask_place(Timestamp time);
+  void learn_still();
 
   void follow_trails(const GrayImagePtr& image, Timestamp time);
   void enter_map(const MapSnapshotPtr& snapshot);
@@ -132,6 +152,21 @@ struct Tracker::State {
   void adopt_revision(const MapSnapshotPtr& snapshot);
 
   void track_map(Timestamp time);
+  /// What a search of the frame found, and how far it is to be believed.
+  struct Attempt {
+    std::optional<SE3> pose;
+    PoseVerdict verdict = PoseVerdict::kBad;
+  };
+  [[nodiscard]] Attempt attempt(const SE3& start, const SearchEffort& effort);
+  [[nodiscard]] Attempt attempt_as_expected(Timestamp time);
+  [[nodiscard]] Attempt attempt_otherwise();
+  /// How the camera turned since the frame before, by the small images.
+  [[nodiscard]] SE3 turned() const { return correct_step(SE3(), seen, *camera, mean_depth); }
+  /// Of those in sight, for a place where the camera can have got to.
+  [[nodiscard]] float needed_quality() const {
+    return std::clamp(kQualityKept * last_quality, options.lost_quality, kRecoveredQuality);
+  }
+  void miss();
   [[nodiscard]] bool found_as_suggested(Timestamp time);
   void recover(Timestamp time);
   [[nodiscard]] bool found_from(const SE3& start, const SearchEffort& effort, Guess whose, Timestamp time);
@@ -163,7 +198,7 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
   current = 1 - current;
   {
     const ScopedStage stage(probe, Stage::kPyramid);
-    now().build_pyramid(image->view());
+    now().build_pyramid(image->view(), still.mask());
   }
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
@@ -174,6 +209,17 @@ void Tracker::State::prepare(const GrayImagePtr& image) {
 void Tracker::State::ask_place(Timestamp time) {
   const ScopedStage stage(probe, Stage::kDescribe);
   result.place_question = question.ask(now(), time);
+}
+
+/// Until it is known what stands still, and again while there is nothing to track.
+void Tracker::State::learn_still() {
+  const ScopedStage stage(probe, Stage::kCorners);
+  const bool is_turn = ++frames_unlearnt >= kLearnEvery && !still.has_judged();
+  const bool learns = starting || is_lost() || is_turn;
+  if (learns) frames_unlearnt = 0;
+  const bool is_news =
+      learns ? still.learn(now().pyramid) : still.watch(now().pyramid.level(kPyramidLevels - 1));
+  if (is_news) now().use_mask(still.mask());  // the next frame is compared with this one
 }
 
 void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
@@ -193,7 +239,7 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
 void Tracker::State::enter_map(const MapSnapshotPtr& snapshot) {
   adopt_revision(snapshot);
   bad_frames = options.lost_after_bad_frames;
-  quality_before = 0;
+  last_quality = 0;
   starting = false;
   insists = false;
   keyframes.enter_map();
@@ -226,6 +272,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
     bad_frames = options.lost_after_bad_frames;
     trial.reset();
     latest = {};
+    last_quality = 0;
     keyframes.enter_map();
   }
   map = snapshot;
@@ -239,7 +286,8 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
 void Tracker::State::accept(const SE3& camera_from_map, Timestamp time, PoseVerdict verdict) {
   model.measured(camera_from_map, time);
   bad_frames = 0;
-  quality_before = finder.quality();
+  last_quality = finder.quality();
+  priors.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
   if (const KeyframePose* nearest = map->nearest_keyframe(camera_from_map.center())) {
     latest = {map->map, nearest->id, camera_from_map * nearest->camera_from_map.inverse()};
@@ -282,8 +330,10 @@ void Tracker::State::publish(Timestamp time, PoseVerdict verdict) {
   result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
-  if (verdict == PoseVerdict::kGood)
+  if (is_sound(verdict)) {
     places.remember(now(), *map, latest.reference, latest.camera_from_reference, mean_depth);
+    priors.remember(now(), *map, {latest.reference, latest.camera_from_reference, mean_depth});
+  }
   if (options.make_keyframes && is_sound(verdict)) propose_keyframe();
 }
 
@@ -310,36 +360,59 @@ void Tracker::State::propose_keyframe() {
   result.keyframe = std::move(proposal);
 }
 
-void Tracker::State::track_map(Timestamp time) {
-  const SE3 step = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
+Tracker::State::Attempt Tracker::State::attempt(const SE3& start, const SearchEffort& effort) {
+  const auto pose = finder.locate(now(), start, effort, probe);
+  return {pose, pose ? finder.judge() : PoseVerdict::kBad};
+}
+
+/// From where the velocity and the small image expect the camera; where it is not found, twice as far about
+/// where the small image alone does.
+Tracker::State::Attempt Tracker::State::attempt_as_expected(Timestamp time) {
+  const SE3 expected = correct_step(model.predicted_step(time), seen, *camera, mean_depth) * model.last();
   SearchEffort effort = normal_effort(options);
-  effort.expected_quality = quality_before;
+  effort.expected_quality = bad_frames == 0 ? last_quality : 0;
   if (trial) effort.enough_aligned = 1;  // it is on trial: everything that speaks for it or against it
-  auto pose = finder.locate(now(), step * model.last(), effort, probe);
-  PoseVerdict verdict = pose ? finder.judge() : PoseVerdict::kBad;
-  if (verdict == PoseVerdict::kBad) {
-    const SE3 turn = correct_step(SE3(), seen, *camera, mean_depth);
-    pose = finder.locate(now(), turn * model.last(), wide_effort(options), probe);
-    verdict = pose ? finder.judge() : PoseVerdict::kBad;
-  }
+  Attempt found = attempt(expected, effort);
+  if (found.verdict == PoseVerdict::kBad) found = attempt(turned() * model.last(), wide_effort(options));
   // What leaves the picture is tracked on its last points, all of them to one side, and with these the pose
   // runs away before it is lost.
-  if (verdict == PoseVerdict::kPoor && finder.found() < kEnoughPoints &&
-      model.is_leap(*pose, step * model.last(), time, mean_depth))
-    verdict = PoseVerdict::kBad;
+  const bool runs_away = found.verdict == PoseVerdict::kPoor && finder.found() < kEnoughPoints &&
+                         model.is_leap(*found.pose, expected, time, mean_depth);
   // After a frame that failed or that showed something else the start is a guess: what is found from there
-  // must look right to be believed.
-  if (verdict == PoseVerdict::kPoor && (bad_frames > 0 || is_cut)) verdict = PoseVerdict::kBad;
-  // What leaves the picture is tracked on its last points, centimetres off, and found again on as few.
-  const bool looks_right = finder.found() >= kFewestRecovered && finder.quality() >= kRecoveredQuality;
-  if (bad_frames > 0 && !looks_right) verdict = PoseVerdict::kBad;
-  const bool is_refuted = trial && !(pose && holds_proof(trial->quality));
-  if (verdict != PoseVerdict::kBad && !is_refuted) {
-    accept(*pose, time, verdict);
+  // must look right to be believed. What has left the picture is found again centimetres off, on its last
+  // points.
+  const bool is_guess =
+      (found.verdict == PoseVerdict::kPoor && is_cut) || (bad_frames > 0 && !holds_proof(needed_quality()));
+  if (runs_away || is_guess) found.verdict = PoseVerdict::kBad;
+  return found;
+}
+
+/// From what else tells where the camera is, in order of cost.
+Tracker::State::Attempt Tracker::State::attempt_otherwise() {
+  const auto poor_at_least = [this](const std::optional<SE3>& pose) {
+    return Attempt{pose, std::max(finder.judge(), PoseVerdict::kPoor, is_worse)};
+  };
+  if (const auto start = priors.by_flow(previous(), now(), seen, *map)) {
+    const Attempt found = attempt(*start, normal_effort(options));
+    if (found.pose && finder.found() >= kEnoughPoints && finder.quality() >= kFlowQuality)
+      return poor_at_least(found.pose);
+  }
+  if (const auto start = priors.by_corners(now(), *map, model.last(), mean_depth)) {
+    const Attempt found = attempt(*start, normal_effort(options));
+    if (found.pose && holds_proof(needed_quality())) return poor_at_least(found.pose);
+  }
+  return {};
+}
+
+void Tracker::State::track_map(Timestamp time) {
+  Attempt found = attempt_as_expected(time);
+  if (found.verdict == PoseVerdict::kBad && !trial) found = attempt_otherwise();
+  const bool is_refuted = trial && !(found.pose && holds_proof(trial->quality));
+  if (found.verdict != PoseVerdict::kBad && !is_refuted) {
+    accept(*found.pose, time, found.verdict);
     return;
   }
-  model.missed();
-  quality_before = 0;
+  miss();
   if (bad_frames++ == 0) failed_at_cut = is_cut;
   result.state = TrackingState::kLost;
   result.note = fmt::format("{} of {} points found", finder.found(), finder.attempted());
@@ -350,6 +423,12 @@ void Tracker::State::track_map(Timestamp time) {
   } else {
     static_cast<void>(found_as_suggested(time));
   }
+}
+
+/// The camera was not found; it is expected where the small image says that it has turned to.
+void Tracker::State::miss() {
+  model.missed(turned());
+  priors.missed();
 }
 
 /// Tries the place that others say, if they say one of this map.
@@ -370,6 +449,7 @@ bool Tracker::State::found_as_suggested(Timestamp time) {
 /// show.
 void Tracker::State::recover(Timestamp time) {
   const ScopedStage stage(probe, Stage::kRecover);
+  miss();
   result.state = TrackingState::kLost;
   result.note = question.nobody_answers()
                     ? "looking from where it was before; nobody answers, more cannot be done"
@@ -377,6 +457,9 @@ void Tracker::State::recover(Timestamp time) {
   const SearchEffort wide = wide_effort(options);
   if (found_as_suggested(time)) return;
   if (may_be_elsewhere(time) && !question.nobody_answers()) return;
+  if (const auto pose = priors.by_corners(now(), *map, model.last(), mean_depth)) {
+    if (found_from(*pose, normal_effort(options), Guess::kOwn, time)) return;
+  }
   if (const auto place = places.recall(now(), *camera, *map, lost_frames++ % kMemoriesTried)) {
     if (found_from(*place, wide, Guess::kOwn, time)) return;
   }
@@ -426,6 +509,7 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
   State& s = *state_;
   s.probe = probe;
   s.clear_result();
+  s.priors.next_frame();
   s.finder.clear();
   s.keyframes.next_frame();
   s.prepare(image);
@@ -448,6 +532,7 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
     s.report_search();
   }
   if (s.is_asking()) s.ask_place(time);
+  s.learn_still();
   s.result.camera_from_map = s.model.last();
   s.has_previous = true;
   return s.result;
@@ -458,6 +543,7 @@ void Tracker::use_camera(const CameraPtr& camera) {
   s.camera = camera;
   s.trails.use_camera(camera);
   s.finder.use_camera(camera);
+  s.priors.use_camera(camera);
 }
 
 void Tracker::seed_accepted(const SeedAnswer& answer) {

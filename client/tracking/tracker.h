@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/tracking/pose_suggestion.h"
+#include "client/relocalization/pose_suggestion.h"
 #include "client/tracking/stage.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"

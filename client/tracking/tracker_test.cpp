@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
-#include "client/tracking/frame_images.h"
 #include "client/tracking/plane_scene.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/pose_finder.h"
 #include "common/geometry/two_view.h"
+#include "common/image/frame_images.h"
 
 namespace cairn {
 namespace {
@@ -365,10 +365,19 @@ TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
       << "nothing is wanted by who is not in need";
 }
 
+// Farther than any search reaches, but its corners look as they did.
+TEST_F(OnMap, ACameraThatRollsByMuchIsRecognizedInTheSameFrame) {
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
+  const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0);
+  const FrameResult& result = step(truth);
+  ASSERT_TRUE(result.pose_measured);
+  EXPECT_LT((result.camera_from_map * truth.inverse()).log().norm(), 0.01);
+}
+
 TEST_F(OnMap, WhatIsSuggestedInTheSameMapIsTriedBeforeItIsLost) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
-  // Aside by more than any search reaches.
-  const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0);
+  // Aside by more than any search reaches, and so near that corners look otherwise.
+  const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0, 0.3);
   const auto image = scene.render(truth);
   ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).place_question);
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();

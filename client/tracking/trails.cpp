@@ -7,15 +7,13 @@
 #include <limits>
 #include <span>
 
+#include "client/tracking/patch_flow.h"
 #include "common/base/median.h"
 #include "common/image/fit_warp.h"
 
 namespace cairn {
 namespace {
 
-constexpr float kSearchRadius = 10;  // PTAM r114 [px]
-constexpr float kMarriedDistance =
-    1.0F;                             // [px] backward match to the start (PTAM: sqrt 2, without sub-pixel)
 constexpr size_t kFewestTrails = 60;  // fewer are not worth following
 constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left covers too little of the view
 constexpr float kFewestMovement =
@@ -103,42 +101,18 @@ void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const Frame
   for (const Candidate& c :
        spread(std::move(candidates), level0, static_cast<size_t>(options_.trail_count))) {
     FollowedTrail trail;
-    if (!cut_source_patch(level0, c.corner, &trail.first_patch)) continue;
     trail.id = TrailId{next_id_++};
     trail.first = trail.now = as_vector(c.corner);
+    for (int level = 0; level < kFirstPatches; ++level) {
+      FollowedTrail::FirstPatch& first = trail.first_patch[static_cast<size_t>(level)];
+      const Eigen::Vector2f at(to_level(trail.first.x(), level), to_level(trail.first.y(), level));
+      first.aside = as_vector(rounded(at)) - at;
+      first.is_whole = cut_source_patch(now.pyramid.level(level), rounded(at), &first.pixels);
+    }
+    if (!trail.first_patch[0].is_whole) continue;
     trails_.push_back(trail);
   }
   begun_with_ = trails_.size();
-}
-
-bool TrailFollower::follow_one(const FrameImages& now, const FrameImages& previous,
-                               const Eigen::Vector2f& expected, FollowedTrail* trail) const {
-  constexpr int kRefinements = 8;
-  const GrayView before = previous.pyramid.level(0);
-  const GrayView image = now.pyramid.level(0);
-  const Corner from = rounded(trail->now);
-  SourcePatch cut;
-  PatchTemplate patch;
-  if (!cut_source_patch(before, from, &cut) || !make_template(cut, Warp::Identity(), 0, &patch)) return false;
-  // Straight from where the tiny images say it went; a corner in a noisy picture comes and goes, the texture
-  // stays.
-  auto there = refine_patch(patch, image, expected + (as_vector(from) - trail->now), kRefinements);
-  if (!there) {
-    const auto match = find_patch(patch, image, now.corners(0), expected, kSearchRadius);
-    if (!match) return false;
-    there = refine_patch(patch, image, as_vector(match->corner), kRefinements);
-    if (!there) return false;
-  }
-
-  const Corner to = rounded(*there);
-  PatchTemplate back;
-  if (!cut_source_patch(image, to, &cut) || !make_template(cut, Warp::Identity(), 0, &back)) return false;
-  const auto home = refine_patch(back, before, as_vector(from) + (as_vector(to) - *there), kRefinements);
-  if (!home) return false;
-  const Eigen::Vector2f returned = *home + (*there - as_vector(to));
-  if ((returned - as_vector(from)).norm() > kMarriedDistance) return false;
-  trail->now = *there + (trail->now - as_vector(from));
-  return true;
 }
 
 void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const FrameImages& now,
@@ -149,14 +123,11 @@ void TrailFollower::follow(const GrayImagePtr& image, Timestamp time, const Fram
                                            : "move the camera sideways";
     return;
   }
-  const float scale = static_cast<float>(1 << kPyramidLevels);
-  const Eigen::Vector2f center((static_cast<float>(image->width()) - 1) / 2,
-                               (static_cast<float>(image->height()) - 1) / 2);
-  const Eigen::Matrix2f turn = Eigen::Rotation2Df(motion.angle).toRotationMatrix();
   matched_.clear();
   std::erase_if(trails_, [&](FollowedTrail& trail) {
-    const Eigen::Vector2f expected = center + turn * (trail.now - center) + scale * motion.shift;
-    return !follow_one(now, previous, expected, &trail);
+    const auto there = follow_patch(previous, now, trail.now, moved_by(motion, trail.now, *image));
+    if (there) trail.now = *there;
+    return !there;
   });
   movement_ = median_movement();
   remember_way(now);
@@ -183,17 +154,30 @@ Warp TrailFollower::warp_from_first() const {
   return fit_warp(ends);
 }
 
-std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) {
+/// In a sharp picture it is found at level 0, in one that is noisy or blurred perhaps at level 1 only.
+std::optional<Eigen::Vector2f> TrailFollower::match_first_patch(const FollowedTrail& trail, int level,
+                                                                const Warp& warp, const FrameImages& now) {
   constexpr int kRefinements = 10;
+  const FollowedTrail::FirstPatch& first = trail.first_patch[static_cast<size_t>(level)];
+  PatchTemplate patch;
+  if (!first.is_whole || !make_template(first.pixels, warp, 0, &patch)) return std::nullopt;
+  const Eigen::Vector2f aside = warp * first.aside;
+  const Eigen::Vector2f at(to_level(trail.now.x(), level), to_level(trail.now.y(), level));
+  const auto refined = refine_patch(patch, now.pyramid.level(level), at + aside, kRefinements, kMostDrift);
+  if (!refined) return std::nullopt;
+  const Eigen::Vector2f found = *refined - aside;
+  return Eigen::Vector2f(from_level(found.x(), level), from_level(found.y(), level));
+}
+
+std::span<const Eigen::Vector2f> TrailFollower::match_with_first(const FrameImages& now, size_t most) {
   const size_t count = std::min(most, trails_.size());
   if (matched_.size() < count) {
     const Warp warp = warp_from_first();
     for (const FollowedTrail& t : std::span(trails_).subspan(matched_.size(), count - matched_.size())) {
-      PatchTemplate patch;
-      const auto refined = make_template(t.first_patch, warp, 0, &patch)
-                               ? refine_patch(patch, now.pyramid.level(0), t.now, kRefinements, kMostDrift)
-                               : std::nullopt;
-      matched_.push_back(refined.value_or(kNowhere));
+      std::optional<Eigen::Vector2f> found;
+      for (int level = 0; level < kFirstPatches && !found; ++level)
+        found = match_first_patch(t, level, warp, now);
+      matched_.push_back(found.value_or(kNowhere));
     }
   }
   return std::span(matched_).first(count);

@@ -1,16 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "client/tracking/tracker.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/few_views.h"
 #include "common/geometry/two_view.h"
+#include "common/image/frame_images.h"
 #include "common/image/patch.h"
 
 namespace cairn {
@@ -54,20 +55,28 @@ class TrailFollower {
   [[nodiscard]] const std::string& note() const { return note_; }
 
  private:
+  static constexpr int kFirstPatches = 2;  ///< levels
   struct FollowedTrail {
     TrailId id;
     Eigen::Vector2f first = Eigen::Vector2f::Zero();
     Eigen::Vector2f now = Eigen::Vector2f::Zero();
     std::vector<Eigen::Vector2f> path;  ///< one position per entry of way_
-    SourcePatch first_patch{};
+    /// What the first frame showed there.
+    struct FirstPatch {
+      SourcePatch pixels{};
+      Eigen::Vector2f aside = Eigen::Vector2f::Zero();  ///< of its centre from the trail [px of its level]
+      bool is_whole = false;                            ///< the image reaches so far
+    };
+    std::array<FirstPatch, kFirstPatches> first_patch{};  ///< by level
   };
 
   void begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now);
-  [[nodiscard]] bool follow_one(const FrameImages& now, const FrameImages& previous,
-                                const Eigen::Vector2f& expected, FollowedTrail* trail) const;
   /// The patches of the first `most` trails, as they were in the first frame, found again in this; NaN where
   /// they are not. Looked for once a frame.
   [[nodiscard]] std::span<const Eigen::Vector2f> match_with_first(const FrameImages& now, size_t most);
+  [[nodiscard]] static std::optional<Eigen::Vector2f> match_first_patch(const FollowedTrail& trail, int level,
+                                                                        const Warp& warp,
+                                                                        const FrameImages& now);
   /// How the picture around the trails has turned and stretched since their first frame.
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;

@@ -91,4 +91,37 @@ class TightImage {
   int height_;
 };
 
+/// Rectangles of random grey over one another, as things lie on a desk (dead leaves), at whole pixels,
+/// repeating after `kSize` px: corners well apart, and quick to show.
+class Leaves {
+ public:
+  static constexpr int kSize = 512;  ///< [px]
+
+  explicit Leaves(uint32_t seed) : values_(static_cast<size_t>(kSize) * kSize, 128) {
+    std::mt19937 rng(seed);
+    std::uniform_int_distribution<int> place(0, kSize - 1);
+    std::uniform_int_distribution<int> size(14, 60);
+    std::uniform_int_distribution<int> grey(20, 235);
+    constexpr int kLeaves = 1500;
+    for (int i = 0; i < kLeaves; ++i) {
+      const int left = place(rng);
+      const int top = place(rng);
+      const int width = size(rng);
+      const int height = size(rng);
+      const auto value = static_cast<float>(grey(rng));
+      for (int y = top; y < top + height; ++y) {
+        for (int x = left; x < left + width; ++x) values_[index(x, y)] = value;
+      }
+    }
+  }
+  /// Grey level, 0 to 255.
+  [[nodiscard]] float at(int x, int y) const { return values_[index(x, y)]; }
+
+ private:
+  static size_t index(int x, int y) {
+    return static_cast<size_t>((y & (kSize - 1)) * kSize + (x & (kSize - 1)));
+  }
+  std::vector<float> values_;
+};
+
 }  // namespace cairn::test

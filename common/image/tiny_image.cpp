@@ -60,13 +60,6 @@ void blur_columns(const float* in, int width, int height, const float* weights, 
   }
 }
 
-void subtract_mean(float* values, size_t n) {
-  double sum = 0;
-  for (size_t i = 0; i < n; ++i) sum += values[i];
-  const auto mean = static_cast<float>(sum / static_cast<double>(n));
-  for (size_t i = 0; i < n; ++i) values[i] -= mean;
-}
-
 // ---- Alignment
 
 constexpr int kMaxAlignWidth = 512;  ///< px; bounds the rows kept on the stack
@@ -90,6 +83,7 @@ struct NormalEquations {
 /// lie in the image.
 struct WarpedRow {
   std::array<float, kMaxAlignWidth> values;
+  std::array<float, kMaxAlignWidth> weights;  ///< of the current image's nearest pixels
   int begin = 0;
   int end = 0;
 };
@@ -134,6 +128,7 @@ class Aligner {
     const auto max_u = static_cast<float>(width - 1);
     const auto max_v = static_cast<float>(height - 1);
     const float* pixels = current_.values().data();
+    const float* weights = current_.weights().data();
     WarpedRow& out = row(y);
     // The pixels that stay inside are neighbours: u and v are monotonic along the row, also as rounded.
     out.begin = out.end = 0;
@@ -155,6 +150,8 @@ class Aligner {
       const float top = p[0] + fu * (p[1] - p[0]);
       const float bottom = p[width] + fu * (p[width + 1] - p[width]);
       out.values[static_cast<size_t>(x)] = top + fv * (bottom - top);
+      const int nearest = (iv + (fv > 0.5F ? 1 : 0)) * width + iu + (fu > 0.5F ? 1 : 0);
+      out.weights[static_cast<size_t>(x)] = weights[nearest];
     }
   }
 
@@ -179,8 +176,9 @@ class Aligner {
     const float* ref = reference_.values().data() + y * width + x;
     const float* cur = here.values.data() + x;
     const __m128 lane = _mm_setr_ps(0, 1, 2, 3);
-    const __m128 weight =
-        _mm_and_ps(_mm_cmpge_ps(lane, _mm_set1_ps(static_cast<float>(skip))), _mm_set1_ps(1.0F));
+    const __m128 counts = _mm_mul_ps(_mm_loadu_ps(reference_.weights().data() + y * width + x),
+                                     _mm_loadu_ps(here.weights.data() + x));
+    const __m128 weight = _mm_and_ps(_mm_cmpge_ps(lane, _mm_set1_ps(static_cast<float>(skip))), counts);
     const __m128 quarter =
         _mm_mul_ps(weight, _mm_set1_ps(0.25F));  // mean of two central differences over two pixels
     const __m128 ref_x = _mm_sub_ps(_mm_loadu_ps(ref + 1), _mm_loadu_ps(ref - 1));
@@ -250,12 +248,51 @@ Eigen::Matrix3d frame_of_rays(const Eigen::Vector3d& a, const Eigen::Vector3d& b
 
 }  // namespace
 
-void TinyImage::assign(const GrayView& level3, float sigma) {
+/// Pixels that stand still become the mean of the others, so that the blur brings no edge; what the blur
+/// mixes with them does not count either.
+void TinyImage::leave_out(const StillMask& still) {
+  const auto is_still = [&](int x, int y) {
+    const int u = std::min(2 * x, still.width() - 1);
+    const int v = std::min(2 * y, still.height() - 1);
+    const int right = std::min(u + 1, still.width() - 1);
+    const int down = std::min(v + 1, still.height() - 1);
+    return still.is_still(u, v) || still.is_still(right, v) || still.is_still(u, down) ||
+           still.is_still(right, down);
+  };
+  for (int y = 0; y < height_; ++y) {
+    for (int x = 0; x < width_; ++x) {
+      if (!is_still(x, y)) continue;
+      for (int v = std::max(0, y - 1); v <= std::min(height_ - 1, y + 1); ++v) {
+        for (int u = std::max(0, x - 1); u <= std::min(width_ - 1, x + 1); ++u)
+          weights_[static_cast<size_t>(v * width_ + u)] = 0;
+      }
+    }
+  }
+  float sum = 0;
+  count_ = 0;
+  for (size_t i = 0; i < weights_.size(); ++i) {
+    sum += weights_[i] * values_[i];
+    count_ += weights_[i] > 0 ? 1 : 0;
+  }
+  const float mean = sum / static_cast<float>(std::max<size_t>(1, count_));
+  for (size_t i = 0; i < weights_.size(); ++i) values_[i] = weights_[i] > 0 ? values_[i] : mean;
+}
+
+void TinyImage::subtract_mean() {
+  double sum = 0;
+  for (size_t i = 0; i < values_.size(); ++i) sum += weights_[i] * values_[i];
+  const auto mean = static_cast<float>(sum / static_cast<double>(std::max<size_t>(1, count_)));
+  for (size_t i = 0; i < values_.size(); ++i) values_[i] = weights_[i] * (values_[i] - mean);
+}
+
+void TinyImage::assign(const GrayView& level3, float sigma, const StillMask* still) {
   width_ = level3.width / 2;
   height_ = level3.height / 2;
   const size_t n = static_cast<size_t>(width_) * static_cast<size_t>(height_);
   const int radius = sigma > 0 ? static_cast<int>(std::ceil(3 * sigma)) : 0;
   const size_t padded_width = static_cast<size_t>(width_) + 2 * static_cast<size_t>(radius);
+  weights_.assign(n, 1);
+  count_ = n;
   if (n == 0) {
     values_.clear();
     return;
@@ -271,6 +308,9 @@ void TinyImage::assign(const GrayView& level3, float sigma) {
       out[x] = 0.25F * static_cast<float>(top[2 * x] + top[2 * x + 1] + bottom[2 * x] + bottom[2 * x + 1]);
     }
   }
+  const bool has_mask =
+      still != nullptr && still->width() == level3.width && still->height() == level3.height;
+  if (has_mask) leave_out(*still);
   if (radius > 0) {
     float* half_blurred = values_.data() + n;
     float* padded = half_blurred + n;
@@ -280,7 +320,7 @@ void TinyImage::assign(const GrayView& level3, float sigma) {
     blur_columns(half_blurred, width_, height_, weights, radius, values_.data());
   }
   values_.resize(n);
-  subtract_mean(values_.data(), n);
+  subtract_mean();
 }
 
 float tiny_difference(const TinyImage& a, const TinyImage& b) {
@@ -300,14 +340,14 @@ float tiny_difference(const TinyImage& a, const TinyImage& b) {
   float rest = 0;
   for (; i < n; ++i) rest += (p[i] - q[i]) * (p[i] - q[i]);
   const __m128 sum = _mm_add_ps(_mm_add_ps(sums[0], sums[1]), _mm_add_ps(sums[2], sums[3]));
-  return (sum_of_lanes(sum) + rest) / static_cast<float>(n);
+  return (sum_of_lanes(sum) + rest) / static_cast<float>(std::max<size_t>(1, std::min(a.count(), b.count())));
 }
 
 float tiny_correlation(const TinyImage& reference, const TinyImage& current, const TinyMotion& motion) {
   const auto mean_square = [](const TinyImage& image) {
     float sum = 0;
     for (const float v : image.values()) sum += v * v;
-    return sum / static_cast<float>(std::max<size_t>(1, image.values().size()));
+    return sum / static_cast<float>(std::max<size_t>(1, image.count()));
   };
   const float a = mean_square(reference);
   const float b = mean_square(current);

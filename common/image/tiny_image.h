@@ -7,6 +7,7 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/image/still_mask.h"
 
 namespace cairn {
 
@@ -16,18 +17,31 @@ namespace cairn {
 class TinyImage {
  public:
   TinyImage() = default;
-  TinyImage(const GrayView& level3, float sigma) { assign(level3, sigma); }
+  /// `still` (null: nothing): what stands still in the image is left out of its mean, of the blur and of all
+  /// comparisons; the values there are 0.
+  TinyImage(const GrayView& level3, float sigma, const StillMask* still = nullptr) {
+    assign(level3, sigma, still);
+  }
   /// As the constructor, in the memory that is there: no allocation after the first frame of a size.
-  void assign(const GrayView& level3, float sigma);
+  void assign(const GrayView& level3, float sigma, const StillMask* still = nullptr);
 
   [[nodiscard]] int width() const { return width_; }
   [[nodiscard]] int height() const { return height_; }
   [[nodiscard]] bool empty() const { return values_.empty(); }
   [[nodiscard]] float at(int x, int y) const { return values_[static_cast<size_t>(y * width_ + x)]; }
   [[nodiscard]] const std::vector<float>& values() const { return values_; }
+  /// 1 where a pixel counts, else 0.
+  [[nodiscard]] const std::vector<float>& weights() const { return weights_; }
+  /// Pixels that count.
+  [[nodiscard]] size_t count() const { return count_; }
 
  private:
+  void leave_out(const StillMask& still);
+  void subtract_mean();
+
   std::vector<float> values_;
+  std::vector<float> weights_;
+  size_t count_ = 0;
   int width_ = 0;
   int height_ = 0;
 };

@@ -12,6 +12,7 @@
 #include <random>
 #include <vector>
 
+#include "common/base/log.h"
 #include "server/mapping/adjustment.h"
 #include "server/mapping/bundle_ceres.h"
 #include "tests/bench/bundle_file.h"
@@ -224,7 +225,7 @@ int main(int argc, char** argv) {
   app.add_option("--repeats", repeats, "the shortest of so many runs counts");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(files, only, repeats); !done) {
-    std::fprintf(stderr, "cairn-ba-bench: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-ba-bench", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/capture/frame_source.h"
+#include "common/base/log.h"
 #include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
 #include "common/io/trajectory.h"
@@ -394,7 +395,7 @@ int main(int argc, char** argv) {
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-engine-run: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-engine-run", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

@@ -15,6 +15,7 @@
 
 #include "client/capture/frame_source.h"
 #include "client/tracking/tracker.h"
+#include "common/base/log.h"
 #include "server/relocalization/relocalizer.h"
 #include "tests/bench/mapping_loop.h"
 #include "tests/bench/recorded_map.h"
@@ -254,7 +255,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", arguments.seed, "of every random choice");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-growth-bench: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-growth-bench", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

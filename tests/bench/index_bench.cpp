@@ -10,7 +10,8 @@
 #include <functional>
 #include <limits>
 
-#include "client/tracking/frame_images.h"
+#include "common/base/log.h"
+#include "common/image/frame_images.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/test_pictures.h"
 #include "tests/bench/picture_statistics.h"
@@ -303,7 +304,7 @@ int main(int argc, char** argv) {
   app.add_option("--seed", arguments.seed, "of the pictures");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-index-bench: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-index-bench", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

@@ -12,6 +12,7 @@
 
 #include "client/app/adapters.h"
 #include "client/app/frame_loop.h"
+#include "common/base/log.h"
 #include "common/io/text.h"
 #include "tests/bench/engine_link.h"
 #include "tests/bench/jump_judge.h"
@@ -259,7 +260,7 @@ int main(int argc, char** argv) {
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-jump-run: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-jump-run", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

@@ -12,9 +12,9 @@
 #include <random>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/point_search.h"
+#include "common/image/frame_images.h"
 #include "common/image/patch.h"
 #include "common/image/place.h"
 #include "common/image/window_sums.h"

@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "common/base/program_folder.h"
+#include "common/image/frame_images.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/relocalization/votes.h"

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "client/tracking/frame_images.h"
+#include "common/image/frame_images.h"
 #include "server/mapping/test_scene.h"
 #include "server/relocalization/relocalizer.h"
 

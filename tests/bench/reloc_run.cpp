@@ -10,7 +10,8 @@
 #include <sstream>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
+#include "common/base/log.h"
+#include "common/image/frame_images.h"
 #include "common/io/text.h"
 #include "server/relocalization/relocalizer.h"
 #include "tests/bench/answer_times.h"
@@ -270,7 +271,7 @@ int main(int argc, char** argv) {
   app.add_flag("-v,--verbose", arguments.verbose, "a line per query");
   CLI11_PARSE(app, argc, argv);
   if (const auto done = cairn::run(arguments); !done) {
-    std::fprintf(stderr, "cairn-reloc-run: %s\n", done.error().message.c_str());
+    cairn::say_error("cairn-reloc-run", done.error().message);
     return cairn::exit_code(done.error().code);
   }
   return 0;

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/log.h"
 #include "server/service/map_persistence.h"
 #include "server/store/row_codec.h"
 
@@ -182,6 +183,6 @@ int main(int argc, char** argv) {
   const cairn::Status done = cairn::run(archive, folder, copies, rounds);
   std::filesystem::remove_all(folder);
   if (done) return 0;
-  std::fprintf(stderr, "cairn-store-bench: %s\n", done.error().message.c_str());
+  cairn::say_error("cairn-store-bench", done.error().message);
   return cairn::exit_code(done.error().code);
 }

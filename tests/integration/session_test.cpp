@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "client/tracking/frame_images.h"
+#include "common/image/frame_images.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 

@@ -6,7 +6,7 @@
 
 #include <set>
 
-#include "client/tracking/frame_images.h"
+#include "common/image/frame_images.h"
 #include "common/image/place.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "client/tracking/pose_suggestion.h"
+#include "client/relocalization/pose_suggestion.h"
 #include "common/base/time.h"
 
 namespace cairn {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/tracking/place_question.h"
+#include "client/relocalization/place_question.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/tracking/place_memory.h"
+#include "client/relocalization/place_memory.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@ constexpr double kViewAngle = 0.07;     // [rad]
 }  // namespace
 
 TinyImage place_image(const FrameImages& frame) {
-  return {frame.pyramid.level(kPyramidLevels - 1), kPlaceBlur};
+  return {frame.pyramid.level(kPyramidLevels - 1), kPlaceBlur, frame.still().get()};
 }
 
 SE3 turn_between(const TinyImage& then, const TinyImage& now, const Camera& camera) {

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <array>
+#include <utility>
 
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
+#include "common/image/still_mask.h"
 #include "common/image/tiny_image.h"
 
 namespace cairn {
@@ -19,19 +21,32 @@ class FrameImages {
   Pyramid pyramid;
   TinyImage tiny;  ///< blur 0.75: frame-to-frame rotation prior
 
-  void build_pyramid(const GrayView& image) {
+  /// `still` (null: nothing): where the image stands still whatever the camera does; there are no corners
+  /// there, and the tiny image says nothing of it.
+  void build_pyramid(const GrayView& image, StillMaskPtr still = nullptr) {
     pyramid.build(image);
+    still_ = std::move(still);
     has_corners_.fill(false);
   }
   void build_tiny() {
     constexpr float kPriorBlur = 0.75F;  // PTAM r114
-    tiny.assign(pyramid.level(kPyramidLevels - 1), kPriorBlur);
+    tiny.assign(pyramid.level(kPyramidLevels - 1), kPriorBlur, still_.get());
+  }
+  [[nodiscard]] const StillMaskPtr& still() const { return still_; }
+  /// What stands still has been found out since.
+  void use_mask(StillMaskPtr still) {
+    still_ = std::move(still);
+    has_corners_.fill(false);
+    build_tiny();
   }
   /// Of one level: looked for when first asked, since those of the large levels cost a fifth of a frame's
   /// time and most frames never need them. One thread.
   [[nodiscard]] const CornerList& corners(int level) const {
     const auto l = static_cast<size_t>(level);
-    if (!has_corners_[l]) detect_fast10(pyramid.level(level), kFastThresholds[l], &corners_[l]);
+    if (!has_corners_[l]) {
+      detect_fast10(pyramid.level(level), kFastThresholds[l], &corners_[l]);
+      if (still_) still_->remove_from(&corners_[l], level);
+    }
     has_corners_[l] = true;
     return corners_[l];
   }
@@ -41,6 +56,7 @@ class FrameImages {
   }
 
  private:
+  StillMaskPtr still_;
   mutable std::array<CornerList, kPyramidLevels> corners_;
   mutable std::array<bool, kPyramidLevels> has_corners_{};
 };

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/tracking/place_question.h"
+#include "client/relocalization/place_question.h"
 
 #include <utility>
 
-#include "client/tracking/place_memory.h"
+#include "client/relocalization/place_memory.h"
 
 namespace cairn {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/tracking/refuted_places.h"
+#include "client/relocalization/refuted_places.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "client/tracking/frame_images.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
 #include "common/map/snapshot.h"
 
 namespace cairn {

@@ -4,11 +4,11 @@
 #include <memory>
 #include <optional>
 
-#include "client/tracking/frame_images.h"
-#include "client/tracking/pose_suggestion.h"
-#include "client/tracking/refuted_places.h"
+#include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/refuted_places.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
+#include "common/image/frame_images.h"
 #include "common/image/place.h"
 #include "common/map/snapshot.h"
 

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "common/image/frame_images.h"
+
+namespace cairn {
+
+/// Where what `previous` shows at a pixel lies in `now`, looked for from `expected`, both level-0 px. Level
+/// by level from coarse to fine, each bringing the next near enough, with a check that the way back ends
+/// where it began. Noise and blur may leave nothing to align at level 0; then the place is that of level 1,
+/// good to half a pixel. Nothing where it is found at neither.
+[[nodiscard]] std::optional<Eigen::Vector2f> follow_patch(const FrameImages& previous, const FrameImages& now,
+                                                          const Eigen::Vector2f& from,
+                                                          const Eigen::Vector2f& expected);
+
+/// Where a level-0 pixel of an image goes that moves as its small image does.
+[[nodiscard]] Eigen::Vector2f moved_by(const TinyMotion& motion, const Eigen::Vector2f& pixel,
+                                       const GrayImage& image);
+
+}  // namespace cairn

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "common/image/corners.h"
+#include "common/image/pyramid.h"
+#include "common/image/still_mask.h"
+
+namespace cairn {
+
+/// Finds what stands still in the images of a camera that moves. A camera that moves moves nearly everything
+/// it sees: corners that come back at the same pixels in frame after frame while most others are gone belong
+/// to a water mark, a notch or a rim; and what lies at the border of the image and keeps its brightness while
+/// the rest changes shows nothing of the world. Frames count only when the image has moved since the last
+/// that did, so a camera at rest before something that moves masks nothing. Pure; one thread.
+class StillRegions {
+ public:
+  /// Looks at a frame. True when mask() has changed.
+  bool learn(const Pyramid& frame);
+  /// Cheap, for every frame: what was taken for a border and changes is none. True when mask() has changed.
+  bool watch(const GrayImage& level3);
+  /// Whether enough frames were counted for a first judgement, or so many looked at that none is to be
+  /// expected.
+  [[nodiscard]] bool has_judged() const { return has_judged_; }
+  /// What is known so far; null: nothing stands still.
+  [[nodiscard]] const StillMaskPtr& mask() const { return mask_; }
+
+ private:
+  void begin(const GrayImage& level3);
+  void mark_corners();
+  [[nodiscard]] bool has_changed(const GrayImage& level3) const;
+  [[nodiscard]] bool has_moved(const GrayImage& level0) const;
+  void count(const GrayImage& level3);
+  void count_gradients(const GrayImage& level3);
+  [[nodiscard]] bool is_rim(size_t cell) const;
+  void find_still_corners();
+  void find_border();
+  template <typename Passes>
+  [[nodiscard]] std::vector<size_t> region_from(size_t start, const Passes& passes,
+                                                std::vector<uint8_t>* visited,
+                                                std::vector<size_t>* around) const;
+  template <typename Passes>
+  void add_if_framed(size_t start, const Passes& is_dark, std::vector<uint8_t>* visited);
+  [[nodiscard]] StillMaskPtr make_mask() const;
+
+  StillMaskPtr mask_;
+  std::vector<uint8_t> marks_;   ///< cells of the mask in which corners stand still
+  std::vector<uint8_t> border_;  ///< cells of the mask that are of the border, and what they look like
+  std::vector<uint8_t> border_dark_, border_bright_;
+  CornerList fast_;                 ///< of the frame, level 0; no mask applies to them
+  std::vector<Candidate> corners_;  ///< the best of them
+  bool has_judged_ = false;
+  int looks_ = 0;                    ///< at frames whose corners were found
+  int frames_ = 0;                   ///< counted since this round of counting began
+  int width_ = 0, height_ = 0;       ///< of level 3
+  int columns_ = 0, rows_ = 0;       ///< of the grid of corners, cells of 2x2 px
+  GrayImage last_;                   ///< level 3 of the last frame counted
+  std::vector<uint8_t> had_corner_;  ///< at the last frame counted, in or beside each cell of that grid
+  std::vector<uint8_t> seen_;        ///< in how many frames each of them had
+  std::vector<uint8_t> darkest_, brightest_;  ///< of each pixel of level 3
+  /// Sums over the frames counted, of each of them: gradient, and its square.
+  std::vector<float> gradient_x_, gradient_y_, gradient_squared_;
+};
+
+}  // namespace cairn
