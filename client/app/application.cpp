@@ -23,6 +23,7 @@
 #include "client/capture/decode_ahead.h"
 #include "client/capture/frame_source.h"
 #include "client/session/session.h"
+#include "common/base/exit_deadline.h"
 #include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
 #include "common/wire/log_redirect.h"
@@ -139,6 +140,7 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   session.server = options.server;
   session.domain = options.domain;
   session.profile = options.profile;
+  session.listen = options.listen;
   session.name = options.name;
   session.wearer = options.wearer;
   session.only_map = options.map;
@@ -196,9 +198,11 @@ bool await(const std::function<bool(milliseconds)>& is_there, milliseconds patie
   return false;
 }
 
-std::string no_server_text(const TrackOptions& options) {
-  return "no cairn-server at " + options.server + " in domain " + std::to_string(options.domain) +
-         "; is it running, and on the same domain and profile?";
+std::string no_server_text(const TrackOptions& options, const Session& session) {
+  return "no cairn-server answers at " + options.server + " in domain " + std::to_string(options.domain) +
+         ", asked " + session.network() +
+         "; is it running, in the same domain and for this network (its --profile and --listen)? --listen "
+         "here takes another interface";
 }
 
 /// The threads of DDS, decoder and video, started before, keep the ordinary priority. Needs CAP_SYS_NICE or
@@ -307,7 +311,7 @@ int judge(const Run& run, const RunStats& stats, const SessionStatus& session, c
   if (session.link == ServerLink::kRefused) return report_error({ErrorCode::kRefused, session.text}, run.log);
   if (!ending.at_end) return kInterruptedExit;
   if (session.link == ServerLink::kConnecting)
-    return report_error({ErrorCode::kNoServer, no_server_text(run.options)}, run.log);
+    return report_error({ErrorCode::kNoServer, no_server_text(run.options, *run.session)}, run.log);
   if (kept != 0) return kept;
   const size_t undecodable = stats.frames_total() - stats.frames_decoded();
   if (!run.source->is_live() && 2 * undecodable > stats.frames_total()) {
@@ -385,27 +389,26 @@ int track(Run& run) {
   return tell_shortfall(run, stats, narrator.why_no_map(), outcome);
 }
 
-}  // namespace
-
-int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
-  const wire::LogRedirect middleware_log(log);
-  auto run = prepare(options, log, signals);
-  if (!run) return report_error(run.error(), log);
-  const auto stop = [&run = *run] { return run.stop_requested(); };
-  Session& session = *run->session;
+/// Waits for what a recording needs, then tracks: the exit code.
+int wait_and_track(Run& run) {
+  const TrackOptions& options = run.options;
+  const Logger& log = run.log;
+  const auto stop = [&run] { return run.stop_requested(); };
+  Session& session = *run.session;
   const auto server_is_there = [&](milliseconds slice) { return session.wait_for_server(slice); };
-  if (!run->source->is_live() && !server_is_there(kPatienceSlice)) {
-    log->info("waiting for cairn-server at {} in domain {}", options.server, options.domain);
+  if (!run.source->is_live() && !server_is_there(kPatienceSlice)) {
+    log->info("waiting for cairn-server at {} in domain {}, {}", options.server, options.domain,
+              session.network());
   }
-  if (!run->source->is_live() && !await(server_is_there, kServerPatience, stop) && !stop()) {
+  if (!run.source->is_live() && !await(server_is_there, kServerPatience, stop) && !stop()) {
     if (options.pace != Pace::kRealtime)
-      return report_error({ErrorCode::kNoServer, no_server_text(options)}, log);
-    log->warn("{}; following the camera without maps until it comes", no_server_text(options));
+      return report_error({ErrorCode::kNoServer, no_server_text(options, session)}, log);
+    log->warn("{}; following the camera without maps until it comes", no_server_text(options, session));
   }
   const auto name_is_ours = [&](milliseconds slice) { return session.wait_for_name(slice); };
-  if (!run->source->is_live()) (void)await(name_is_ours, kNameGrace, stop);
+  if (!run.source->is_live()) (void)await(name_is_ours, kNameGrace, stop);
   const auto map_is_there = [&](milliseconds slice) { return session.wait_for_map(slice); };
-  if (!run->source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
+  if (!run.source->is_live() && !options.map.empty() && !await(map_is_there, kServerPatience, stop) &&
       !stop()) {
     log->warn(
         "the server lists no map '{}' to track in (`cairnctl maps` lists all, deleted ones too); "
@@ -416,7 +419,19 @@ int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals
   if (const auto status = session.status();
       options.pace != Pace::kRealtime && status.link == ServerLink::kRefused)
     return report_error({ErrorCode::kRefused, status.text}, log);
-  return track(*run);
+  return track(run);
+}
+
+}  // namespace
+
+int run_tracker(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
+  const wire::LogRedirect middleware_log(log);
+  auto run = prepare(options, log, signals);
+  if (!run) return report_error(run.error(), log);
+  const int code = wait_and_track(*run);
+  const ExitDeadline deadline(code, kClosingPatience, log);
+  run = fail(ErrorCode::kInternal, "closed");
+  return code;
 }
 
 }  // namespace cairn

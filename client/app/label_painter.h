@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/app/label_view.h"
+#include "client/app/text_painter.h"
 
 namespace cairn {
 
@@ -20,13 +21,11 @@ struct LabelBox {
 
 /// `scale`: pixels of the area per pixel of the camera. Keeps the order.
 [[nodiscard]] std::vector<LabelBox> lay_out_labels(const std::vector<LabelInView>& labels, cv::Size area,
-                                                   int scale);
+                                                   int scale, const TextPainter& painter);
 /// The label drawn last whose box or dot is at `point`; nothing: none.
 [[nodiscard]] const LabelBox* find_label(const std::vector<LabelBox>& boxes, cv::Point point);
 /// Hidden ones are drawn faint. `area`: BGR.
-void paint_labels(const std::vector<LabelBox>& boxes, LabelId selected, cv::Mat* area);
-
-/// OpenCV's fonts have ASCII only; a text from elsewhere may hold anything.
-[[nodiscard]] std::string printable(std::string text);
+void paint_labels(const std::vector<LabelBox>& boxes, LabelId selected, const TextPainter& painter,
+                  cv::Mat* area);
 
 }  // namespace cairn

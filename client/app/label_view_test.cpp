@@ -65,6 +65,7 @@ class LabelViewTest : public ::testing::Test {
 
   std::mt19937 random_{kSeed};
   CameraPtr camera_ = test_camera();
+  TextPainter painter_;
   const cv::Rect everywhere_{0, 0, 639, 479};
 };
 
@@ -220,12 +221,27 @@ TEST_F(LabelViewTest, BoxesStayInTheAreaAndAreFoundWhereTheyAre) {
   }
   for (const int scale : {1, 2}) {
     const cv::Size area(640 * scale, 480 * scale);
-    for (const LabelBox& box : lay_out_labels(shown, area, scale)) {
+    for (const LabelBox& box : lay_out_labels(shown, area, scale, painter_)) {
       EXPECT_EQ(box.box & cv::Rect({0, 0}, area), box.box);
       EXPECT_EQ(find_label({box}, box.box.tl())->shown.label.id, box.shown.label.id);
       EXPECT_NE(find_label({box}, box.anchor), nullptr);
       EXPECT_EQ(find_label({box}, {320 * scale, 240 * scale}), nullptr);
     }
+  }
+}
+
+/// Forty letters are shown, whatever bytes they have.
+TEST_F(LabelViewTest, ALongTextIsCutBetweenLetters) {
+  LabelInView shown{label_at(1, Eigen::Vector3d::Zero()), {320, 240}, 1, false};
+  const auto text_of = [&](const std::string& letter) {
+    shown.label.text.clear();
+    for (int i = 0; i < 41; ++i) shown.label.text += letter;
+    return lay_out_labels({shown}, {640, 480}, 1, painter_).front().text;
+  };
+  for (const std::string letter : {"x", "ü", "工", "u\u0308"}) {
+    std::string expected;
+    for (int i = 0; i < 37; ++i) expected += letter;
+    EXPECT_EQ(text_of(letter), expected + "...");
   }
 }
 
@@ -235,7 +251,7 @@ TEST_F(LabelViewTest, SeenLabelsAreBrightAndHiddenOnesFaint) {
   const auto colored = [&](bool hidden) {
     shown.hidden = hidden;
     cv::Mat picture = grey.clone();
-    paint_labels(lay_out_labels({shown}, picture.size(), 1), {}, &picture);
+    paint_labels(lay_out_labels({shown}, picture.size(), 1, painter_), {}, painter_, &picture);
     EXPECT_GT(cv::norm(picture, grey, cv::NORM_L1), 0);
     cv::Mat channels[3];
     cv::split(picture, channels);

@@ -14,12 +14,13 @@
 #include "client/app/stop_signal.h"
 #include "client/app/track_options.h"
 #include "common/base/log.h"
+#include "common/base/utf8.h"
 
 namespace {
 
 /// Before signals are questions: who reads our help and hangs can be interrupted.
 int leave(const cairn::ParseExit& exit) {
-  std::fputs(exit.text.c_str(), exit.code == 0 ? stdout : stderr);
+  std::fputs(cairn::many_lines(exit.text).c_str(), exit.code == 0 ? stdout : stderr);
   return exit.code;
 }
 
@@ -53,7 +54,7 @@ int main(int argc, char** argv) {
       return calibrate({arguments.begin() + 1, arguments.end()});
     return track(arguments);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn-track: internal error: %s\n", error.what());
+    cairn::say_error("cairn-track", std::string("internal error: ") + error.what());
     return 1;
   }
 }

@@ -8,6 +8,8 @@
 #include <map>
 #include <utility>
 
+#include "common/base/utf8.h"
+
 namespace cairn {
 namespace {
 
@@ -103,7 +105,7 @@ void Narrator::show_progress(const FrameReport& report) {
     log_->info("{}", text);
   } else if (log_->should_log(spdlog::level::info)) {
     // Erased first and left with the cursor at its start, so that whatever is logged next replaces it.
-    (void)terminal_->write("\r\x1b[K" + text + "\r");
+    (void)terminal_->write("\r\x1b[K" + one_line(text) + "\r");
   }
 }
 

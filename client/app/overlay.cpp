@@ -214,18 +214,15 @@ void Overlay::draw_axes(const SE3& camera_from_map) {
 }
 
 void Overlay::draw_labels(const OverlayFrame& frame, LabelId selected) {
-  paint_labels(lay_out_labels(labels_in_view(frame, *camera_), camera_area_.size(), scale_), selected,
-               &camera_area_);
+  paint_labels(lay_out_labels(labels_in_view(frame, *camera_), camera_area_.size(), scale_, painter_),
+               selected, painter_, &camera_area_);
 }
 
 void Overlay::draw_text(const std::string& text, int row, const cv::Scalar& color) {
   const cv::Point origin(kTextMargin, camera_area_.rows + row * kStatusRow + kStatusRow * 3 / 4);
-  const std::string line = printable(text);
-  int below = 0;
-  const int width = cv::getTextSize(line, cv::FONT_HERSHEY_SIMPLEX, kFontScale, 1, &below).width;
+  const int width = painter_.size(text, kFontScale).width;
   const double fit = static_cast<double>(canvas_.cols - 2 * kTextMargin) / std::max(1, width);
-  cv::putText(canvas_, line, origin, cv::FONT_HERSHEY_SIMPLEX, kFontScale * std::clamp(fit, kSmallest, 1.0),
-              color, 1, cv::LINE_AA);
+  painter_.draw(text, origin, kFontScale * std::clamp(fit, kSmallest, 1.0), color, &canvas_);
 }
 
 void Overlay::draw_status(const OverlayFrame& frame) {

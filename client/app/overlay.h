@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/app/frame_observer.h"
+#include "client/app/text_painter.h"
 #include "client/tracking/tracker.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
@@ -82,6 +83,7 @@ class Overlay {
 
   CameraPtr camera_;
   const int scale_;
+  TextPainter painter_;
   cv::Mat canvas_;
   cv::Mat camera_area_;  ///< part of canvas_
   MapId grid_map_;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "client/app/on_time.h"
+#include "common/io/json_text.h"
 
 namespace cairn {
 namespace {
@@ -220,7 +221,7 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
                        {"tried", row.tried}});
   }
   json["answers"] = std::move(answers);
-  return json.dump(1) + "\n";
+  return json_text(json, 1) + "\n";
 }
 
 std::optional<std::string> RunStats::shortfall(const std::string& why_no_map) const {

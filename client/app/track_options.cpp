@@ -98,6 +98,9 @@ void declare(CLI::App& app, Words& words) {
       ->capture_default_str();
   app.add_option("--profile", options.profile, "network [loopback for localhost, wifi otherwise]")
       ->type_name("loopback|wifi|FILE");
+  app.add_option("--listen", options.listen,
+                 "network interface or address of this machine [that of the route to the server]")
+      ->type_name("IFACE|ADDR");
   app.add_option("--security", words.security, "DDS Security files (not available yet)")->type_name("DIR");
   app.add_option("--name", options.name, "of this client [host name and process id]")
       ->check(check_name)

@@ -25,6 +25,7 @@ struct TrackOptions {
   std::string server = "localhost";
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;   ///< interface or address of this machine; empty: that of the route to the server
   std::string name;
   std::string wearer;        ///< who wears the camera; empty: nobody in particular
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes

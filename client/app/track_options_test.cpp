@@ -56,13 +56,38 @@ TEST(TrackOptions, LabelsArePlacedByABuilderWithoutAWindow) {
 }
 
 TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
-  const auto options =
-      good({"--calibration", "c.txt",   "--server", "desk.local", "--domain", "7",          "--profile",
-            "wifi",          "--name",  "cam-1",    "--wearer",   "anna",     "--role",     "reader",
-            "--no-new-maps", "--pace",  "lockstep", "--seed",     "99",       "--headless", "--trajectory",
-            "t.txt",         "--stats", "s.json",   "--video",    "v.mp4",    "-v"});
+  const auto options = good({"--calibration",
+                             "c.txt",
+                             "--server",
+                             "desk.local",
+                             "--listen",
+                             "wlan0",
+                             "--domain",
+                             "7",
+                             "--profile",
+                             "wifi",
+                             "--name",
+                             "cam-1",
+                             "--wearer",
+                             "anna",
+                             "--role",
+                             "reader",
+                             "--no-new-maps",
+                             "--pace",
+                             "lockstep",
+                             "--seed",
+                             "99",
+                             "--headless",
+                             "--trajectory",
+                             "t.txt",
+                             "--stats",
+                             "s.json",
+                             "--video",
+                             "v.mp4",
+                             "-v"});
   EXPECT_EQ(options.calibration, "c.txt");
   EXPECT_EQ(options.server, "desk.local");
+  EXPECT_EQ(options.listen, "wlan0");
   EXPECT_EQ(options.domain, 7);
   EXPECT_EQ(options.profile, "wifi");
   EXPECT_EQ(options.name, "cam-1");

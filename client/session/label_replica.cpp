@@ -21,6 +21,11 @@ void LabelReplica::orphaned(LabelId label, MonotonicTime now) {
   if (found != labels_.end()) found->second.orphaned_at = now;
 }
 
+void LabelReplica::orphan_all(MonotonicTime now) {
+  for (auto& [id, entry] : labels_) entry.orphaned_at = now;
+  served_since_.reset();
+}
+
 void LabelReplica::update(MonotonicTime now, bool served) {
   if (!served) {
     served_since_.reset();

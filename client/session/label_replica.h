@@ -22,6 +22,8 @@ class LabelReplica {
   void removed(LabelId label);
   /// Nobody writes it any more.
   void orphaned(LabelId label, MonotonicTime now);
+  /// The same of all: who reads from now on will not be told which have gone.
+  void orphan_all(MonotonicTime now);
   /// To be called now and then; `served`: there is a writer of this map's labels.
   void update(MonotonicTime now, bool served);
 

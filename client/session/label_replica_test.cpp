@@ -94,5 +94,19 @@ TEST(LabelReplica, AnOrphanOfAMomentAgoHasItsGraceToo) {
   EXPECT_TRUE(texts(&replica).empty());
 }
 
+TEST(LabelReplica, WhoJoinsAnewHasWhatIsNamedAgain) {
+  LabelReplica replica;
+  MonotonicTime now{};
+  replica.receive(label(1, "kept"));
+  replica.receive(label(2, "removed meanwhile"));
+  replica.update(now, true);
+  replica.orphan_all(now += 10 * kOrphanGrace);
+  replica.update(now += milliseconds(100), true);
+  replica.receive(label(1, "kept"));
+  EXPECT_EQ(texts(&replica).size(), 2U);
+  replica.update(now + kOrphanGrace, true);
+  EXPECT_EQ(texts(&replica), Texts{"kept"});
+}
+
 }  // namespace
 }  // namespace cairn

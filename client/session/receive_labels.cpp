@@ -4,21 +4,21 @@
 /// Labels, and the server's word on what was asked about them.
 namespace cairn {
 
-void Receiver::take_labels(MapChannel& channel) {
+void Receiver::take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy) {
   const MonotonicTime now = std::chrono::steady_clock::now();
   wire::take_all(channel.labels, [&](wire::Sample<wire::LabelMessage>& sample) {
     if (sample.message) {
-      channel.label_replica.receive(std::move(*sample.message));
+      copy.labels.receive(std::move(*sample.message));
     } else if (sample.gone == wire::Gone::kDisposed) {
-      channel.label_replica.removed(sample.key.label.id);
+      copy.labels.removed(sample.key.label.id);
     } else {
-      channel.label_replica.orphaned(sample.key.label.id, now);
+      copy.labels.orphaned(sample.key.label.id, now);
     }
   });
-  channel.label_replica.update(now, channel.labels.matched() > 0);
-  const MapSnapshotPtr& snapshot = channel.replica.snapshot();
+  copy.labels.update(now, channel.labels.matched() > 0);
+  const MapSnapshotPtr& snapshot = copy.replica.snapshot();
   if (snapshot == nullptr) return;
-  const LabelListPtr& list = channel.label_replica.list(snapshot->epoch);
+  const LabelListPtr& list = copy.labels.list(snapshot->epoch);
   const std::scoped_lock lock(state_.mutex);
   if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), snapshot->map) !=
       state_.recent_maps.end())

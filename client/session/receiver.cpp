@@ -24,7 +24,8 @@ SessionId random_session() {
   return {(high << 32 | device()) | 1};
 }
 
-Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wire::Participant& participant,
+Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, ReceiverMemory& memory,
+                                                  const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
   auto readers =
       wire::create_all<wire::Reader<wire::ServerStatus>, wire::Reader<wire::MapInfo>,
@@ -39,15 +40,16 @@ Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, const wir
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Receiver>(
-      new Receiver(state, participant, client_name,
+      new Receiver(state, memory, participant, client_name,
                    {std::move(status), std::move(maps), std::move(seeds), std::move(offers),
                     std::move(places), std::move(cameras), std::move(replies)},
                    std::move(*waiter), std::move(log)));
 }
 
-Receiver::Receiver(SessionState& state, wire::Participant participant, std::string client_name,
-                   ServerReaders readers, wire::Waiter waiter, Logger log)
+Receiver::Receiver(SessionState& state, ReceiverMemory& memory, wire::Participant participant,
+                   std::string client_name, ServerReaders readers, wire::Waiter waiter, Logger log)
     : state_(state),
+      memory_(memory),
       participant_(std::move(participant)),
       client_name_(std::move(client_name)),
       server_(std::move(readers)),
@@ -71,8 +73,9 @@ void Receiver::run() {
       take_server_messages();
       follow_recent_maps();
       for (auto& [map, channel] : channels_) {
-        take_map_messages(channel);
-        take_labels(channel);
+        ReceiverMemory::MapCopy& copy = memory_.maps.at(map);
+        take_map_messages(channel, copy);
+        take_labels(channel, copy);
       }
     } catch (const std::exception& error) {  // nothing that a peer sends may end the tracker
       if (warning_.due()) log_->error("what the server sent could not be used: {}", error.what());
@@ -82,9 +85,9 @@ void Receiver::run() {
 
 milliseconds Receiver::time_to_wait() const {
   milliseconds wait = kPollInterval;
-  for (const auto& [map, channel] : channels_) {
-    if (!channel.replica.deadline()) continue;
-    const auto left = *channel.replica.deadline() - std::chrono::steady_clock::now();
+  for (const auto& [map, copy] : memory_.maps) {
+    if (!copy.replica.deadline()) continue;
+    const auto left = *copy.replica.deadline() - std::chrono::steady_clock::now();
     wait = std::clamp(std::chrono::ceil<milliseconds>(left), milliseconds(0), wait);
   }
   return wait;
@@ -100,10 +103,10 @@ void Receiver::take_server_messages() {
     const std::scoped_lock lock(state_.mutex);
     if (sample.message) {
       state_.monitor.map_listed(sample.message->map, sample.message->server);
-      directory_.listed(sample.message->map, sample.message->name);
+      memory_.directory.listed(sample.message->map, sample.message->name);
     } else if (sample.gone == wire::Gone::kDisposed) {
       state_.monitor.map_removed(sample.key.map);
-      directory_.removed(sample.key.map);
+      memory_.directory.removed(sample.key.map);
     }
   });
   wire::take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
@@ -129,7 +132,7 @@ void Receiver::take_server_messages() {
   const std::scoped_lock lock(state_.mutex);
   act_on(state_.monitor.alive(is_alive));
   if (!state_.options.only_map.empty() && !state_.map_in_use) {
-    state_.choose_map(directory_.find(state_.options.only_map, state_.monitor));
+    state_.choose_map(memory_.directory.find(state_.options.only_map, state_.monitor));
   }
 }
 
@@ -262,9 +265,11 @@ void Receiver::follow_recent_maps() {
     const std::scoped_lock lock(state_.mutex);
     wanted.assign(state_.recent_maps.begin(), state_.recent_maps.end());
   }
-  std::erase_if(channels_, [&](const auto& entry) {
+  const auto is_unwanted = [&](const auto& entry) {
     return std::find(wanted.begin(), wanted.end(), entry.first) == wanted.end();
-  });
+  };
+  std::erase_if(channels_, is_unwanted);
+  std::erase_if(memory_.maps, is_unwanted);
   for (const MapId& map : wanted) {
     if (channels_.contains(map)) continue;
     Result<MapChannel> channel = open_channel(map);
@@ -272,6 +277,7 @@ void Receiver::follow_recent_maps() {
       if (warning_.due()) log_->error("a map cannot be received: {}", channel.error().message);
       return;
     }
+    memory_.maps.try_emplace(map, map);
     channels_.emplace(map, std::move(*channel));
   }
 }
@@ -286,18 +292,12 @@ Result<Receiver::MapChannel> Receiver::open_channel(MapId map) {
   if (Status attached = waiter_.attach({patches, positions, keyframes, commits, labels}); !attached) {
     return tl::unexpected(attached.error());
   }
-  return MapChannel{std::move(patches),
-                    std::move(positions),
-                    std::move(keyframes),
-                    std::move(commits),
-                    std::move(labels),
-                    Replica(map),
-                    false,
-                    {}};
+  return MapChannel{std::move(patches), std::move(positions), std::move(keyframes), std::move(commits),
+                    std::move(labels)};
 }
 
-void Receiver::take_map_messages(MapChannel& channel) {
-  Replica& replica = channel.replica;
+void Receiver::take_map_messages(MapChannel& channel, ReceiverMemory::MapCopy& copy) {
+  Replica& replica = copy.replica;
   const auto receive = [&replica](auto& sample) {
     if (sample.message) replica.receive(std::move(*sample.message));
   };
@@ -305,14 +305,14 @@ void Receiver::take_map_messages(MapChannel& channel) {
   wire::take_all(channel.positions, receive);
   wire::take_all(channel.keyframes, receive);
   wire::take_all(channel.commits, receive);
-  channel.snapshot_due |= replica.update(std::chrono::steady_clock::now());
-  if (!channel.snapshot_due) return;
+  copy.snapshot_due |= replica.update(std::chrono::steady_clock::now());
+  if (!copy.snapshot_due) return;
   const std::scoped_lock lock(state_.mutex);
   if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), replica.map()) ==
       state_.recent_maps.end())
     return;
   if (!state_.has_camera_of(*replica.snapshot())) return;
-  channel.snapshot_due = false;
+  copy.snapshot_due = false;
   state_.replicas[replica.map()] = replica.snapshot();
   if (replica.map() == state_.own_map) check_that_camera_is_found_out(*replica.snapshot());
   if (replica.map() != state_.map_in_use) return;

@@ -21,11 +21,24 @@
 
 namespace cairn {
 
+/// What a receiver has made of what came, for the next one when a session joins anew.
+struct ReceiverMemory {
+  struct MapCopy {
+    explicit MapCopy(MapId map) : replica(map) {}
+    Replica replica;
+    bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
+    LabelReplica labels;
+  };
+  MapDirectory directory;
+  std::map<MapId, MapCopy> maps;  ///< that were in use of late
+};
+
 /// A session's incoming half, with its own thread: what the server says, and the replicas of the maps
 /// in use of late.
 class Receiver {
  public:
-  [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SessionState& state,
+  /// `memory` outlives it.
+  [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SessionState& state, ReceiverMemory& memory,
                                                                const wire::Participant& participant,
                                                                const std::string& client_name, Logger log);
   /// Set state.stopping before.
@@ -46,28 +59,25 @@ class Receiver {
     wire::Reader<wire::CameraEstimate> cameras;
     wire::Reader<wire::ClientReply> replies;
   };
-  /// The topics of one map and what has come of them.
+  /// The topics of one map.
   struct MapChannel {
     wire::Reader<wire::PointPatches> patches;
     wire::Reader<wire::PointPositions> positions;
     wire::Reader<wire::KeyframePoses> keyframes;
     wire::Reader<wire::MapCommit> commits;
     wire::Reader<wire::LabelMessage> labels;
-    Replica replica;
-    bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
-    LabelReplica label_replica;
   };
 
-  Receiver(SessionState& state, wire::Participant participant, std::string client_name, ServerReaders readers,
-           wire::Waiter waiter, Logger log);
+  Receiver(SessionState& state, ReceiverMemory& memory, wire::Participant participant,
+           std::string client_name, ServerReaders readers, wire::Waiter waiter, Logger log);
 
   void run();
   [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
   void follow_recent_maps();
   [[nodiscard]] Result<MapChannel> open_channel(MapId map);
   void take_server_messages();
-  void take_map_messages(MapChannel& channel);
-  void take_labels(MapChannel& channel);
+  void take_map_messages(MapChannel& channel, ReceiverMemory::MapCopy& copy);
+  void take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy);
   void act_on(const wire::ClientReply& reply);
   void act_on(LinkMonitor::Event event);
   void act_on(const wire::SeedVerdict& verdict);
@@ -80,11 +90,11 @@ class Receiver {
   void check_that_camera_is_found_out(const MapSnapshot& first);
 
   SessionState& state_;
+  ReceiverMemory& memory_;
   wire::Participant participant_;
   std::string client_name_;
   ServerReaders server_;
-  MapDirectory directory_;
-  std::map<MapId, MapChannel> channels_;  ///< of the maps that were in use of late
+  std::map<MapId, MapChannel> channels_;  ///< of the maps of memory_
   wire::Waiter waiter_;
   RateLimit warning_;
   Logger log_;

@@ -5,20 +5,15 @@
 
 #include <utility>
 
-#include "client/session/receiver.h"
-#include "client/session/sender.h"
+#include "client/session/connection.h"
 #include "client/session/session_state.h"
 #include "common/geometry/camera_guess.h"
-#include "common/wire/partition.h"
+#include "common/wire/network_path.h"
 
 namespace cairn {
 namespace {
 
-bool is_loopback(const std::string& host) {
-  return host == "localhost" || host == "127.0.0.1";
-}
-
-Result<wire::Participant> join(const SessionOptions& options, const std::string& profile, const Logger& log) {
+Result<wire::ParticipantOptions> joining(const SessionOptions& options, const Logger& log) {
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain)) {
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
   }
@@ -26,10 +21,11 @@ Result<wire::Participant> join(const SessionOptions& options, const std::string&
   participant.domain = static_cast<uint32_t>(options.domain);
   participant.role = wire::Role::kClient;
   participant.server_host = options.server;
-  participant.profile = profile;
+  participant.listen = options.listen;
+  participant.profile = options.profile.empty() ? wire::default_profile(options.server) : options.profile;
   participant.loss_per_mille = options.xmit_loss_permille;
   participant.log = log;
-  return wire::Participant::create(participant);
+  return participant;
 }
 
 /// A camera that is found out is known to the maps by the client's name and this number. Pictures of another
@@ -49,23 +45,12 @@ std::string describe(const CameraNews& news) {
                      100 * news.focal_sigma, k1, news.k1_sigma);
 }
 
-/// In order of construction: the threads go first, the participant last.
 struct Session::State {
-  State(const SessionOptions& options, wire::Participant p)
-      : shared(options, client_id_from_name(options.name), random_session()), participant(std::move(p)) {}
-  ~State() {
-    {
-      const std::scoped_lock lock(shared.mutex);
-      shared.stopping = true;
-    }
-    shared.for_sender.notify_all();
-    shared.for_waiters.notify_all();
-  }
+  explicit State(const SessionOptions& options)
+      : shared(options, client_id_from_name(options.name), random_session()) {}
 
   SessionState shared;
-  wire::Participant participant;
-  std::unique_ptr<Sender> sender;
-  std::unique_ptr<Receiver> receiver;
+  std::unique_ptr<Connection> connection;
 };
 
 Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, const CameraPtr& camera,
@@ -79,12 +64,9 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!options.camera_sigma.empty() && options.camera_sigma.size() != kDoubtfulValues)
     return fail(ErrorCode::kConfiguration,
                 "a camera that is found out is pinhole-radtan with all its values");
-  const std::string profile = !options.profile.empty()      ? options.profile
-                              : is_loopback(options.server) ? "loopback"
-                                                            : "wifi";
-  Result<wire::Participant> participant = join(options, profile, log);
+  const auto participant = joining(options, log);
   if (!participant) return tl::unexpected(participant.error());
-  auto state = std::make_unique<State>(options, std::move(*participant));
+  auto state = std::make_unique<State>(options);
   wire::CameraMessage& announced = state->shared.camera;
   announced.parameters = camera->parameters();
   if (!options.camera_sigma.empty()) {
@@ -95,14 +77,12 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   }
   announced.sigma = options.camera_sigma;
   announced.frozen = options.camera_sigma.empty();
-  auto receiver = Receiver::start(state->shared, state->participant, options.name, log);
-  if (!receiver) return tl::unexpected(receiver.error());
-  state->receiver = std::move(*receiver);
-  const auto encoding = profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
-  auto sender = Sender::start(state->shared, state->participant, wire::client_partition(options.name),
-                              encoding, std::move(log));
-  if (!sender) return tl::unexpected(sender.error());
-  state->sender = std::move(*sender);
+  const auto encoding =
+      participant->profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
+  auto connection = Connection::open(state->shared, *participant, encoding,
+                                     options.find_path ? options.find_path : wire::find_path, std::move(log));
+  if (!connection) return tl::unexpected(connection.error());
+  state->connection = std::move(*connection);
   return std::unique_ptr<Session>(new Session(std::move(state)));
 }
 
@@ -121,7 +101,7 @@ void Session::use_map(MapId map, Epoch epoch, Revision revision) {
     if (map) state_->shared.require({map, epoch, revision});
     state_->shared.tracker_changed = true;
   }
-  state_->receiver->map_changed();
+  state_->connection->map_changed();
 }
 
 void Session::leave_map() {
@@ -232,7 +212,7 @@ std::optional<CameraNews> Session::take_camera(const MapSnapshotPtr& snapshot) {
 
 SessionStatus Session::status() const {
   const SessionState& shared = state_->shared;
-  const wire::Traffic traffic = state_->participant.traffic();
+  const wire::Traffic traffic = state_->connection->traffic();
   const std::scoped_lock lock(shared.mutex);
   SessionStatus status;
   status.link = shared.monitor.link();
@@ -259,6 +239,10 @@ SessionStatus Session::status() const {
     status.text = "connected to " + shared.options.server;
   }
   return status;
+}
+
+std::string Session::network() const {
+  return wire::way_to(state_->shared.options.server, state_->connection->path());
 }
 
 bool Session::wait_for_server(std::chrono::milliseconds timeout) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +20,7 @@
 #include "common/map/place_answer.h"
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
+#include "common/wire/participant.h"
 
 /// A client's side of the service: replicas of maps, seeds and keyframe offers with a spool, the server's
 /// verdicts. All DDS work is done by the session's own threads; the frame loop's calls never wait (short
@@ -29,6 +31,7 @@ struct SessionOptions {
   std::string server = "localhost";
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;   ///< interface or address of this machine; empty: that of the way to the server
   std::string name;     ///< [a-z0-9-]{1,32}
   std::string wearer;   ///< who wears the camera, [a-z0-9-]{1,32}; empty: nobody in particular
   bool lockstep = false;
@@ -40,6 +43,8 @@ struct SessionOptions {
   /// exact.
   std::vector<double> camera_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
+  /// In tests: how the way to a silent server is looked up; empty: wire::find_path().
+  std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)> find_path;
 };
 
 enum class ServerLink : uint8_t { kConnecting, kConnected, kGone, kRestarted, kRefused };
@@ -94,7 +99,8 @@ struct RequestReply {
 
 class Session {
  public:
-  /// Joins the domain and announces the camera; does not wait for the server.
+  /// Joins the domain and announces the camera; does not wait for the server. While that is silent, the
+  /// session looks whether its name or this machine has got another address, and then joins anew.
   [[nodiscard]] static Result<std::unique_ptr<Session>> open(const SessionOptions& options,
                                                              const CameraPtr& camera, Logger log);
   ~Session();
@@ -133,6 +139,8 @@ class Session {
   /// whose prior would wander from map to map.
   [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot);
   [[nodiscard]] SessionStatus status() const;
+  /// The way to the server that is in use: wire::way_to().
+  [[nodiscard]] std::string network() const;
 
   /// Waits until the server is seen (false on time-out). For start-up and tests, not for the frame loop.
   [[nodiscard]] bool wait_for_server(std::chrono::milliseconds timeout);

@@ -51,7 +51,7 @@ struct SessionState {
   mutable std::mutex mutex;
   std::condition_variable for_sender;   ///< something may be sent
   std::condition_variable for_waiters;  ///< link, decisions or snapshot changed
-  bool stopping = false;
+  bool stopping = false;                ///< receiver and sender are to end
 
   SessionId session_id;
   LinkMonitor monitor;

@@ -2,19 +2,42 @@
 #include "common/base/log.h"
 
 #include <spdlog/details/os.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/base_sink.h>
 #include <spdlog/sinks/null_sink.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <cstdlib>
 #include <mutex>
 #include <string>
 #include <utility>
 
 #include "common/base/stream_writer.h"
+#include "common/base/utf8.h"
 
 namespace cairn {
 namespace {
+
+/// Lines hold paths, labels and words of peers: none of them may steer the terminal.
+class SafeFormatter : public spdlog::formatter {
+ public:
+  void format(const spdlog::details::log_msg& message, spdlog::memory_buf_t& line) override {
+    const std::string text = one_line({message.payload.data(), message.payload.size()});
+    spdlog::details::log_msg safe = message;
+    safe.payload = text;
+    pattern_.format(safe, line);
+    message.color_range_start = safe.color_range_start;
+    message.color_range_end = safe.color_range_end;
+  }
+
+  [[nodiscard]] std::unique_ptr<spdlog::formatter> clone() const override {
+    return std::make_unique<SafeFormatter>();
+  }
+
+ private:
+  spdlog::pattern_formatter pattern_{"%H:%M:%S.%e %n: %^%l%$ %v"};
+};
 
 constexpr size_t kQueueBytes = size_t{256} << 10;  ///< some thousand lines
 /// So long the end of a program waits for somebody who reads its words, and no longer.
@@ -75,11 +98,15 @@ Logger make_logger(const std::string& process_name, int verbosity, int descripto
   auto sink =
       std::make_shared<StreamSink>(StreamWriter::of_descriptor(descriptor, "log", kQueueBytes), has_color);
   auto logger = std::make_shared<spdlog::logger>(process_name, std::move(sink));
-  logger->set_pattern("%H:%M:%S.%e %n: %^%l%$ %v");
+  logger->set_formatter(std::make_unique<SafeFormatter>());
   logger->set_level(verbosity < 0   ? spdlog::level::warn
                     : verbosity > 0 ? spdlog::level::debug
                                     : spdlog::level::info);
   return logger;
+}
+
+void say_error(std::string_view program, std::string_view message) {
+  std::fprintf(stderr, "%s: %s\n", std::string(program).c_str(), one_line(message).c_str());
 }
 
 Logger null_logger() {

@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/base/unknown_word.h"
 
+#include <cstdio>
+#include <sstream>
 #include <vector>
 
+#include "common/base/log.h"
+#include "common/base/result.h"
 #include "common/base/suggestion.h"
+#include "common/base/utf8.h"
 
 namespace cairn {
 namespace {
@@ -29,6 +34,20 @@ std::optional<std::string> unknown_word(const CLI::App& app, const CLI::ParseErr
   collect_words(app, &words);
   const std::string word = unknown.front().substr(0, unknown.front().find('='));
   return "unknown argument '" + unknown.front() + "'" + did_you_mean(word, words);
+}
+
+int end_of_parse(const CLI::App& app, const CLI::ParseError& error) {
+  if (const auto unknown = unknown_word(app, error)) {
+    say_error(app.get_name(), *unknown);
+    std::fputs("Run with --help for more information.\n", stderr);
+    return exit_code(ErrorCode::kUsage);
+  }
+  std::ostringstream help;
+  std::ostringstream complaint;
+  const bool is_help = app.exit(error, help, complaint) == 0;
+  std::fputs(help.str().c_str(), stdout);
+  std::fputs(many_lines(complaint.str()).c_str(), stderr);
+  return is_help ? 0 : exit_code(ErrorCode::kUsage);
 }
 
 }  // namespace cairn

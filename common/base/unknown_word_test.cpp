@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "common/base/utf8.h"
+
 namespace cairn {
 namespace {
 
@@ -49,6 +51,24 @@ TEST(UnknownWordTest, NothingWhereWordsAreMissingOrOfTheWrongKind) {
 
 TEST(UnknownWordTest, NothingWhereHelpIsAskedFor) {
   EXPECT_EQ(said_of("statsu --help"), std::nullopt);
+}
+
+TEST(EndOfParse, NamesWordsOfAnyBytesSafely) {
+  CLI::App app("test", "program");
+  int number = 0;
+  app.add_option("--domain", number);
+  for (const std::string word : {"caf\xe9\x1b[2J", "--domain=\xff"}) {
+    testing::internal::CaptureStderr();
+    try {
+      app.parse({word});
+      FAIL() << "was parsed";
+    } catch (const CLI::ParseError& error) {
+      EXPECT_EQ(end_of_parse(app, error), 2);
+    }
+    const std::string said = testing::internal::GetCapturedStderr();
+    EXPECT_EQ(many_lines(said), said);
+    EXPECT_NE(said.find(word.front() == 'c' ? "caf\\xe9 [2J" : "\\xff"), std::string::npos) << said;
+  }
 }
 
 }  // namespace

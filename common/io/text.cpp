@@ -13,6 +13,7 @@
 #include <limits>
 
 #include "common/base/plain_text.h"
+#include "common/base/utf8.h"
 
 namespace cairn {
 namespace {
@@ -174,7 +175,7 @@ std::string format_timestamp(Timestamp time) {
 std::string in_quotes(std::string_view text) {
   constexpr size_t kMaxLength = 60;
   std::string quote = "'";
-  for (const char c : text.substr(0, kMaxLength)) quote += static_cast<unsigned char>(c) < 0x20 ? '?' : c;
+  quote += one_line(cut_text(text, kMaxLength));
   quote += text.size() > kMaxLength ? "...'" : "'";
   return quote;
 }

@@ -61,8 +61,8 @@ struct TextLine {
 /// Decimal seconds with 9 decimals; parse_timestamp(format_timestamp(t)) == t.
 [[nodiscard]] std::string format_timestamp(Timestamp time);
 
-/// 'text', cut to 60 bytes and without control characters: quotes of what a file or a peer said, for
-/// messages.
+/// 'text', cut to 60 bytes between letters and made safe to show (one_line): quotes of what a file or a peer
+/// said, for messages.
 [[nodiscard]] std::string in_quotes(std::string_view text);
 
 /// "FILE: cannot be written: REASON" with what errno says: to be called right after the call that failed.

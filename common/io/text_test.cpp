@@ -100,7 +100,9 @@ TEST(ReadTextFile, IsPlainText) {
 }
 
 TEST(Quotes, AreShortAndPrintable) {
-  EXPECT_EQ(in_quotes("a\nb"), "'a?b'");
+  EXPECT_EQ(in_quotes("a\nb"), "'a b'");
+  EXPECT_EQ(in_quotes("K\xfc\u202e"), "'K\\xfc\\u202e'");
+  EXPECT_EQ(in_quotes(std::string(59, 'x') + "ü"), "'" + std::string(59, 'x') + "...'");
   EXPECT_EQ(in_quotes(std::string(1000, 'x')), "'" + std::string(60, 'x') + "...'");
 }
 

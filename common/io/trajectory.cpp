@@ -9,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "common/base/utf8.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -34,7 +35,7 @@ void read_comment(std::string_view text, Trajectory& trajectory) {
   const size_t id_end = std::min(text.find(' '), text.size());
   const auto bytes = from_hex(text.substr(0, id_end));
   if (!bytes) return;
-  trajectory.segments.push_back({MapId{*bytes}, std::string(trim(text.substr(id_end))), {}});
+  trajectory.segments.push_back({MapId{*bytes}, one_line(trim(text.substr(id_end))), {}});
 }
 
 /// Names of a heading's columns: its words, or where commas part it the first word of each.
@@ -145,14 +146,6 @@ Result<std::optional<StampedPose>> parse_row(std::string_view text, const RowFor
   return StampedPose{*time, SE3(rotation, {v[0], v[1], v[2]})};
 }
 
-/// A name comes from other machines: a line break or control character in it must not make rows.
-std::string printable(std::string_view name) {
-  std::string text(trim(name));
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }, '?');
-  return text;
-}
-
 }  // namespace
 
 size_t Trajectory::pose_count() const {
@@ -203,7 +196,8 @@ Result<TrajectoryWriter> TrajectoryWriter::open(const std::filesystem::path& pat
 Status TrajectoryWriter::append(const MapId& map, std::string_view map_name, const StampedPose& pose) {
   std::string text;
   if (current_map_ != map) {
-    const auto name = printable(map_name);
+    // It comes from other machines: a line break in it must not make rows.
+    const auto name = one_line(trim(map_name));
     text = "# map " + to_hex(map.bytes) + (name.empty() ? "" : " ") + name + '\n';
   }
   const auto& t = pose.map_from_camera.translation();

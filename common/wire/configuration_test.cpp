@@ -16,12 +16,14 @@ using ::testing::Not;
 ParticipantOptions client_of(uint32_t domain) {
   ParticipantOptions options;
   options.domain = domain;
-  options.server_host = "127.0.0.1";
   return options;
 }
 
+const NetworkPath kOnThisHost{"127.0.0.1", "lo", "127.0.0.1"};
+const NetworkPath kOverTheAir{"10.77.0.1", "wlan0", "10.77.0.2"};
+
 TEST(Configuration, ClientsHaveTheServerAsOnlyPeer) {
-  const std::string xml = make_configuration(client_of(7)).value();
+  const std::string xml = make_configuration(client_of(7), kOnThisHost).value();
   EXPECT_THAT(xml, HasSubstr("<Peer address=\"127.0.0.1:9160\" />"));
   EXPECT_THAT(xml, HasSubstr("<ParticipantIndex>none</ParticipantIndex>"));
   EXPECT_THAT(xml, HasSubstr("<AllowMulticast>false</AllowMulticast>"));
@@ -30,43 +32,65 @@ TEST(Configuration, ClientsHaveTheServerAsOnlyPeer) {
 TEST(Configuration, TheServerHasAPlaceAndNoPeers) {
   ParticipantOptions options = client_of(7);
   options.role = Role::kServer;
-  const std::string xml = make_configuration(options).value();
+  const std::string xml = make_configuration(options, kOnThisHost).value();
   EXPECT_THAT(xml, Not(HasSubstr("<Peer")));
   EXPECT_THAT(xml, HasSubstr("<ParticipantIndex>0</ParticipantIndex>"));
 }
 
-TEST(Configuration, HostNamesAreResolvedOrRefused) {
-  ParticipantOptions options = client_of(0);
-  options.server_host = "localhost";
-  EXPECT_THAT(make_configuration(options).value(), HasSubstr("\"127.0.0.1:7410\""));
-  options.server_host = "no-such-host.invalid";
-  const auto refused = make_configuration(options);
-  ASSERT_FALSE(refused.has_value());
-  EXPECT_EQ(refused.error().code, ErrorCode::kNoServer);
-  EXPECT_THAT(refused.error().message, HasSubstr("no-such-host.invalid"));
+/// Only what is woken by no packet ends when the address is gone.
+TEST(Configuration, ClosingNeedsNoAddressOfOurs) {
+  EXPECT_THAT(make_configuration(client_of(0), kOnThisHost).value(),
+              HasSubstr("<MultipleReceiveThreads>false</MultipleReceiveThreads>"));
 }
 
-TEST(Configuration, ListenReplacesTheInterfaceOfTheProfile) {
+TEST(Configuration, TheInterfaceOfThePathTakesTheChoiceFromTheMiddleware) {
   ParticipantOptions options = client_of(0);
   options.profile = "wifi";
-  EXPECT_THAT(make_configuration(options).value(), HasSubstr("autodetermine"));
-  options.listen = "lo";
-  const std::string by_name = make_configuration(options).value();
-  EXPECT_THAT(by_name, HasSubstr("name=\"lo\""));
-  EXPECT_THAT(by_name, Not(HasSubstr("autodetermine")));
-  options.listen = "127.0.0.1";
-  EXPECT_THAT(make_configuration(options).value(), HasSubstr("address=\"127.0.0.1\""));
-  options.listen = "no-such-if";
-  const auto refused = make_configuration(options);
-  ASSERT_FALSE(refused.has_value());
-  EXPECT_EQ(refused.error().code, ErrorCode::kConfiguration);
-  EXPECT_THAT(refused.error().message, HasSubstr("no-such-if"));
+  const std::string xml = make_configuration(options, kOverTheAir).value();
+  EXPECT_THAT(xml, HasSubstr("NetworkInterface address=\"10.77.0.2\""));
+  EXPECT_THAT(xml, Not(HasSubstr("autodetermine")));
+  EXPECT_THAT(xml, HasSubstr("<Peer address=\"10.77.0.1:7410\" />"));
+  EXPECT_THAT(xml, Not(HasSubstr("127.0.0.1")));
+  EXPECT_THAT(make_configuration(options, {}).value(), HasSubstr("autodetermine"))
+      << "without a network it is the middleware's";
+}
+
+TEST(Configuration, AServerOnANetworkServesItsOwnHostToo) {
+  ParticipantOptions options = client_of(0);
+  options.role = Role::kServer;
+  options.profile = "wifi";
+  const std::string xml = make_configuration(options, {"", "wlan0", "10.77.0.1"}).value();
+  EXPECT_THAT(xml, HasSubstr("NetworkInterface address=\"10.77.0.1\""));
+  EXPECT_THAT(xml, HasSubstr("NetworkInterface address=\"127.0.0.1\""));
+  EXPECT_THAT(make_configuration(options, {}).value(), Not(HasSubstr("127.0.0.1")))
+      << "the middleware takes it by itself, and refuses it twice";
+}
+
+TEST(Configuration, AnInterfaceThatAProfileNamesStaysUnlessAnotherIsAskedFor) {
+  ParticipantOptions options = client_of(0);
+  const std::string stays = make_configuration(options, kOverTheAir).value();
+  EXPECT_THAT(stays, HasSubstr("NetworkInterface address=\"127.0.0.1\""));
+  EXPECT_THAT(stays, Not(HasSubstr("10.77.0.2")));
+  options.listen = "wlan0";
+  const std::string asked = make_configuration(options, kOverTheAir).value();
+  EXPECT_THAT(asked, HasSubstr("NetworkInterface address=\"10.77.0.2\""));
+  EXPECT_THAT(asked, Not(HasSubstr("127.0.0.1")));
+}
+
+TEST(Configuration, WhatInterfaceAProfileNames) {
+  EXPECT_EQ(interface_of_profile("<NetworkInterface name=\"eth0\" multicast=\"false\" />"), "eth0");
+  EXPECT_EQ(interface_of_profile("<NetworkInterface multicast=\"false\" address=\"10.0.0.1\"/>"), "10.0.0.1");
+  EXPECT_EQ(interface_of_profile("<NetworkInterfaceAddress>eth1</NetworkInterfaceAddress>"), "eth1");
+  EXPECT_EQ(interface_of_profile("<NetworkInterface autodetermine=\"true\" />"), std::nullopt);
+  EXPECT_EQ(interface_of_profile("<General></General>"), std::nullopt);
+  EXPECT_EQ(interface_of_profile("<NetworkInterface name=\""), std::nullopt) << "cut off";
 }
 
 TEST(Configuration, TextsOfTheUserStayText) {
   ParticipantOptions options = client_of(0);
   options.tag = "<a&\"b\">";
-  EXPECT_THAT(make_configuration(options).value(), HasSubstr("<Tag>&lt;a&amp;&quot;b&quot;&gt;</Tag>"));
+  EXPECT_THAT(make_configuration(options, kOnThisHost).value(),
+              HasSubstr("<Tag>&lt;a&amp;&quot;b&quot;&gt;</Tag>"));
 }
 
 TEST(Configuration, AProfileOfWindowsLosesItsMark) {
@@ -74,9 +98,9 @@ TEST(Configuration, AProfileOfWindowsLosesItsMark) {
   ParticipantOptions options = client_of(0);
   options.profile = path;
   std::ofstream(path) << "\xef\xbb\xbf<CycloneDDS></CycloneDDS>";
-  const auto marked = make_configuration(options);
+  const auto marked = make_configuration(options, kOnThisHost);
   std::ofstream(path) << std::string("\xff\xfe<\0", 4);
-  const auto wide = make_configuration(options);
+  const auto wide = make_configuration(options, kOnThisHost);
   ::unlink(path.c_str());
   ASSERT_TRUE(marked) << marked.error().message;
   EXPECT_TRUE(marked->starts_with("<CycloneDDS>"));
@@ -86,10 +110,10 @@ TEST(Configuration, AProfileOfWindowsLosesItsMark) {
 
 TEST(Configuration, NamesWhatIsWrong) {
   ParticipantOptions options = client_of(kMaxDomain + 1);
-  EXPECT_EQ(make_configuration(options).error().code, ErrorCode::kConfiguration);
+  EXPECT_EQ(make_configuration(options, kOnThisHost).error().code, ErrorCode::kConfiguration);
   options = client_of(0);
   options.profile = "/no/such/profile.xml";
-  EXPECT_THAT(make_configuration(options).error().message, HasSubstr("/no/such/profile.xml"));
+  EXPECT_THAT(make_configuration(options, kOnThisHost).error().message, HasSubstr("/no/such/profile.xml"));
 }
 
 }  // namespace

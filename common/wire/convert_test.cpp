@@ -143,6 +143,7 @@ TEST(Validation, MapSeed) {
   seed.refuses("far pixel", [](auto& m) { m.trails.back().first.x() = 1e9F; });
   seed.refuses("too many trails", [](auto& m) { m.trails.resize(kMaxTrails + 1, m.trails[0]); });
   seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
+  seed.refuses("name that is no UTF-8", [](auto& m) { m.map_name = std::string("K\xfc"); });
   seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
 }
 
@@ -297,7 +298,8 @@ TEST(Validation, ClientRequest) {
   request.refuses("unknown kind", [](auto& m) { m.kind = static_cast<LabelKind>(2); });
   request.refuses("no number", [](auto& m) { m.command.seq = 0; });
   request.refuses("text too long", [](auto& m) { m.text.assign(kMaxLabelBytes + 1, 'x'); });
-  request.refuses("control character", [](auto& m) { m.text = std::string("a\x1b[2J"); });
+  for (const char* text : {"a\x1b[2J", "K\xfc", "a\u202eb", "a\xc2\x9b", "a\u200bb"})
+    request.refuses("text that cannot be shown", [text](auto& m) { m.text = std::string(text); });
   request.refuses("not a number", [](auto& m) {
     m.reference_from_label = SE3(Eigen::Quaterniond::Identity(), {kNan, 0, 0});
   });
@@ -316,6 +318,7 @@ TEST(Validation, Label) {
   label.refuses("unknown kind", [](auto& m) { m.label.kind = static_cast<LabelKind>(2); });
   label.refuses("text too long", [](auto& m) { m.label.text.assign(kMaxLabelBytes + 1, 'x'); });
   label.refuses("control character", [](auto& m) { m.label.author = std::string("\n"); });
+  label.refuses("text that is no UTF-8", [](auto& m) { m.label.text = std::string("K\xfc"); });
   label.refuses("infinite", [](auto& m) {
     m.label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {kInfinity, 0, 0});
   });

@@ -4,6 +4,7 @@
 #include <dds/ddsrt/log.h>
 
 #include <chrono>
+#include <map>
 #include <mutex>
 #include <string>
 #include <string_view>
@@ -19,6 +20,9 @@ struct LogRedirect::Sink {
   std::chrono::steady_clock::time_point window_start{};
   int lines = 0;        ///< in this window
   int passed_over = 0;  ///< since the last line that was let through
+  static constexpr std::chrono::seconds kSameLine{10};
+  static constexpr size_t kLinesRemembered = 32;
+  std::map<std::string, std::chrono::steady_clock::time_point, std::less<>> said;  ///< and when
 
   static void write(void* self, const dds_log_data_t* line) { static_cast<Sink*>(self)->write(*line); }
 
@@ -33,10 +37,14 @@ struct LogRedirect::Sink {
         window_start = now;
         lines = 0;
       }
-      if (++lines > lines_per_second) {
+      const auto before = said.find(text);
+      const bool is_repeated = before != said.end() && now - before->second < kSameLine;
+      if (is_repeated || ++lines > lines_per_second) {
         ++passed_over;
         return;
       }
+      if (before == said.end() && said.size() == kLinesRemembered) said.clear();
+      said.insert_or_assign(std::string(text), now);
       if (passed_over > 0) suffix = " (" + std::to_string(passed_over) + " lines passed over)";
       passed_over = 0;
     }

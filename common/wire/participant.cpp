@@ -15,4 +15,8 @@ Traffic Participant::traffic() const {
   return {context_->bytes_sent, context_->bytes_received};
 }
 
+const NetworkPath& Participant::path() const {
+  return context_->path();
+}
+
 }  // namespace cairn::wire

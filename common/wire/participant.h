@@ -21,7 +21,9 @@ struct ParticipantOptions {
   uint32_t domain = 0;
   Role role = Role::kClient;
   std::string server_host = "localhost";  ///< clients: name or IPv4 address
-  std::string listen;                     ///< interface name or IPv4 address; empty = as the profile says
+  /// Interface name or IPv4 address of this machine; empty: as the profile says, and where that leaves the
+  /// choice, find_path() (network_path.h).
+  std::string listen;
   std::string profile = "loopback";  ///< "loopback", "wifi" or the path of a file like deploy/dds/wifi.xml
   std::string tag = "cairn";         ///< of the site; peers with another tag are not heard
   std::chrono::milliseconds lease{30000};  ///< silence after which a peer is taken as gone
@@ -33,6 +35,18 @@ struct ParticipantOptions {
 [[nodiscard]] constexpr uint16_t server_port(uint32_t domain) {
   return static_cast<uint16_t>(7400 + 250 * domain + 10);
 }
+
+/// Between which addresses a participant speaks; as they are in use, or would be.
+struct NetworkPath {
+  std::string server;  ///< IPv4 address; of a server itself: empty
+  std::string
+      interface;  ///< our own, and its IPv4 address; empty where the profile names what we do not know
+  std::string address;
+  bool operator==(const NetworkPath&) const = default;
+};
+
+/// Our own end, "wlan0 (10.77.0.2)".
+[[nodiscard]] std::string describe(const NetworkPath& path);
 
 /// Bytes of messages, without protocol overhead and repetitions.
 struct Traffic {
@@ -49,11 +63,13 @@ class Context;
 class Participant {
  public:
   /// Joins the domain with a configuration of its own making; the environment (CYCLONEDDS_URI) has no say.
-  /// The other end need not be there. Errors: kConfiguration (domain, profile, interface), kNoServer (host
-  /// name unknown), kRefused (role server and the domain has one on this host).
+  /// The other end need not be there. Errors: those of find_path(), kRefused (role server and its port in
+  /// this domain is taken).
   [[nodiscard]] static Result<Participant> create(const ParticipantOptions& options);
 
   [[nodiscard]] Traffic traffic() const;
+  /// As it was when it joined: addresses that change later are not followed.
+  [[nodiscard]] const NetworkPath& path() const;
   [[nodiscard]] const std::shared_ptr<internal::Context>& context() const { return context_; }
 
  private:

@@ -13,6 +13,8 @@
 #include <thread>
 #include <utility>
 
+#include "common/io/json_text.h"
+#include "common/wire/network_path.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -62,11 +64,11 @@ size_t append(const json& page, const char* list, json* all) {
 Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
-  const bool local = options.server == "localhost" || options.server == "127.0.0.1";
   wire::ParticipantOptions joining;
   joining.domain = static_cast<uint32_t>(options.domain);
   joining.server_host = options.server;
-  joining.profile = !options.profile.empty() ? options.profile : local ? "loopback" : "wifi";
+  joining.profile = options.profile.empty() ? wire::default_profile(options.server) : options.profile;
+  joining.listen = options.listen;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
   const std::string name = own_name();
@@ -81,9 +83,11 @@ Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
   const auto deadline = steady_clock::now() + kServerPatience;
   while (requests->matched() == 0) {
     if (steady_clock::now() > deadline) {
-      return fail(ErrorCode::kNoServer, "no server answers at " + options.server + ", domain " +
-                                            std::to_string(options.domain) +
-                                            "; is cairn-server running there?");
+      return fail(ErrorCode::kNoServer,
+                  "no server answers at " + options.server + ", domain " + std::to_string(options.domain) +
+                      ", asked " + wire::way_to(options.server, participant->path()) +
+                      "; is cairn-server running there, for this network (its --profile "
+                      "and --listen)? --listen here takes another interface");
     }
     std::this_thread::sleep_for(milliseconds(5));
   }
@@ -104,7 +108,8 @@ AdminClient::AdminClient(std::string name, wire::Participant participant,
 }
 
 Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<uint8_t> data) {
-  wire::AdminRequest message{client_id_from_name(name_), {session_, ++seq_}, request.dump(), std::move(data)};
+  wire::AdminRequest message{
+      client_id_from_name(name_), {session_, ++seq_}, json_ascii(request), std::move(data)};
   const auto deadline = steady_clock::now() + kAnswerPatience;
   auto resend = steady_clock::now();
   while (steady_clock::now() < deadline) {
@@ -120,7 +125,10 @@ Result<AdminClient::Answer> AdminClient::ask(const json& request, std::vector<ui
       if (!sample.message || sample.message->command != message.command) continue;
       wire::AdminReply& reply = *sample.message;
       if (reply.result != 0) return fail(code_of(reply.result), std::move(reply.text));
-      return Answer{json::parse(reply.text, nullptr, false), std::move(reply.data)};
+      Answer answer{json::parse(reply.text, nullptr, false), std::move(reply.data)};
+      if (!answer.content.is_object())
+        return fail(ErrorCode::kDamaged, "the server's answer is not understood; is it of another version?");
+      return answer;
     }
   }
   return gone();

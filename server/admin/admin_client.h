@@ -20,12 +20,14 @@ struct AdminClientOptions {
   std::string server = "localhost";
   int domain = 0;
   std::string profile;  ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;   ///< interface or address of this machine; empty: that of the way to the server
 };
 
 /// An operator's line to the server: one request at a time, sent again until it is answered. One thread.
 class AdminClient {
  public:
-  /// Waits for the server for a few seconds. Errors: kUsage (domain), kConfiguration (profile), kNoServer.
+  /// Waits for the server for a few seconds. Errors: kUsage (domain, host), kConfiguration (profile,
+  /// interface), kNoServer.
   [[nodiscard]] static Result<AdminClient> connect(const AdminClientOptions& options);
 
   struct Answer {

@@ -37,6 +37,7 @@ struct ExportedScene {
   std::map<uint32_t, CameraParameters> cameras;
   std::vector<ExportedPicture> pictures;  ///< ascending by id
   std::vector<ExportedPoint> points;      ///< ascending by id; each is seen at least once
+  bool rgb = false;  ///< pictures are written with three equal channels; the map's are grey
 };
 
 /// Whether it is the name of some ExportedPicture's file.

@@ -9,19 +9,24 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <exception>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "common/base/one_line.h"
+#include "common/base/exit_deadline.h"
+#include "common/base/log.h"
 #include "common/base/unknown_word.h"
+#include "common/base/utf8.h"
 #include "common/base/version.h"
+#include "common/io/json_text.h"
+#include "common/io/text.h"
 #include "common/map/ids.h"
+#include "common/wire/log_redirect.h"
 #include "server/admin/admin_client.h"
 #include "server/admin/export_folder.h"
 #include "server/admin/interruption.h"
+#include "server/admin/listing.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -46,6 +51,15 @@ constexpr const char* kFooter =
     "  cairnctl labels desk rename 3 'small vice'\n"
     "  cairnctl labels desk remove 3";
 
+constexpr const char* kExportFooter =
+    "COLMAP, and what reads its models (3-D Gaussian splatting, nerfstudio and other radiance fields) with\n"
+    "pinhole cameras only:\n"
+    "  cairnctl maps export desk --format colmap --rgb --out exported\n"
+    "  colmap image_undistorter --image_path exported/desk/images --input_path exported/desk/sparse "
+    "--output_path undistorted\n"
+    "leaves undistorted/images and undistorted/sparse (where `sparse/0` is expected, move its files there).\n"
+    "Cameras without distortion are exported as PINHOLE at once.";
+
 struct Options {
   AdminClientOptions connection;
   bool as_json = false;
@@ -55,6 +69,7 @@ struct Options {
   std::vector<std::string> files;
   std::string format = "archive";
   std::string folder = ".";
+  bool rgb = false;
   bool for_good = false;
   std::string security;
   uint64_t label = 0;
@@ -64,7 +79,7 @@ struct Options {
 /// To stderr, on a terminal only.
 AdminClient::Progress progress_of(const std::string& what) {
   const bool shown = isatty(STDERR_FILENO) != 0;
-  return [what, shown](uint64_t bytes, uint64_t of) {
+  return [what = one_line(what), shown](uint64_t bytes, uint64_t of) {
     if (shown) {
       std::fprintf(stderr, "\r%s: %.1f of %.1f MB%s", what.c_str(), static_cast<double>(bytes) * 1e-6,
                    static_cast<double>(of) * 1e-6, bytes == of ? "\n" : "");
@@ -72,93 +87,14 @@ AdminClient::Progress progress_of(const std::string& what) {
   };
 }
 
-/// As a terminal may have it: archives and peers bring texts of strangers.
-std::string text_of(const json& object, const char* key) {
-  return one_line(object.value(key, ""));
-}
-
-void print_map(const json& map) {
-  std::printf("%-24s %s  %5d keyframes %7d points %8.1f MB%s%s\n", text_of(map, "name").c_str(),
-              text_of(map, "id").c_str(), map.value("keyframes", 0), map.value("points", 0),
-              map.value("memory_bytes", 0.0) * 1e-6, map.value("at_rest", false) ? "  at rest" : "",
-              map.contains("frozen") ? "  frozen" : "");
-  if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
-  for (const json& overlap : map.value("overlaps", json::array()))
-    std::printf("%24s overlaps %s: %d of its keyframes show that map, %d of that map's show this\n", "",
-                text_of(overlap, "map").c_str(), overlap.value("keyframes", 0),
-                overlap.value("its_keyframes", 0));
-}
-
-/// All that `show` has.
-void print_whole_map(const json& map) {
-  print_map(map);
-  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),
-              map.value("revision", uint64_t{0}));
-  std::printf("plane         %s\n",
-              map.value("plane_aligned", false) ? "the dominant one is Z = 0" : "none found");
-  if (map.contains("reprojection_px"))
-    std::printf("reprojection  %.2f px (root mean square)\n", map.value("reprojection_px", 0.0));
-  for (const json& camera : map.value("cameras", json::array()))
-    std::printf("camera        %dx%d %s, focal length %.1f px: %d keyframes\n", camera.value("width", 0),
-                camera.value("height", 0), text_of(camera, "model").c_str(), camera.value("focal_px", 0.0),
-                camera.value("keyframes", 0));
-  std::printf("labels        %d\n", map.value("labels", 0));
-}
-
-void print_deleted(const json& map) {
-  const std::string name = text_of(map, "name");
-  const std::string id = text_of(map, "id");
-  const bool damaged = map.contains("damaged");
-  const char* problem = damaged ? "damaged" : "unreadable";
-  const std::string why = text_of(map, problem);
-  std::printf("%-24s %s  deleted, %.1f MB on disk%s%s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
-              map.value("bytes", 0.0) * 1e-6, why.empty() ? "" : ", ", why.empty() ? "" : problem);
-  if (why.empty()) return;
-  const std::string remedy = damaged ? "`cairnctl maps purge " + id + "` removes it" : "see to that";
-  std::printf("%24s %s; %s\n", "", why.c_str(), remedy.c_str());
-}
-
-void print_damaged(const json& file) {
-  const std::string name = text_of(file, "name");
-  const std::string id = text_of(file, "id");
-  std::printf("%-24s %-32s  damaged, set aside, %.1f MB: %s\n", name.empty() ? "?" : name.c_str(), id.c_str(),
-              file.value("bytes", 0.0) * 1e-6, text_of(file, "file").c_str());
-  if (!id.empty())
-    std::printf("%24s %s\n", "",
-                file.value("served", false) ? "what could be saved of it is served" : "not served");
-  for (const json& reason : file.value("reasons", json::array()))
-    std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
-}
-
-void print_unloaded(const json& map) {
-  const std::string name = text_of(map, "name");
-  std::printf("%-24s %s  not served: %s\n%24s %s\n", name.empty() ? "?" : name.c_str(),
-              text_of(map, "id").c_str(), text_of(map, "file").c_str(), "", text_of(map, "reason").c_str());
-  std::printf("%24s see to that and start the server again, or move the file away and import an archive\n",
-              "");
-}
-
 /// All of a list, each by `print_one`.
 void print_each(const json& object, const char* list, void (*print_one)(const json&)) {
   for (const json& item : object.value(list, json::array())) print_one(item);
 }
 
-void print_label(const json& label) {
-  const std::time_t seconds = label.value("time", int64_t{0}) / 1'000'000'000;
-  std::tm parts{};
-  gmtime_r(&seconds, &parts);
-  char when[32];
-  std::strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &parts);
-  const auto at = label.value("position", std::vector<double>(3));
-  std::printf("%-24s %4" PRIu64 "  %-32s by %s, %s UTC, at %.3f %.3f %.3f%s\n", text_of(label, "map").c_str(),
-              label.value("id", uint64_t{0}), text_of(label, "text").c_str(),
-              text_of(label, "author").c_str(), when, at.at(0), at.at(1), at.at(2),
-              label.value("kind", "") == "model" ? ", a model" : "");
-}
-
 void print(const Options& options, const json& content, const std::function<void()>& as_text) {
   if (options.as_json) {
-    std::printf("%s\n", content.dump(2).c_str());
+    std::printf("%s\n", json_text(content, 2).c_str());
   } else {
     as_text();
   }
@@ -318,8 +254,10 @@ Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const
   if (options.format != "archive") {
     const auto read = read_archive(staging.path() / name);
     if (!read) return failed(read.error());
-    const Status scene = leave_scene(make_scene(read->record), options.format, staging, folder / map);
-    if (!scene) return tl::unexpected(scene.error());
+    ExportedScene scene = make_scene(read->record);
+    scene.rgb = options.rgb;
+    if (Status left_there = leave_scene(scene, options.format, staging, folder / map); !left_there)
+      return tl::unexpected(left_there.error());
     left.push_back(folder / map);
     if (options.format != "all") return left;
   }
@@ -332,6 +270,8 @@ Result<std::vector<std::filesystem::path>> export_map(AdminClient* client, const
 /// All that can be had: of a backup, one map that fails must not cost the others. Interrupted, it leaves what
 /// is whole and nothing hidden.
 Status export_maps(AdminClient* client, const Options& options) {
+  if (options.rgb && (options.format == "archive" || options.format == "ply"))
+    return fail(ErrorCode::kUsage, "--rgb is of pictures, which --format " + options.format + " has not");
   const Interruption interruption;
   client->stop_when(Interruption::requested);
   std::vector<std::string> maps = options.maps;
@@ -348,12 +288,11 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!staging) return tl::unexpected(staging.error());
     const auto paths = export_map(client, options, *staging, map);
     if (paths) {
-      for (const auto& path : *paths) exported.push_back(path.string());
+      for (const auto& path : *paths) exported.push_back(one_line(path.string()));  // a path is bytes
       ++whole;
       continue;
     }
-    if (maps.size() > 1)
-      std::fprintf(stderr, "cairnctl: %s: not exported: %s\n", map.c_str(), paths.error().message.c_str());
+    if (maps.size() > 1) say_error("cairnctl", map + ": not exported: " + paths.error().message);
     if (!first) first = paths.error();
     if (first->code == ErrorCode::kNoServer || Interruption::requested()) break;
   }
@@ -394,6 +333,12 @@ Status import_maps(AdminClient* client, const Options& options) {
   return {};
 }
 
+/// Names and labels are UTF-8; a path may be any bytes.
+std::string check_text(const std::string& text) {
+  const auto fault = fault_of_text(text);
+  return fault ? in_quotes(text) + ": " + *fault : std::string();
+}
+
 /// Usage of a command with all that comes before it on the line: `cairnctl map MAP rename NAME`.
 class WholeLine : public CLI::Formatter {
  public:
@@ -424,6 +369,9 @@ void describe(CLI::App* app, Options* options, Action* action) {
   app->add_option("--domain", options->connection.domain, "DDS domain, 0 to 230")->capture_default_str();
   app->add_option("--profile", options->connection.profile,
                   "network [loopback for localhost, wifi otherwise]");
+  app->add_option("--listen", options->connection.listen,
+                  "network interface or address of this machine [that of the route to the server]")
+      ->type_name("IFACE|ADDR");
   app->add_option("--security", options->security, "DDS Security files (not available yet)")
       ->type_name("DIR");
   app->add_flag("--json", options->as_json, "for machines");
@@ -442,7 +390,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
           "loaded, and why")
       ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
-  out->add_option("MAP", options->maps, "names or ids [all]");
+  out->add_option("MAP", options->maps, "names or ids [all]")->check(check_text);
   out->add_option("--out", options->folder, "folder")->capture_default_str();
   out->add_option("--format", options->format,
                   "archive can be imported again; the others, for other programs, go into a folder of the "
@@ -450,16 +398,19 @@ void describe(CLI::App* app, Options* options, Action* action) {
                   "earlier export there is replaced, other files are not")
       ->check(CLI::IsMember({"archive", "colmap", "colmap-text", "ply", "all"}))
       ->capture_default_str();
+  out->add_flag("--rgb", options->rgb,
+                "pictures of three equal channels, for programs that insist on RGB (the map's are grey)");
+  out->footer(kExportFooter);
   out->callback([action] { *action = export_maps; });
   CLI::App* in = maps->add_subcommand("import", "archives into the server");
   in->add_option("FILE", options->files, "archives")->required();
   in->callback([action] { *action = import_maps; });
   CLI::App* purge = maps->add_subcommand("purge", "removes deleted maps for good");
-  purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required();
+  purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required()->check(check_text);
   purge->callback([action] { *action = purge_maps; });
 
   CLI::App* map = app->add_subcommand("map", "one map");
-  map->add_option("MAP", options->map, "its name or id")->required();
+  map->add_option("MAP", options->map, "its name or id")->required()->check(check_text);
   map->require_subcommand(1);
   const auto add = [&](const char* word, const char* help, const char* verb) {
     CLI::App* sub = map->add_subcommand(word, help);
@@ -473,7 +424,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   add("show", "what it is: size, epoch, plane, reprojection error, cameras, labels", "show");
   add("rename", "calls it otherwise", "rename")
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
-      ->required();
+      ->required()
+      ->check(check_text);
   add("delete", "takes it out of service; with --store it can be had back", "delete")
       ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
@@ -488,7 +440,7 @@ std::string check_label_id(const std::string& text) {
 void describe_labels(CLI::App* app, Options* options, Action* action) {
   CLI::App* labels =
       app->add_subcommand("labels", "what people have said of places; without a word more, lists it");
-  labels->add_option("MAP", options->map, "name or id [all maps]");
+  labels->add_option("MAP", options->map, "name or id [all maps]")->check(check_text);
   labels->callback([action] {
     if (!*action) *action = list_labels;
   });
@@ -497,7 +449,9 @@ void describe_labels(CLI::App* app, Options* options, Action* action) {
   });
   CLI::App* rename = labels->add_subcommand("rename", "says something else there");
   rename->add_option("LABEL", options->label, "its id")->required()->check(check_label_id);
-  rename->add_option("TEXT", options->text, "at most 256 bytes")->required();
+  rename->add_option("TEXT", options->text, "one line of UTF-8, at most 256 bytes")
+      ->required()
+      ->check(check_text);
   rename->callback([action] {
     *action = [](AdminClient* client, const Options& o) {
       return change_label(client, o, {{"verb", "label-rename"}, {"text", o.text}});
@@ -521,24 +475,24 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (const auto unknown = unknown_word(app, error)) {
-      std::fprintf(stderr, "cairnctl: %s\nRun with --help for more information.\n", unknown->c_str());
-      return exit_code(ErrorCode::kUsage);
-    }
-    return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+    return end_of_parse(app, error);
   }
   if (!options.security.empty()) {
     std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
     return exit_code(ErrorCode::kUsage);
   }
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
+  const Logger log = make_logger("cairnctl");
+  const wire::LogRedirect middleware_log(log);
   auto client = AdminClient::connect(options.connection);
   Status done = client ? action(&*client, options) : tl::unexpected(client.error());
   if (std::fflush(stdout) != 0 && done)
     done = fail(ErrorCode::kIo, std::string("standard output: cannot be written: ") + std::strerror(errno));
-  if (done) return 0;
-  std::fprintf(stderr, "cairnctl: %s\n", done.error().message.c_str());
-  return Interruption::requested() ? kInterruptedExit : exit_code(done.error().code);
+  if (!done) say_error("cairnctl", done.error().message);
+  const int code = done ? 0 : Interruption::requested() ? kInterruptedExit : exit_code(done.error().code);
+  const ExitDeadline deadline(code, kClosingPatience, log);
+  client = fail(ErrorCode::kInternal, "closed");
+  return code;
 }
 
 }  // namespace
@@ -548,7 +502,7 @@ int main(int argc, char** argv) {
   try {
     return cairn::run(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairnctl: internal error: %s\n", error.what());
+    cairn::say_error("cairnctl", std::string("internal error: ") + error.what());
     return 1;
   }
 }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/admin/scene_files.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <iomanip>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <string_view>
 
@@ -25,10 +28,21 @@ struct ColmapCamera {
   std::vector<double> parameters;
 };
 
+/// Whether all behind fx fy cx cy is 0. A fisheye's projection is none of a pinhole even then.
+bool is_pinhole(const CameraParameters& camera) {
+  return camera.model != CameraModel::kKannalaBrandt &&
+         std::all_of(camera.values.begin() + 4, camera.values.end(), [](double value) { return value == 0; });
+}
+
+/// The simplest model that has it exactly: many programs read PINHOLE only.
 ColmapCamera to_colmap(const CameraParameters& camera) {
   std::vector<double> values = camera.values;
   values[2] += kPixelShift;
   values[3] += kPixelShift;
+  if (is_pinhole(camera)) {
+    values.resize(4);
+    return {1, "PINHOLE", std::move(values)};
+  }
   switch (camera.model) {
     case CameraModel::kKannalaBrandt:
       values.resize(8);
@@ -67,6 +81,17 @@ Status write_file(const fs::path& path, std::string_view content) {
 
 Status write_file(const fs::path& path, const Blob& content) {
   return write_file(path, {reinterpret_cast<const char*>(content.data()), content.size()});
+}
+
+/// PNG of three equal channels.
+Blob encode_rgb(const GrayImage& image) {
+  const cv::Mat grey(image.height(), image.width(), CV_8UC1, const_cast<uint8_t*>(image.row(0)),
+                     static_cast<size_t>(image.stride()));
+  cv::Mat rgb;
+  cv::merge(std::vector<cv::Mat>(3, grey), rgb);
+  Blob bytes;
+  cv::imencode(".png", rgb, bytes);
+  return bytes;
 }
 
 std::ostringstream exact_text() {
@@ -190,7 +215,8 @@ Status write_pictures(const ExportedScene& scene, const fs::path& folder) {
   if (Status made = make_folder(folder); !made) return made;
   for (const ExportedPicture& p : scene.pictures) {
     if (p.image == nullptr) continue;
-    if (Status done = write_file(folder / p.file, encode_image_row(*p.image)); !done) return done;
+    const Blob png = scene.rgb ? encode_rgb(*p.image) : encode_image_row(*p.image);
+    if (Status done = write_file(folder / p.file, png); !done) return done;
   }
   return {};
 }

@@ -12,7 +12,8 @@
 namespace cairn {
 
 /// COLMAP's sparse model as text (cameras.txt, images.txt, points3D.txt) or binary (.bin), and the pictures
-/// in `images/` beside. COLMAP's pixels are half a pixel more than ours, its quaternions have w first.
+/// in `images/` beside. A camera without distortion is a PINHOLE. COLMAP's pixels are half a pixel more than
+/// ours, its quaternions have w first.
 [[nodiscard]] Status write_colmap_text(const ExportedScene& scene, const std::filesystem::path& folder);
 [[nodiscard]] Status write_colmap_binary(const ExportedScene& scene, const std::filesystem::path& folder);
 [[nodiscard]] Status write_pictures(const ExportedScene& scene, const std::filesystem::path& folder);

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/one_line.h"
+#include "common/base/utf8.h"
+#include "common/io/json_text.h"
 
 namespace cairn {
 
@@ -15,11 +16,6 @@ namespace {
 /// Of the items of a page; the rest is for what frames them.
 constexpr size_t kMaxPageBytes = wire::kMaxAdminText - 1000;
 constexpr size_t kMaxReasons = 5;  ///< of a damaged file
-
-std::string to_text(const json& content) {
-  // A path or a text in it may be no UTF-8.
-  return content.dump(-1, ' ', false, json::error_handler_t::replace);
-}
 
 }  // namespace
 
@@ -86,7 +82,7 @@ json describe(const DamagedFile& file, bool served) {
     reasons.push_back("and " + std::to_string(file.reasons.size() - told) + " more, in the .txt beside it");
   return {{"id", file.map ? to_hex(file.map.bytes) : std::string()},
           {"name", file.name},
-          {"file", file.path.string()},
+          {"file", one_line(file.path.string())},
           {"bytes", file.bytes},
           {"set_aside", file.set_aside.nanoseconds},
           {"served", served},
@@ -102,8 +98,10 @@ std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
 }
 
 json describe(const UnloadedMap& map) {
-  return {
-      {"id", to_hex(map.map.bytes)}, {"name", map.name}, {"file", map.file.string()}, {"reason", map.reason}};
+  return {{"id", to_hex(map.map.bytes)},
+          {"name", map.name},
+          {"file", one_line(map.file.string())},
+          {"reason", map.reason}};
 }
 
 std::string word_of_unloaded(std::span<const UnloadedMap> maps) {
@@ -118,7 +116,7 @@ ReplyPage::ReplyPage(std::initializer_list<const char*> lists) : content_{{"more
 }
 
 bool ReplyPage::add(const char* list, const json& item) {
-  bytes_ += to_text(item).size() + 1;
+  bytes_ += json_ascii(item).size() + 1;
   if (bytes_ > kMaxPageBytes) content_["more"] = true;
   if (content_["more"]) return false;
   content_[list].push_back(item);
@@ -139,7 +137,7 @@ wire::AdminReply refusal(const Error& error) {
   const bool own_words =
       error.code == ErrorCode::kUsage || error.code == ErrorCode::kDamaged || error.code == ErrorCode::kIo;
   reply.result = static_cast<uint8_t>(exit_code(own_words ? error.code : ErrorCode::kRefused));
-  reply.text = one_line(error.message).substr(0, wire::kMaxAdminText);
+  reply.text = cut_text(one_line(error.message), wire::kMaxAdminText);
   return reply;
 }
 
@@ -166,7 +164,7 @@ wire::AdminReply deleted_map(const std::string& name_or_id) {
 
 wire::AdminReply success(const json& content) {
   wire::AdminReply reply;
-  reply.text = to_text(content);
+  reply.text = json_ascii(content);
   return reply;
 }
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/admin_reply.h"
+#include "common/base/utf8.h"
 
 #include <gtest/gtest.h>
 
@@ -42,6 +43,21 @@ TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
   for (size_t i = 0; i < told.size(); ++i) EXPECT_EQ(told[i], labels[i].id.value);
   const auto rest = describe_labels("desk", labels, labels.back().id);
   EXPECT_TRUE(rest["labels"].empty() && !rest["more"].get<bool>());
+}
+
+/// A reply that the wire refused would never come: whatever is told of, it passes and is understood.
+TEST(AdminReply, IsATextForTheWireWhateverIsInIt) {
+  Label label;
+  label.text = "K\xfc \u202e \x1b[2J \x7f Küche";
+  const DamagedFile file{
+      .path = "caf\xe9/\u202e.cairnmap", .map = {}, .name = "\xff", .set_aside = {}, .reasons = {"\xfe"}};
+  for (const nlohmann::json& content : {describe("\xff", label), describe(file, true)}) {
+    const std::string text = success(content).text;
+    EXPECT_EQ(fault_of_text(text), std::nullopt) << one_line(text);
+    EXPECT_TRUE(nlohmann::json::parse(text, nullptr, false).is_object());
+  }
+  EXPECT_EQ(nlohmann::json::parse(success(describe(file, true)).text)["file"], "caf\\xe9/\\u202e.cairnmap");
+  EXPECT_EQ(fault_of_text(refusal(ErrorCode::kIo, "caf\xe9\n").text), std::nullopt);
 }
 
 TEST(AdminReply, OfADamagedFileTheFirstReasonsAreToldAndHowManyMoreThereAre) {

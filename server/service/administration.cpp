@@ -5,8 +5,9 @@
 #include <set>
 #include <utility>
 
-#include "common/base/one_line.h"
+#include "common/base/utf8.h"
 #include "common/base/version.h"
+#include "common/io/json_text.h"
 #include "common/wire/partition.h"
 #include "server/service/admin_reply.h"
 #include "server/service/switchboard.h"
@@ -99,7 +100,7 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   const std::string verb = text_of(request, "verb");
   const std::string wanted = text_of(request, "map");
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
-            one_line(message.request.substr(0, kLoggedBytes)));
+            cut_text(json_text(request), kLoggedBytes));
   if (verb == "status") return describe_server(answer);
   if (verb == "maps") {
     return list_maps({text_of(request, "after"), number_of(request, "deleted_from"),
@@ -187,7 +188,7 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"version", std::string(version())},
                   {"start_count", options_.start_count},
                   {"health", health()},
-                  {"store", store_ ? store_->folder().string() : std::string()},
+                  {"store", store_ ? one_line(store_->folder().string()) : std::string()},
                   {"maps", maps_.live_count()},
                   {"maps_at_rest", maps_.resting_count()},
                   {"memory_bytes", maps_.bytes()},

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/one_line.h"
+#include "common/base/utf8.h"
 
 namespace cairn {
 namespace {
@@ -17,10 +17,6 @@ constexpr double kNoticeableTurn = 0.01;   ///< [rad] of the label about itself
 
 LabelBook::Judgement refusal(RequestDecision decision, std::string reason, LabelId label = {}) {
   return {decision, std::move(reason), label, {}};
-}
-
-bool is_blank(const std::string& text) {
-  return text.find_first_not_of(' ') == std::string::npos;
 }
 
 bool noticeably_differ(const SE3& told, const SE3& now, const KeyframePose& seen_from) {
@@ -62,12 +58,12 @@ void LabelBook::restore(const std::vector<LabelRecord>& records) {
 LabelBook::Judgement LabelBook::judge(const wire::ClientRequest& request, const std::string& author,
                                       Timestamp now, const MapSnapshot& map) {
   const bool has_text = request.action != RequestAction::kRemoveLabel;
-  if (has_text && is_blank(request.text))
+  if (has_text && is_invisible(request.text))
     return refusal(RequestDecision::kUnfit, "a label needs a text", request.label);
   if (has_text && request.text.size() > kMaxLabelBytes)
     return refusal(RequestDecision::kUnfit, "the text is too long", request.label);
-  if (has_text && one_line(request.text) != request.text)
-    return refusal(RequestDecision::kUnfit, "a label is one line without control characters", request.label);
+  if (const auto fault = has_text ? fault_of_text(request.text) : std::nullopt)
+    return refusal(RequestDecision::kUnfit, "a label is one line of UTF-8: " + *fault, request.label);
   if (request.action == RequestAction::kAddLabel) return judge_new(request, author, now, map);
   const auto found = labels_.find(request.label);
   if (found == labels_.end())

@@ -168,7 +168,8 @@ TEST_F(LabelBookTest, ARefusalSaysWhyAndLeavesNothingBehind) {
   EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, "  ")), RequestDecision::kUnfit);
   EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, std::string(kMaxLabelBytes + 1, 'x'))),
             RequestDecision::kUnfit);
-  EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, "two\nlines")), RequestDecision::kUnfit);
+  for (const char* text : {"two\nlines", "K\xfc", "a\u202eb", "a\u0090b", "de\u200bsk", "\u00a0\u3000"})
+    EXPECT_EQ(refused(request(RequestAction::kAddLabel, {}, text)), RequestDecision::kUnfit);
   EXPECT_EQ(refused(request(RequestAction::kRenameLabel, {4}, "x")), RequestDecision::kUnknownLabel);
   EXPECT_EQ(refused(request(RequestAction::kRemoveLabel, {4})), RequestDecision::kUnknownLabel);
   wire::ClientRequest stale = request(RequestAction::kAddLabel, {}, "vice");

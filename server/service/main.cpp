@@ -14,12 +14,15 @@
 #include <variant>
 #include <vector>
 
+#include "common/base/exit_deadline.h"
 #include "common/base/log.h"
 #include "common/base/stream_writer.h"
+#include "common/base/utf8.h"
 #include "common/wire/log_redirect.h"
 #include "common/wire/participant.h"
 #include "server/service/server_options.h"
 #include "server/service/service.h"
+#include "server/service/serving.h"
 #include "server/service/wearer_list.h"
 
 namespace {
@@ -41,7 +44,7 @@ sigset_t block_signals() {
 /// A line on stderr. Whoever reads it is waited for 1 s at most: no signal is heard meanwhile.
 void say(const std::string& text) {
   const auto words = cairn::StreamWriter::of_descriptor(STDERR_FILENO, "standard error");
-  (void)words->write("cairn-server: " + text + "\n");
+  (void)words->write("cairn-server: " + cairn::one_line(text) + "\n");
   (void)words->finish({std::chrono::milliseconds(1'000), std::chrono::milliseconds(1'000)});
 }
 
@@ -89,16 +92,20 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.work_times = &work_times;
   auto running = cairn::Service::start(service, log);
   if (!running) return complain(running.error());
-  say(fmt::format("ready on domain {}, UDP port {}, profile {}", options.domain,
-                  cairn::wire::server_port(static_cast<uint32_t>(options.domain)), options.profile));
-  int signal = 0;
-  sigwait(&signals, &signal);
+  say(fmt::format("ready on domain {}, UDP port {}, profile {}, {}", options.domain,
+                  cairn::wire::server_port(static_cast<uint32_t>(options.domain)), options.profile,
+                  describe((*running)->network())));
+  const cairn::Status served = cairn::serve_until(signals, service, &*running, log);
   log->info("stopping");
+  if (*running) (*running)->close();
+  int code = served ? 0 : complain(served.error());
+  if (stats) {
+    (void)stats->write(work_times.to_json());
+    if (const auto complete = stats->finish(); !complete) code = complain(complete.error());
+  }
+  const cairn::ExitDeadline deadline(code, cairn::kClosingPatience, log);
   running->reset();
-  if (!stats) return 0;
-  (void)stats->write(work_times.to_json());
-  const auto complete = stats->finish();
-  return complete ? 0 : complain(complete.error());
+  return code;
 }
 
 }  // namespace
@@ -107,13 +114,13 @@ int main(int argc, char** argv) {
   try {
     const auto parsed = cairn::parse_server_options({argv + 1, argv + argc});
     if (const auto* exit = std::get_if<cairn::EarlyExit>(&parsed)) {
-      std::fputs(exit->text.c_str(), exit->code == 0 ? stdout : stderr);
+      std::fputs(cairn::many_lines(exit->text).c_str(), exit->code == 0 ? stdout : stderr);
       return exit->code;
     }
     const sigset_t signals = block_signals();  // before any thread
     return serve(std::get<cairn::ServerOptions>(parsed), signals);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn-server: internal error: %s\n", error.what());
+    cairn::say_error("cairn-server", std::string("internal error: ") + error.what());
     return 1;
   }
 }

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-#include "common/base/one_line.h"
+#include "common/base/utf8.h"
 #include "server/service/map_runner.h"
 #include "server/service/wall_clock.h"
 

@@ -45,7 +45,9 @@ struct OptionRow {
 };
 constexpr OptionRow kOptions[] = {
     {"domain", "N", "DDS domain, 0 to 230 [0]", true},
-    {"listen", "IFACE|ADDR", "network interface or address [by profile]", true},
+    {"listen", "IFACE|ADDR",
+     "network interface or address of this machine [that of the profile; with wifi, of the default route]",
+     true},
     {"profile", "loopback|wifi|FILE", "network profile [loopback]", true},
     {"seed", "N", "makes all ids reproducible; 0: random [0]", true},
     {"adjuster", "own|ceres", "solver of bundle adjustment; ceres is the slow, independent check [own]",

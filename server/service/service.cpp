@@ -29,22 +29,33 @@ void name_this_start(ServiceOptions* options) {
       static_cast<uint64_t>(std::chrono::duration_cast<std::chrono::milliseconds>(since_epoch).count());
 }
 
-/// In order: the switchboard takes nothing more, all lanes end (running work may still call it and the other
-/// lanes), the last changes go to the store, whose writer ends (its callbacks may call all of them), then all
-/// go.
+wire::ParticipantOptions joining_options(const ServiceOptions& options) {
+  wire::ParticipantOptions joining;
+  joining.domain = static_cast<uint32_t>(options.domain);
+  joining.role = wire::Role::kServer;
+  joining.listen = options.listen;
+  joining.profile = options.profile;
+  joining.loss_per_mille = options.loss_per_mille;
+  return joining;
+}
+
+/// close(), in order: the switchboard takes nothing more, all lanes end (running work may still call it and
+/// the other lanes), the last changes go to the store, whose writer ends (its callbacks may call all of
+/// them), then all go.
 struct Service::State {
   State(int workers, const Logger& log)
       : urgent(workers, 0, log),
         background(1, kBackgroundNice, log),
         questions(std::max(1, workers / 2), 0, log),
         idle(1, kIdleNice, log) {}
-  ~State() {
+  ~State() { close(); }
+  void close() {
     if (switchboard) switchboard->stop();
     urgent.stop();
     background.stop();
     questions.stop();
     idle.stop();
-    if (switchboard) switchboard->save_last_changes();
+    if (switchboard && store) switchboard->save_last_changes();
     store.reset();
   }
   std::unique_ptr<MapPersistence> store;
@@ -81,6 +92,14 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   if (!switchboard) return tl::unexpected(switchboard.error());
   state->switchboard = std::move(*switchboard);
   return std::unique_ptr<Service>(new Service(std::move(state)));
+}
+
+void Service::close() {
+  state_->close();
+}
+
+const wire::NetworkPath& Service::network() const {
+  return state_->switchboard->network();
 }
 
 void Service::publish(MapSnapshotPtr snapshot) {

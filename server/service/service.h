@@ -12,6 +12,7 @@
 #include "common/base/log.h"
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
+#include "common/wire/participant.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/service/wearer_rule.h"
@@ -43,6 +44,9 @@ struct ServiceOptions {
 /// A random ServerId and a start count from the wall clock, for servers without a store.
 void name_this_start(ServiceOptions* options);
 
+/// How a service with these options joins its domain.
+[[nodiscard]] wire::ParticipantOptions joining_options(const ServiceOptions& options);
+
 /// The map service of one DDS domain: from start() until destruction it serves, on threads of its own
 /// (README.md). Thread-safe.
 class Service {
@@ -50,10 +54,17 @@ class Service {
   /// With a store, all its maps are there on return. Errors: kUsage (domain), kConfiguration (profile,
   /// interface), kRefused (the domain has a server on this host, the store has one), kIo (store).
   [[nodiscard]] static Result<std::unique_ptr<Service>> start(const ServiceOptions& options, Logger log);
-  /// Answers nothing more and ends running work as soon as possible.
+  /// As close(), if that was not called, and leaves the domain.
   ~Service();
   Service(const Service&) = delete;
   Service& operator=(const Service&) = delete;
+
+  /// Answers nothing more, ends running work as soon as possible and completes the store. The domain is left
+  /// only by the destructor, so that nothing which the middleware does can cost anything.
+  void close();
+
+  /// Where it is reached: this machine's end.
+  [[nodiscard]] const wire::NetworkPath& network() const;
 
   /// Serves a map that is made elsewhere: `snapshot` is its newest revision. It takes no keyframes.
   void publish(MapSnapshotPtr snapshot);

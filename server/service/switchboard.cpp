@@ -6,7 +6,7 @@
 #include <exception>
 #include <utility>
 
-#include "common/base/one_line.h"
+#include "common/base/utf8.h"
 #include "common/base/version.h"
 #include "common/wire/partition.h"
 #include "server/service/admin_reply.h"
@@ -38,12 +38,7 @@ bool is_map_topic(std::string_view topic) {
 Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& options, Lanes lanes,
                                                         MapPersistence* store,
                                                         std::vector<RestoredMap> restored, Logger log) {
-  wire::ParticipantOptions joining;
-  joining.domain = static_cast<uint32_t>(options.domain);
-  joining.role = wire::Role::kServer;
-  joining.listen = options.listen;
-  joining.profile = options.profile;
-  joining.loss_per_mille = options.loss_per_mille;
+  wire::ParticipantOptions joining = joining_options(options);
   joining.log = log;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
@@ -255,7 +250,7 @@ std::string Switchboard::health() const {
     add(entry.name + " is frozen until the server starts again: " + entry.frozen);
     break;  // one is enough to have a look; `cairnctl maps` names all
   }
-  return words.empty() ? "ok" : one_line(words).substr(0, kMaxHealthBytes);
+  return words.empty() ? "ok" : std::string(cut_text(one_line(words), kMaxHealthBytes));
 }
 
 void Switchboard::tick(MonotonicTime now) {

@@ -59,6 +59,7 @@ class Switchboard {
   /// See Service. Thread-safe.
   void publish(MapSnapshotPtr snapshot);
   [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
+  [[nodiscard]] const wire::NetworkPath& network() const { return participant_.path(); }
   /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
   void save_last_changes();
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/io/json_text.h"
+
 namespace cairn {
 namespace {
 
@@ -82,7 +84,7 @@ std::string WorkTimes::to_json() const {
     json[name + "_cpu_ms"] = summary(work_ms_[work]);
     if (observations_[work].count() > 0) json[name + "_observations"] = summary(observations_[work]);
   }
-  return json.dump(1) + "\n";
+  return json_text(json, 1) + "\n";
 }
 
 }  // namespace cairn

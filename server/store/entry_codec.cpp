@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/entry_codec.h"
 
+#include "common/base/utf8.h"
 #include "common/map/limits.h"
 #include "server/store/bytes.h"
 
@@ -28,7 +29,7 @@ std::optional<CountedHeader> decode_header(std::span<const uint8_t> row) {
   ByteReader in(row);
   CountedHeader header;
   in.get(std::span(header.header.id.bytes));
-  header.header.name = in.get_text();
+  header.header.name = one_line(in.get_text());
   header.header.epoch.value = in.get<uint64_t>();
   header.header.metric = in.get<uint8_t>() != 0;
   header.header.created.nanoseconds = in.get<int64_t>();
@@ -117,14 +118,16 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   LabelRecord label;
   label.id = static_cast<uint64_t>(id);
   const auto kind = in.get<uint8_t>();
-  label.text = in.get_text();
+  const std::string text = in.get_text();
+  // Of another program, or kept before texts were checked: nothing is lost for it.
+  label.text = cut_text(one_line(text), kMaxLabelBytes);
   const auto map_from_label = get_pose(&in);
-  label.author = in.get_text();
+  label.author = one_line(in.get_text());
   label.time.nanoseconds = in.get<int64_t>();
   label.anchor.value = in.get<uint64_t>();
   const auto anchor_from_label = get_pose(&in);
   const bool sound = in.finished() && id > 0 && map_from_label && anchor_from_label &&
-                     kind <= static_cast<uint8_t>(LabelKind::kModel) && label.text.size() <= kMaxLabelBytes;
+                     kind <= static_cast<uint8_t>(LabelKind::kModel) && text.size() <= kMaxLabelBytes;
   if (!sound) return std::nullopt;
   label.kind = static_cast<LabelKind>(kind);
   label.map_from_label = *map_from_label;

@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/row_codec.h"
+#include "common/base/utf8.h"
+#include "common/map/label.h"
+#include "server/store/entry_codec.h"
 
 #include <gtest/gtest.h>
 
@@ -7,6 +10,10 @@
 #include <cstring>
 #include <functional>
 #include <random>
+
+#include "common/base/utf8.h"
+#include "common/map/label.h"
+#include "server/store/entry_codec.h"
 
 namespace cairn {
 namespace {
@@ -239,6 +246,26 @@ TEST_F(RowCodecTest, ARemovedPointThatWasNowhereCostsNoOther) {
   ASSERT_TRUE(read);
   EXPECT_TRUE(read->points[5].position.isZero());
   EXPECT_EQ(read->points[4].position, record.points[4].position);
+}
+
+/// What an archive of strangers, or a store of before, has for text.
+TEST_F(RowCodecTest, TextsThatAreNoneAreMadeSafeToShow) {
+  LabelRecord label;
+  label.id = 1;
+  for (const std::string& text : {std::string("Küche"), std::string("K\xfc"), std::string("a\u202eb"),
+                                  std::string(kMaxLabelBytes, '\xff')}) {
+    label.text = label.author = text;
+    const auto read = decode_label(1, encode_label(label));
+    ASSERT_TRUE(read) << one_line(text);
+    EXPECT_EQ(read->text, cut_text(one_line(text), kMaxLabelBytes));
+    EXPECT_EQ(fault_of_text(read->author), std::nullopt);
+    CountedHeader header;
+    header.header.id.bytes[0] = 1;
+    header.header.name = text;
+    const auto named = decode_header(encode_header(header));
+    ASSERT_TRUE(named);
+    EXPECT_EQ(fault_of_text(named->header.name), std::nullopt);
+  }
 }
 
 TEST_F(RowCodecTest, ImagesAreKeptPixelByPixel) {

@@ -4,8 +4,8 @@ have w first and turn from world to camera. Nothing of it is shared with what wr
 import math
 import struct
 
-NUMBERS = {4: "OPENCV", 5: "OPENCV_FISHEYE", 6: "FULL_OPENCV", 7: "FOV"}
-PARAMETERS = {"OPENCV": 8, "OPENCV_FISHEYE": 8, "FULL_OPENCV": 12, "FOV": 5}
+NUMBERS = {1: "PINHOLE", 4: "OPENCV", 5: "OPENCV_FISHEYE", 6: "FULL_OPENCV", 7: "FOV"}
+PARAMETERS = {"PINHOLE": 4, "OPENCV": 8, "OPENCV_FISHEYE": 8, "FULL_OPENCV": 12, "FOV": 5}
 
 
 def rows_of(path):
@@ -90,7 +90,7 @@ def distort(model, more, u, v):
         theta = math.atan(r)
         bent = theta * (1 + sum(k * theta ** (2 * i) for i, k in enumerate(more, 1)))
         return (u * bent / r, v * bent / r) if r > 1e-9 else (u, v)
-    k1, k2, p1, p2, k3, k4, k5, k6 = (*more, 0, 0, 0, 0)[:8]
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*more, *[0] * 8)[:8]
     square = r * r
     radial = (1 + k1 * square + k2 * square ** 2 + k3 * square ** 3) / (1 + k4 * square + k5 * square ** 2 + k6 * square ** 3)
     return (u * radial + 2 * p1 * u * v + p2 * (square + 2 * u * u), v * radial + 2 * p2 * u * v + p1 * (square + 2 * v * v))

@@ -9,7 +9,7 @@
 #include <map>
 
 #include "client/session/label_request.h"
-#include "client/tracking/frame_images.h"
+#include "common/image/frame_images.h"
 #include "common/image/place.h"
 #include "common/io/test_directory.h"
 #include "server/admin/admin_client.h"

@@ -5,10 +5,12 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <csignal>
 
 #include "common/io/test_directory.h"
+#include "common/wire/network_path.h"
 #include "server/store/store.h"
 #include "tests/integration/server_process.h"
 #include "tests/integration/test_domain.h"
@@ -110,6 +112,39 @@ TEST_F(KeptMaps, AKilledServersSuccessorIsTakenForTheSame) {
   ASSERT_TRUE(eventually([&] { return session_->snapshot()->keyframe_count() == 4U; }));
   EXPECT_EQ(session_->snapshot()->map, before->map);
   EXPECT_EQ(session_->snapshot()->name, before->name);
+  offer(8);
+}
+
+/// The server hears of two processes, of which the first never said good-bye: it has stood still.
+TEST_F(KeptMaps, AClientThatJoinsAnewOnItsReplicaIsTheSameToTheServer) {
+  const auto moves = std::make_shared<std::atomic<bool>>(false);
+  SessionOptions options;
+  options.domain = server_->domain();
+  options.name = "bert";
+  options.find_path = [moves](const wire::ParticipantOptions& joining) {
+    auto path = wire::find_path(joining);
+    if (path && moves->exchange(false)) path->address = "127.0.0.9";
+    return path;
+  };
+  session_ = testing::open_session(options, scene_.camera());
+  seed();
+  offer(4);
+  const uint64_t sent_before = session_->status().bytes_sent;
+  kill(server_->pid(), SIGSTOP);
+  ASSERT_TRUE(eventually([&] { return session_->status().link == ServerLink::kGone; }));
+  send_offer(6);
+  const MapSnapshotPtr before = session_->snapshot();
+  *moves = true;
+  ASSERT_TRUE(eventually([&] { return !*moves; })) << "it looks how to reach a silent server";
+  EXPECT_EQ(session_->snapshot(), before);
+  EXPECT_GE(session_->status().bytes_sent, sent_before);
+
+  kill(server_->pid(), SIGCONT);
+  const auto reply = next_reply();
+  ASSERT_TRUE(reply);
+  EXPECT_TRUE(reply->accepted) << reply->reason;
+  ASSERT_TRUE(eventually([&] { return session_->snapshot()->keyframe_count() == 4U; }));
+  EXPECT_EQ(session_->snapshot()->epoch, before->epoch);
   offer(8);
 }
 

@@ -122,7 +122,7 @@ class Builder {
 };
 
 /// What a client was told before the kill, against what the files say after it.
-void expect_kept(const Store& store, const std::string& client, const std::set<uint64_t>& accepted,
+void expect_kept(Store& store, const std::string& client, const std::set<uint64_t>& accepted,
                  const std::set<MapId>& made) {
   std::set<uint64_t> kept;
   std::set<MapId> maps;

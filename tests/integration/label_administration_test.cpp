@@ -125,15 +125,15 @@ TEST_F(LabelAdministrationTest, WhatIsNotThereIsNamedWithTheRemedy) {
     int exit;
     std::vector<std::string> named;
   };
-  for (const Case& c : std::vector<Case>{
-           {"labels attic", 5, {"'attic'", "cairnctl maps"}},
-           {"labels attic remove 1", 5, {"'attic'", "cairnctl maps"}},
-           {"labels map-1 remove 77", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
-           {"labels map-1 rename 77 x", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
-           {"labels map-1 rename " + id + " ' '", 2, {"label " + id, "needs a text"}},
-           {"labels map-1 rename " + id + " \"$(printf 'a\\nb')\"", 2, {"label " + id, "one line"}},
-           {"labels remove 1", 2, {"of which map"}},
-           {"labels map-1 remove vice", 2, {"vice"}}}) {
+  for (const Case& c :
+       std::vector<Case>{{"labels attic", 5, {"'attic'", "cairnctl maps"}},
+                         {"labels attic remove 1", 5, {"'attic'", "cairnctl maps"}},
+                         {"labels map-1 remove 77", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
+                         {"labels map-1 rename 77 x", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
+                         {"labels map-1 rename " + id + " ' '", 2, {"label " + id, "needs a text"}},
+                         {"labels map-1 rename " + id + " \"$(printf 'a\\nb')\"", 2, {"TEXT", "U+000A"}},
+                         {"labels remove 1", 2, {"of which map"}},
+                         {"labels map-1 remove vice", 2, {"vice"}}}) {
     const Said said = cairnctl(c.words);
     EXPECT_EQ(said.exit, c.exit) << c.words << ": " << said.text;
     for (const std::string& word : c.named) EXPECT_THAT(said.text, HasSubstr(word)) << c.words;

@@ -24,6 +24,10 @@ from programs_test import LIMIT, OnTheDesk, ServerProcess, command
 OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED, DAMAGED, INTERRUPTED = 0, 2, 3, 4, 5, 6, 130
 
 
+def colour_type(png):
+    return png.read_bytes()[25]
+
+
 class Operator(OnTheDesk):
     FRAMES = 120
 
@@ -86,6 +90,22 @@ class Operator(OnTheDesk):
         unused = type("Nobody", (), {"domain": 229})
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
         self.assertIn("--security: DDS Security is not available", self.ctl("--security", self.folder, "status", expect=USAGE))
+
+    def test_texts_are_utf8_and_paths_are_bytes(self):
+        """What is no text is named before the server hears of it; what a path is called costs no work that is done."""
+        for words in (("map", "K\udcfcche", "show"), ("map", "map-1", "rename", "K\udcfcche"), ("maps", "purge", "K\udcfc"),
+                      ("labels", "map-1", "rename", "1", "K\udcfcche"), ("labels", "map-1", "rename", "1", "a\u202eb"),
+                      ("labels", "map-1", "rename", "1", "a\u009b2J"), ("labels", "map-1", "rename", "1", "de\u200bsk")):
+            said = self.ctl(*words, expect=USAGE)
+            self.assertRegex(said, r"no UTF-8|cannot be seen")
+            self.assertTrue(said.replace("\n", "").isprintable(), said)
+        self.assertIn("no map 'K\u00fcche'", self.ctl("map", "K\u00fcche", "show", expect=REFUSED))
+        out = str(self.folder) + "/caf\udce9"
+        shown = str(self.folder) + "/caf\\xe9/map-1.cairnmap"
+        self.assertEqual(self.ctl("maps", "export", "--out", out), [shown])
+        self.assertEqual(self.say("maps", "export", "--out", out), shown + "\n")
+        self.assertIn("caf\\xe9/no.cairnmap: cannot be read", self.ctl("maps", "import", out + "/no.cairnmap", expect=CONFIGURATION))
+        self.assertIn("'Frage\\xfc'", self.ctl("Frage\udcfc", expect=USAGE))
 
     def test_what_cannot_be_imported_is_named_once_and_what_it_is_not(self):
         junk, missing = self.folder / "no.cairnmap", self.folder / "missing.cairnmap"
@@ -467,6 +487,25 @@ class Operator(OnTheDesk):
                     self.ctl("maps", "export", "--format", form, "--out", self.folder / f"{lens}-out", server=server)
                 cameras, _, _ = self.check_models(self.folder / f"{lens}-out/map-1")
                 self.assertEqual([camera[0] for camera in cameras.values()], [model])
+
+    def test_what_is_undistorted_as_the_help_says_is_of_pinholes_and_rgb(self):
+        told = subprocess.run(command("cairnctl", "maps", "export", "--help"), check=True, capture_output=True, text=True).stdout
+        ours, colmaps = re.search(r"^ +cairnctl (maps export desk .*)\n +colmap (image_undistorter .*)$", told, re.M).groups()
+        self.ctl(*ours.replace("desk", "map-1").replace("exported", str(self.folder / "exported")).split())
+        pictures = list((self.folder / "exported/map-1/images").iterdir())
+        self.assertEqual({colour_type(picture) for picture in pictures}, {2}, "PNG: 2 is RGB")
+        self.ctl("maps", "export", "--rgb", "--out", self.folder / "exported", expect=USAGE)
+        if shutil.which("colmap"):
+            out = self.folder / "undistorted"
+            out.mkdir()
+            places = {"exported/desk": self.folder / "exported/map-1", "--output_path undistorted": f"--output_path {out}"}
+            for word, place in places.items():
+                colmaps = colmaps.replace(word, str(place))
+            self.colmap(*colmaps.split())
+            self.assertEqual(len(list((out / "images").iterdir())), len(pictures))
+            cameras, images, _ = colmap_model.read_binary(out / "sparse")
+            self.assertEqual({camera[0] for camera in cameras.values()}, {"PINHOLE"})
+            self.assertEqual(len(images), len(pictures))
 
     def check_models(self, folder):
         """Both forms of a model: the same, right by COLMAP's rules, and by its own word where it is installed; the content."""

@@ -21,6 +21,7 @@
 #include <system_error>
 #include <vector>
 
+#include "common/base/log.h"
 #include "common/base/stream_writer.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
@@ -224,7 +225,7 @@ Result<Verdict> judge_files(const JudgeRequest& request) {
 }
 
 int report(const Error& error) {
-  std::cerr << "cairn-sim: " << error.message << '\n';
+  say_error("cairn-sim", error.message);
   return exit_code(error.code);
 }
 
@@ -268,9 +269,7 @@ int run(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    if (const auto unknown = unknown_word(app, error))
-      return report({ErrorCode::kUsage, *unknown + " (--help)"});
-    return app.exit(error) == 0 ? 0 : exit_code(ErrorCode::kUsage);
+    return end_of_parse(app, error);
   }
   if (list->parsed()) {
     for (const ScenarioInfo& info : scenario_list())
@@ -303,7 +302,7 @@ int main(int argc, char** argv) {
   try {
     return cairn::run(argc, argv);
   } catch (const std::exception& error) {
-    std::cerr << "cairn-sim: " << error.what() << '\n';
+    cairn::say_error("cairn-sim", error.what());
     return cairn::exit_code(cairn::ErrorCode::kInternal);
   }
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "common/io/json_text.h"
 #include "tests/world/judge.h"
 
 namespace cairn {
@@ -133,7 +134,7 @@ std::string verdict_json(const Verdict& verdict) {
     json["labels"].push_back(
         {{"place", place_name(verdict, label.place)}, {"placed", label.placed}, {"degrees", label.degrees}});
   }
-  return json.dump(1) + "\n";
+  return json_text(json, 1) + "\n";
 }
 
 }  // namespace cairn

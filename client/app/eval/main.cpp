@@ -13,6 +13,7 @@
 #include "client/app/eval/report.h"
 #include "client/app/eval/run_stats.h"
 #include "client/app/eval/truth.h"
+#include "common/base/log.h"
 #include "common/base/program_folder.h"
 #include "common/base/suggestion.h"
 #include "common/base/version.h"
@@ -133,7 +134,7 @@ Status run_trajectories(const TrajectoryArguments& arguments, Evaluate evaluate)
       compare(truth->trajectory, estimate->trajectory, arguments.max_difference, arguments.alignment);
   if (!comparison) return tl::unexpected(comparison.error());
   comparison->notes = notes_on(arguments, *truth, *estimate, *comparison);
-  for (const auto& note : comparison->notes) std::fprintf(stderr, "cairn-eval: note: %s\n", note.c_str());
+  for (const auto& note : comparison->notes) say_error("cairn-eval", "note: " + note);
   auto plot = plot_content(arguments, truth->trajectory, *comparison);
   const Result<std::string> report = evaluate(*comparison, plot);
   if (!report) return tl::unexpected(report.error());
@@ -203,7 +204,7 @@ int report_status(Status status) {
     status = fail(ErrorCode::kIo, cannot_be_written("standard output"));
   }
   if (status) return 0;
-  std::fprintf(stderr, "cairn-eval: %s\n", status.error().message.c_str());
+  say_error("cairn-eval", status.error().message);
   return exit_code(status.error().code);
 }
 
@@ -213,7 +214,8 @@ int report_usage(const CLI::App& app, const CLI::ParseError& error) {
     message = "unknown command '" + words.front() + "'" +
               did_you_mean(words.front(), {"ate", "rpe", "stats", "reloc"});
   }
-  std::fprintf(stderr, "cairn-eval: %s\ncairn-eval --help lists all commands\n", message.c_str());
+  say_error("cairn-eval", message);
+  std::fputs("cairn-eval --help lists all commands\n", stderr);
   return kUsageExit;
 }
 
@@ -270,7 +272,7 @@ int main(int argc, char** argv) {
   try {
     return cairn::run(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "cairn-eval: %s\n", error.what());
+    cairn::say_error("cairn-eval", error.what());
     return 1;
   }
 }

@@ -9,6 +9,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "client/app/text_painter.h"
+
 namespace cairn {
 namespace {
 
@@ -47,7 +49,7 @@ class Canvas {
     const cv::Size extent = text_size(text, size);
     const cv::Point origin(static_cast<int>(at.x * kOversampling - align_x * extent.width),
                            static_cast<int>(at.y * kOversampling + 0.5 * extent.height));
-    cv::putText(pixels_, text, origin, kFont, size * kOversampling, color, kOversampling, cv::LINE_AA);
+    painter_.draw(text, origin, size * kOversampling, color, &pixels_, kOversampling);
   }
   [[nodiscard]] double text_width(const std::string& text, double size = 0.5) const {
     return static_cast<double>(text_size(text, size).width) / kOversampling;
@@ -59,11 +61,10 @@ class Canvas {
   }
 
  private:
-  static constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
-  static cv::Size text_size(const std::string& text, double size) {
-    int baseline = 0;
-    return cv::getTextSize(text, kFont, size * kOversampling, kOversampling, &baseline);
+  [[nodiscard]] cv::Size text_size(const std::string& text, double size) const {
+    return painter_.size(text, size * kOversampling, kOversampling);
   }
+  TextPainter painter_;
   cv::Mat pixels_;
 };
 

@@ -8,6 +8,8 @@
 #include <numbers>
 
 #include "client/app/on_time.h"
+#include "common/base/utf8.h"
+#include "common/io/json_text.h"
 
 namespace cairn {
 namespace {
@@ -109,7 +111,7 @@ std::string ate_text(const Comparison& comparison, const AbsoluteError& error, A
 std::string ate_json(const Comparison& comparison, const AbsoluteError& error, Alignment alignment) {
   auto document = comparison_json("ate", comparison, alignment);
   document.update(statistics_json(error.translation, 1));
-  return document.dump(2) + "\n";
+  return json_text(document, 2) + "\n";
 }
 
 std::string rpe_text(const Comparison& comparison, const RelativeError& error, Alignment alignment,
@@ -127,13 +129,13 @@ std::string rpe_json(const Comparison& comparison, const RelativeError& error, A
   document["delta_unit"] = name_of(options.unit);
   document["translation"] = statistics_json(error.translation, 1);
   document["rotation_deg"] = statistics_json(error.rotation, kDegreesPerRadian);
-  return document.dump(2) + "\n";
+  return json_text(document, 2) + "\n";
 }
 
 std::string stats_text(const std::vector<NamedRun>& runs) {
   std::string text;
   for (const auto& [file, s] : runs) {
-    text += file + "\n";
+    text += one_line(file) + "\n";
     text += format("  frames %ld, first map at %s\n", static_cast<long>(s.frames_total),
                    s.first_map_frame ? std::to_string(*s.first_map_frame).c_str() : "none");
     text += format(
@@ -152,7 +154,7 @@ std::string stats_text(const std::vector<NamedRun>& runs) {
 std::string stats_json(const std::vector<NamedRun>& runs) {
   Json documents = Json::array();
   for (const auto& [file, s] : runs) {
-    documents.push_back({{"file", file},
+    documents.push_back({{"file", one_line(file)},
                          {"frames_total", s.frames_total},
                          {"first_map_frame", s.first_map_frame ? Json(*s.first_map_frame) : Json(nullptr)},
                          {"frames_after_map", s.frames_after_map},
@@ -168,7 +170,7 @@ std::string stats_json(const std::vector<NamedRun>& runs) {
                          {"bytes_sent", s.bytes_sent},
                          {"bytes_received", s.bytes_received}});
   }
-  return documents.dump(2) + "\n";
+  return json_text(documents, 2) + "\n";
 }
 
 }  // namespace cairn

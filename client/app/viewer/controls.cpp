@@ -77,10 +77,10 @@ void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, Monoton
   if (std::exchange(help_shown_, false) || !frame_) return;
   const cv::Size area(camera_->width() * scale, camera_->height() * scale);
   if (!cv::Rect({0, 0}, area).contains(point)) return;
-  const auto boxes = lay_out_labels(labels_in_view(*frame_, camera()), area, scale);
+  const auto boxes = lay_out_labels(labels_in_view(*frame_, camera()), area, scale, painter_);
   if (const LabelBox* label = find_label(boxes, point)) {
     selected_ = {frame_->map, label->shown.label.id};
-    return say(printable(label->shown.label.text) + ", by " + label->shown.label.author, now);
+    return say(label->shown.label.text + ", by " + label->shown.label.author, now);
   }
   selected_ = {};
   point_at({(point.x + 0.5) / scale - 0.5, (point.y + 0.5) / scale - 0.5}, now);
@@ -105,7 +105,7 @@ void ViewerControls::type(EntryStroke stroke, MonotonicTime now) {
   if (entry.state() == TextEntry::State::kAccepted) {
     typing_->request.text = entry.text();
     wishes_.requests.push_back(std::move(typing_->request));
-    say("sent: " + printable(entry.text()), now);
+    say("sent: " + entry.text(), now);
   }
   typing_.reset();
 }

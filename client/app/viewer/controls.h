@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "client/app/overlay.h"
+#include "client/app/text_painter.h"
 #include "client/app/viewer/text_entry.h"
 #include "client/session/session.h"
 #include "common/base/time.h"
@@ -81,7 +82,8 @@ class ViewerControls {
   [[nodiscard]] const Camera& camera() const { return *(frame_->camera ? frame_->camera : camera_); }
   void say(std::string message, MonotonicTime now);
 
-  CameraPtr camera_;  ///< as at the start
+  CameraPtr camera_;     ///< as at the start
+  TextPainter painter_;  ///< measures labels as they are drawn
   ViewerOptions options_;
   std::optional<OverlayFrame> frame_;
   std::optional<OverlayFrame> missed_;  ///< the newest, while the view is frozen

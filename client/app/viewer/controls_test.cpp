@@ -203,12 +203,12 @@ TEST_F(ControlsTest, WhatIsShownIsDrawn) {
   cv::Mat bare(kPicture, CV_8UC3, cv::Scalar(90, 90, 90));
   const auto changed_by = [&](const char* what) {
     cv::Mat picture = bare.clone();
-    paint_controls(controls_, now_, &picture);
+    paint_controls(controls_, now_, TextPainter(), &picture);
     EXPECT_GT(cv::norm(picture, bare, cv::NORM_L1), 0) << what;
     return picture;
   };
   cv::Mat nothing = bare.clone();
-  paint_controls(controls_, now_, &nothing);
+  paint_controls(controls_, now_, TextPainter(), &nothing);
   EXPECT_EQ(cv::norm(nothing, bare, cv::NORM_L1), 0);
   press("h");
   changed_by("help");

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <string_view>
 
+#include "common/base/utf8.h"
 #include "common/map/label.h"
 
 namespace cairn {
@@ -14,8 +14,11 @@ namespace {
 constexpr std::array<std::string_view, 4> kRows = {"1234567890", "qwertyuiop", "asdfghjkl-", "zxcvbnm,._"};
 constexpr int kColumns = 10;
 
-char capital(char c) {
-  return static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+constexpr int kUnicodeKey = 0x01000000;  ///< X: the keysym of a character without an older one
+
+/// Of the keyboard that is drawn; all others come as they are.
+char32_t capital(char32_t c) {
+  return c >= U'a' && c <= U'z' ? c - U'a' + U'A' : c;
 }
 
 }  // namespace
@@ -37,31 +40,40 @@ std::optional<EntryStroke> stroke_of(int key_code) {
     default:
       break;
   }
-  if (key_code < 0x20 || key_code > 0x7e) return std::nullopt;
-  return EntryStroke{EntryKey::kCharacter, static_cast<char>(key_code)};
+  const bool has_older_keysym =
+      (key_code >= 0x20 && key_code <= 0x7e) || (key_code >= 0xa0 && key_code <= 0xff);
+  if (!has_older_keysym && key_code < kUnicodeKey + 0x100) return std::nullopt;
+  const auto character = static_cast<char32_t>(has_older_keysym ? key_code : key_code - kUnicodeKey);
+  if (to_utf8(character).empty()) return std::nullopt;
+  return EntryStroke{EntryKey::kCharacter, character};
+}
+
+int key_code_of(char32_t character) {
+  const int value = static_cast<int>(character);
+  return value <= 0xff ? value : kUnicodeKey + value;
 }
 
 void TextEntry::press(EntryStroke stroke) {
   if (state_ != State::kTyping) return;
   switch (stroke.key) {
-    case EntryKey::kCharacter:
-      if (text_.size() >= kMaxLabelBytes || stroke.character < 0x20 || stroke.character > 0x7e) return;
-      text_ += shifted_ ? capital(stroke.character) : stroke.character;
+    case EntryKey::kCharacter: {
+      const std::string longer = text_ + to_utf8(shifted_ ? capital(stroke.character) : stroke.character);
+      if (longer.size() > kMaxLabelBytes || fault_of_text(longer)) return;
+      text_ = longer;
       shifted_ = false;
       return;
+    }
     case EntryKey::kShift:
       shifted_ = !shifted_;
       return;
     case EntryKey::kErase:
-      // Of a text from elsewhere, the last character may have several bytes.
-      while (!text_.empty() && (static_cast<unsigned char>(text_.back()) & 0xc0) == 0x80) text_.pop_back();
-      if (!text_.empty()) text_.pop_back();
+      if (!text_.empty()) text_.resize(text_.size() - letters(text_).back().size());
       return;
     case EntryKey::kCancel:
       state_ = State::kCancelled;
       return;
     case EntryKey::kAccept:
-      if (text_.find_first_not_of(' ') != std::string::npos) state_ = State::kAccepted;
+      if (!is_invisible(text_)) state_ = State::kAccepted;
       return;
   }
 }
@@ -77,15 +89,15 @@ std::vector<DrawnKey> lay_out_keyboard(cv::Size picture, bool shifted) {
   std::vector<DrawnKey> keys;
   for (int row = 0; row + 1 < rows; ++row) {
     for (int column = 0; column < kColumns; ++column) {
-      const char c = kRows[static_cast<size_t>(row)][static_cast<size_t>(column)];
+      const auto key = static_cast<char32_t>(kRows[static_cast<size_t>(row)][static_cast<size_t>(column)]);
       keys.push_back({place(row, column, column + 1),
-                      std::string(1, shifted ? capital(c) : c),
-                      {EntryKey::kCharacter, c}});
+                      to_utf8(shifted ? capital(key) : key),
+                      {EntryKey::kCharacter, key}});
     }
   }
   const int last = rows - 1;
   keys.push_back({place(last, 0, 2), "Shift", {EntryKey::kShift}});
-  keys.push_back({place(last, 2, 5), "Space", {EntryKey::kCharacter, ' '}});
+  keys.push_back({place(last, 2, 5), "Space", {EntryKey::kCharacter, U' '}});
   keys.push_back({place(last, 5, 7), "Erase", {EntryKey::kErase}});
   keys.push_back({place(last, 7, 9), "Cancel", {EntryKey::kCancel}});
   keys.push_back({place(last, 9, 10), "OK", {EntryKey::kAccept}});

@@ -14,11 +14,14 @@ enum class EntryKey : uint8_t { kCharacter, kShift, kErase, kCancel, kAccept };
 
 struct EntryStroke {
   EntryKey key = EntryKey::kCharacter;
-  char character = ' ';
+  char32_t character = U' ';
 };
 
-/// What a code of the window system (OpenCV's waitKeyEx) means for a line; nothing: no key of it.
+/// What a code of the window system (OpenCV's waitKeyEx) means for a line; nothing: no key of it. Letters are
+/// ASCII, or X's keysyms for Latin-1 and for Unicode (key_code_of).
 [[nodiscard]] std::optional<EntryStroke> stroke_of(int key_code);
+/// The code of a key that has this character.
+[[nodiscard]] int key_code_of(char32_t character);
 
 class TextEntry {
  public:
@@ -26,8 +29,8 @@ class TextEntry {
 
   explicit TextEntry(std::string text = {}) : text_(std::move(text)) {}
 
-  /// Printable ASCII, at most kMaxLabelBytes; a blank line cannot be accepted. Nothing happens any more once
-  /// it is accepted or cancelled.
+  /// What may be shown (fault_of_text), at most kMaxLabelBytes; a blank line cannot be accepted. Nothing
+  /// happens any more once it is accepted or cancelled.
   void press(EntryStroke stroke);
 
   [[nodiscard]] State state() const { return state_; }

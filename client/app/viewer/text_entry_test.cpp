@@ -4,9 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cctype>
 #include <random>
 
+#include "common/base/utf8.h"
 #include "common/map/label.h"
 
 namespace cairn {
@@ -16,7 +16,7 @@ const cv::Size kPicture(640, 524);
 
 TextEntry type(const std::string& text) {
   TextEntry entry;
-  for (const char c : text) entry.press(*stroke_of(c));
+  for (const char32_t character : code_points(text)) entry.press(*stroke_of(key_code_of(character)));
   return entry;
 }
 
@@ -65,17 +65,34 @@ TEST(TextEntry, HoldsNoMoreThanALabelMay) {
   EXPECT_EQ(entry.text().size(), kMaxLabelBytes);
 }
 
-TEST(TextEntry, WhateverIsPressedItIsPrintable) {
+TEST(TextEntry, TakesTheLettersOfAnyKeyboardAndErasesThemWhole) {
+  for (const std::string text : {"Küche", "工作台", "Ku\u0308che", "می\u200cخواهم", "👩\u200d🔧"}) {
+    TextEntry entry = type(text);
+    EXPECT_EQ(entry.text(), text);
+    for (size_t left = letters(text).size(); left > 0; --left) {
+      EXPECT_FALSE(entry.text().empty());
+      entry.press({EntryKey::kErase});
+    }
+    EXPECT_EQ(entry.text(), "");
+  }
+}
+
+TEST(TextEntry, AFullLineIsCutBetweenLetters) {
+  const TextEntry entry = type(std::string(kMaxLabelBytes - 1, 'x') + "ü");
+  EXPECT_EQ(entry.text(), std::string(kMaxLabelBytes - 1, 'x'));
+}
+
+TEST(TextEntry, WhateverIsPressedItMayBeShown) {
   std::mt19937 random(4);
   TextEntry entry;
   for (int i = 0; i < 5000; ++i) {
-    const auto stroke = stroke_of(static_cast<int>(random() % 0x10000));
+    const auto stroke = stroke_of(static_cast<int>(random() % 2 * 0x01000000 + random() % 0x12000));
     if (stroke && stroke->key != EntryKey::kCancel && stroke->key != EntryKey::kAccept) entry.press(*stroke);
-    entry.press({EntryKey::kCharacter, static_cast<char>(random())});
+    entry.press({EntryKey::kCharacter, static_cast<char32_t>(random())});
   }
   EXPECT_FALSE(entry.text().empty());
-  EXPECT_TRUE(
-      std::all_of(entry.text().begin(), entry.text().end(), [](char c) { return c >= 0x20 && c <= 0x7e; }));
+  EXPECT_EQ(fault_of_text(entry.text()), std::nullopt);
+  EXPECT_LE(entry.text().size(), kMaxLabelBytes);
 }
 
 TEST(TextEntry, KeysOfNoLineMeanNothing) {

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "client/app/viewer/controls.h"
+#include "common/base/utf8.h"
 #include "common/io/text.h"
 #include "common/map/label.h"
 
@@ -24,12 +25,6 @@ std::string_view rest_after(std::string_view row, int count) {
   return row;
 }
 
-/// What a line that is typed may hold (TextEntry).
-bool can_be_typed(std::string_view text) {
-  return !text.empty() && text.size() <= kMaxLabelBytes &&
-         std::ranges::all_of(text, [](char c) { return c >= 0x20 && c <= 0x7e; });
-}
-
 Result<TimedLabel> parse_row(std::string_view row, cv::Size picture) {
   const auto fields = split_fields(row);
   const auto time = fields.size() >= 4 ? parse_timestamp(fields[0]) : std::nullopt;
@@ -42,9 +37,11 @@ Result<TimedLabel> parse_row(std::string_view row, cv::Size picture) {
                                          std::to_string(picture.height));
   }
   const std::string_view text = rest_after(row, 3);
-  if (!can_be_typed(text)) {
+  if (const auto fault = fault_of_text(text))
+    return fail(ErrorCode::kDamaged, "the text " + in_quotes(text) + " is none: " + *fault);
+  if (is_invisible(text) || text.size() > kMaxLabelBytes) {
     return fail(ErrorCode::kDamaged, "a text is 1 to " + std::to_string(kMaxLabelBytes) +
-                                         " printable ASCII characters, not " + in_quotes(text));
+                                         " bytes of UTF-8, not " + in_quotes(text));
   }
   return TimedLabel{*time, {static_cast<int>(*x), static_cast<int>(*y)}, std::string(text)};
 }
@@ -72,7 +69,7 @@ Result<wire::ClientRequest> ask_for_label(const OverlayFrame& frame, const Camer
   window.touch(pixel, {camera->width(), camera->height()}, 1, now);
   if (window.selected()) return fail(ErrorCode::kRefused, "there is a label: " + window.message(now));
   if (window.entry() == nullptr) return fail(ErrorCode::kRefused, window.message(now));
-  for (const char key : text) window.press(key, now);
+  for (const char32_t character : code_points(text)) window.press(key_code_of(character), now);
   window.press(kEnter, now);
   auto wishes = window.take_wishes();
   if (wishes.requests.empty()) return fail(ErrorCode::kRefused, "a label needs a text");

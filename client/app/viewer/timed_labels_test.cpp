@@ -43,12 +43,12 @@ class ReadTimedLabels : public ::testing::Test {
 TEST_F(ReadTimedLabels, RowsOfAnyOrderAndTextsOfSeveralWords) {
   const auto labels = read(
       "\xef\xbb\xbf# comment\ntimestamp x y text\n2.5 639 0 the  small, vice \n\n1.033333333 0 479 "
-      "desk-1\r\n");
+      "Küche 工作台\r\n");
   ASSERT_TRUE(labels) << labels.error().message;
   ASSERT_EQ(labels->size(), 2U);
   EXPECT_EQ((*labels)[0].time, Timestamp{1'033'333'333});
   EXPECT_EQ((*labels)[0].pixel, cv::Point(0, 479));
-  EXPECT_EQ((*labels)[0].text, "desk-1");
+  EXPECT_EQ((*labels)[0].text, "Küche 工作台");
   EXPECT_EQ((*labels)[1].text, "the  small, vice");
 }
 
@@ -56,8 +56,8 @@ TEST_F(ReadTimedLabels, WhatNobodyCouldPointAtOrTypeIsNamed) {
   const std::string long_text(300, 'x');
   for (const std::string& row :
        {std::string("1 2 3"), std::string("now 2 3 text"), std::string("1 640 3 text"),
-        std::string("1 2 -1 text"), std::string("1 2 nan text"), std::string("1 2 3 gr\xc3\xbcn"),
-        "1 2 3 " + long_text}) {
+        std::string("1 2 -1 text"), std::string("1 2 nan text"), std::string("1 2 3 gr\xfcn"),
+        std::string("1 2 3 a\u202eb"), std::string("1 2 3 \u3000"), "1 2 3 " + long_text}) {
     const auto labels = read("# first\n" + row + "\n");
     ASSERT_FALSE(labels) << row;
     EXPECT_EQ(labels.error().code, ErrorCode::kDamaged);

@@ -48,13 +48,14 @@ struct Viewer::Window {
     changed = false;
     word_drawn = std::move(word);
     overlay.draw(*controls.frame(), {controls.points_shown(), controls.selected()}).copyTo(picture);
-    paint_controls(controls, now, &picture);
+    paint_controls(controls, now, painter, &picture);
     cv::imshow(title, picture);
   }
 
   std::string title;
   Overlay overlay;
   ViewerControls controls;
+  TextPainter painter;
   cv::Mat picture;
   bool changed = false;
   std::string word_drawn;

@@ -1,18 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/internal/configuration.h"
 
-#include <arpa/inet.h>
-#include <ifaddrs.h>
-#include <net/if.h>
-#include <netdb.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
-#include <memory>
 #include <sstream>
 
 #include "common/base/plain_text.h"
@@ -43,29 +35,37 @@ std::string xml_escaped(std::string_view text) {
   return escaped;
 }
 
-bool is_ipv4_address(const std::string& text) {
-  in_addr address{};
-  return inet_pton(AF_INET, text.c_str(), &address) == 1;
+/// A server on a network also serves the trackers of its own host, whose profile knows the loopback interface
+/// only; the middleware reaches a loopback address only from a loopback interface (measured).
+constexpr const char* kLoopback = "127.0.0.1";
+
+std::string interface_element(const std::string& address) {
+  return "<Interfaces><NetworkInterface address=\"" + xml_escaped(address) +
+         "\" multicast=\"false\" /></Interfaces>";
 }
 
-/// The middleware resolves names too, but says nothing when it cannot.
-Result<std::string> resolve(const std::string& host) {
-  if (host == "localhost") return std::string("127.0.0.1");  // also where /etc/hosts is missing (RFC 6761)
-  addrinfo hints{};
-  hints.ai_family = AF_INET;
-  hints.ai_socktype = SOCK_DGRAM;
-  addrinfo* found = nullptr;
-  if (const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found); error != 0) {
-    return fail(ErrorCode::kNoServer, "server '" + host + "': " + gai_strerror(error) + "; pass its address");
-  }
-  const std::unique_ptr<addrinfo, decltype(&freeaddrinfo)> owner(found, &freeaddrinfo);
-  char text[INET_ADDRSTRLEN] = "";
-  sockaddr_in address{};
-  std::copy_n(reinterpret_cast<const char*>(found->ai_addr), sizeof(address),
-              reinterpret_cast<char*>(&address));
-  inet_ntop(AF_INET, &address.sin_addr, text, sizeof(text));
-  return text;
+/// The value of an attribute within an element's text; empty without. `name`: as ` name="`.
+std::string_view attribute(std::string_view element, std::string_view name) {
+  const size_t at = element.find(name);
+  if (at == std::string_view::npos) return {};
+  const std::string_view value = element.substr(at + name.size());
+  return value.substr(0, value.find('"'));
 }
+
+bool names_loopback(std::string_view xml) {
+  return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
+}
+
+/// Takes the profile's own choice of interfaces out: a second <Interfaces> would add to it.
+void remove_interfaces(std::string* profile) {
+  constexpr std::string_view kEnd = "</Interfaces>";
+  const size_t begin = profile->find("<Interfaces>");
+  const size_t end = profile->find(kEnd);
+  if (begin == std::string::npos || end == std::string::npos || end < begin) return;
+  profile->erase(begin, end + kEnd.size() - begin);
+}
+
+}  // namespace
 
 Result<std::string> read_profile(const std::string& profile) {
   if (const std::string_view text = built_in_profile(profile); !text.empty()) return std::string(text);
@@ -87,50 +87,21 @@ Result<std::string> read_profile(const std::string& profile) {
   return text;
 }
 
-Result<std::string> interface_element(const std::string& listen) {
-  const bool address = is_ipv4_address(listen);
-  if (!address && if_nametoindex(listen.c_str()) == 0) {
-    return fail(ErrorCode::kConfiguration,
-                "'" + listen + "': no such network interface and not an IPv4 address; see 'ip address'");
+std::optional<std::string> interface_of_profile(std::string_view text) {
+  constexpr std::string_view kElement = "<NetworkInterface";
+  const size_t begin = text.find(kElement);
+  if (begin == std::string_view::npos) return std::nullopt;
+  const std::string_view element = text.substr(begin, text.find('>', begin) - begin);
+  for (const std::string_view name : {" address=\"", " name=\""}) {
+    if (const std::string_view value = attribute(element, name); !value.empty()) return std::string(value);
   }
-  return std::string("<Interfaces><NetworkInterface ") + (address ? "address" : "name") + "=\"" +
-         xml_escaped(listen) + "\" multicast=\"false\" /></Interfaces>";
+  // An older element, <NetworkInterfaceAddress>, has it as its text.
+  if (!element.starts_with("<NetworkInterfaceAddress")) return std::nullopt;
+  const size_t value = begin + element.size() + 1;
+  return std::string(text.substr(value, text.find('<', value) - value));
 }
 
-/// A server on a network also serves the trackers of its own host, whose profile knows the loopback interface
-/// only; the middleware reaches a loopback address only from a loopback interface (measured).
-constexpr std::string_view kLoopback =
-    "<Interfaces><NetworkInterface address=\"127.0.0.1\" multicast=\"false\" /></Interfaces>";
-
-/// Whether there is any interface beside loopback; without one the middleware chooses loopback itself and
-/// refuses it twice.
-bool has_network() {
-  ifaddrs* list = nullptr;
-  if (getifaddrs(&list) != 0) return false;
-  const std::unique_ptr<ifaddrs, decltype(&freeifaddrs)> owner(list, &freeifaddrs);
-  for (const ifaddrs* it = list; it != nullptr; it = it->ifa_next) {
-    const bool usable = (it->ifa_flags & IFF_UP) != 0 && (it->ifa_flags & IFF_LOOPBACK) == 0;
-    if (usable && it->ifa_addr != nullptr && it->ifa_addr->sa_family == AF_INET) return true;
-  }
-  return false;
-}
-
-bool names_loopback(std::string_view xml) {
-  return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
-}
-
-/// Takes the profile's own choice of interfaces out: a second <Interfaces> would add to it.
-void remove_interfaces(std::string* profile) {
-  constexpr std::string_view kEnd = "</Interfaces>";
-  const size_t begin = profile->find("<Interfaces>");
-  const size_t end = profile->find(kEnd);
-  if (begin == std::string::npos || end == std::string::npos || end < begin) return;
-  profile->erase(begin, end + kEnd.size() - begin);
-}
-
-}  // namespace
-
-Result<std::string> make_configuration(const ParticipantOptions& options) {
+Result<std::string> make_configuration(const ParticipantOptions& options, const NetworkPath& path) {
   if (options.domain > kMaxDomain) {
     return fail(ErrorCode::kConfiguration, "domain " + std::to_string(options.domain) + ": 0 to " +
                                                std::to_string(kMaxDomain) + " are possible");
@@ -138,15 +109,15 @@ Result<std::string> make_configuration(const ParticipantOptions& options) {
   Result<std::string> profile = read_profile(options.profile);
   if (!profile) return profile;
   std::string interfaces;
-  if (!options.listen.empty()) {
-    Result<std::string> element = interface_element(options.listen);
-    if (!element) return element;
-    interfaces = *std::move(element);
+  const bool is_fixed = options.listen.empty() && interface_of_profile(*profile);
+  if (!is_fixed && !path.address.empty()) {
+    interfaces = interface_element(path.address);
     remove_interfaces(&*profile);
   }
-  if (options.role == Role::kServer && !names_loopback(*profile) && !names_loopback(interfaces) &&
-      has_network()) {
-    interfaces += kLoopback;
+  const bool has_network = is_fixed || !path.address.empty();
+  if (options.role == Role::kServer && has_network && !names_loopback(*profile) &&
+      !names_loopback(interfaces)) {
+    interfaces += interface_element(kLoopback);
   }
 
   std::ostringstream xml;
@@ -158,16 +129,15 @@ Result<std::string> make_configuration(const ParticipantOptions& options) {
   if (options.role == Role::kServer) {
     xml << "<ParticipantIndex>0</ParticipantIndex>";
   } else {
-    Result<std::string> address = resolve(options.server_host);
-    if (!address) return address;
-    xml << "<ParticipantIndex>none</ParticipantIndex><Peers><Peer address=\"" << *address << ':'
+    xml << "<ParticipantIndex>none</ParticipantIndex><Peers><Peer address=\"" << path.server << ':'
         << server_port(options.domain) << "\" /></Peers>";
   }
   xml << "</Discovery>";
-  if (options.loss_per_mille > 0) {
-    xml << "<Internal><Test><XmitLossiness>" << options.loss_per_mille
-        << "</XmitLossiness></Test></Internal>";
-  }
+  // A thread for each socket would end only by a packet to our own address: never, once that is gone.
+  xml << "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>";
+  if (options.loss_per_mille > 0)
+    xml << "<Test><XmitLossiness>" << options.loss_per_mille << "</XmitLossiness></Test>";
+  xml << "</Internal>";
   xml << "</Domain></CycloneDDS>";
   return xml.str();
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -11,9 +12,16 @@ namespace cairn::wire::internal {
 /// Text of a built-in profile (deploy/dds/<name>.xml at build time); empty for any other name.
 [[nodiscard]] std::string_view built_in_profile(std::string_view name);
 
-/// The configuration of the middleware as XML: the profile with the interface asked for, then what makes the
-/// star. Reads the profile's file and resolves the server's name; otherwise pure. Errors: those of
-/// Participant::create.
-[[nodiscard]] Result<std::string> make_configuration(const ParticipantOptions& options);
+/// Text of a profile, built in or a file.
+[[nodiscard]] Result<std::string> read_profile(const std::string& profile);
+
+/// The name or address of the first interface that a profile's text asks for; nothing: it leaves the choice.
+[[nodiscard]] std::optional<std::string> interface_of_profile(std::string_view text);
+
+/// The configuration of the middleware as XML: the profile with the interface of the path, where it does not
+/// name one itself or `listen` does, then what makes the star. Reads the profile's file; otherwise pure.
+/// Errors: kConfiguration (domain, profile).
+[[nodiscard]] Result<std::string> make_configuration(const ParticipantOptions& options,
+                                                     const NetworkPath& path);
 
 }  // namespace cairn::wire::internal

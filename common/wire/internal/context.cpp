@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/internal/context.h"
 
-#include <arpa/inet.h>
-#include <netinet/in.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
-#include <cerrno>
+#include <optional>
 
 #include "common/wire/internal/configuration.h"
+#include "common/wire/internal/port_holder.h"
+#include "common/wire/network_path.h"
 
 namespace cairn::wire::internal {
 namespace {
@@ -32,45 +29,54 @@ Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const st
   return std::pair(*std::move(domain), id);
 }
 
-/// Only to say why a server could not start: whether somebody else has its port.
-bool port_is_taken(uint16_t port) {
-  const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return false;
-  sockaddr_in address{};
-  address.sin_family = AF_INET;
-  address.sin_port = htons(port);
-  const bool taken =
-      bind(fd, reinterpret_cast<const sockaddr*>(&address), sizeof(address)) != 0 && errno == EADDRINUSE;
-  close(fd);
-  return taken;
+/// Why a server could not start, when that is because somebody else has one of its ports.
+std::optional<Error> explain_taken_port(uint32_t domain) {
+  for (const uint16_t port : {server_port(domain), static_cast<uint16_t>(server_port(domain) + 1)}) {
+    if (!port_is_taken(port)) continue;
+    const std::string number = std::to_string(domain);
+    const auto holder = find_port_holder(port);
+    const std::string by =
+        holder ? holder->program + " (process " + std::to_string(holder->process) + ")" : "";
+    const std::string what =
+        holder && holder->program == "cairn-server"
+            ? "domain " + number + " has a server on this host already: " + by + " holds UDP port " +
+                  std::to_string(port)
+            : "UDP port " + std::to_string(port) + ", the server's in domain " + number + ", is held by " +
+                  (holder ? by + ", another program"
+                          : "a program of another user (`sudo ss -lunp` names it)") +
+                  "; DDS programs such as those of ROS 2 use these ports too, most of them in domain 0";
+    return Error{ErrorCode::kRefused,
+                 what + "; stop it or choose another --domain, for trackers and cairnctl as well"};
+  }
+  return std::nullopt;
 }
 
-Error explain(const ParticipantOptions& options, const Error& error) {
-  const uint16_t port = server_port(options.domain);
-  if (options.role == Role::kServer && (port_is_taken(port) || port_is_taken(port + 1))) {
-    return {ErrorCode::kRefused, "domain " + std::to_string(options.domain) +
-                                     " has a server on this host already (UDP port " + std::to_string(port) +
-                                     " is taken); stop it or choose another --domain"};
+Error explain(const ParticipantOptions& options, const NetworkPath& path, const Error& error) {
+  if (options.role == Role::kServer) {
+    if (auto taken = explain_taken_port(options.domain)) return *std::move(taken);
   }
-  return {ErrorCode::kConfiguration,
-          error.message + " (domain " + std::to_string(options.domain) + ", profile '" + options.profile +
-              "'" + (options.listen.empty() ? "" : ", listening on '" + options.listen + "'") +
-              "); the lines above say more"};
+  return {ErrorCode::kConfiguration, error.message + " (domain " + std::to_string(options.domain) +
+                                         ", profile '" + options.profile + "', " + describe(path) +
+                                         "); the lines above say more"};
 }
 
 }  // namespace
 
 Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& options) {
-  const Result<std::string> configuration = make_configuration(options);
+  Result<NetworkPath> path = find_path(options);
+  if (!path) return tl::unexpected(path.error());
+  const Result<std::string> configuration = make_configuration(options, *path);
   if (!configuration) return tl::unexpected(configuration.error());
   auto domain = create_domain(options.domain, *configuration);
-  if (!domain) return tl::unexpected(explain(options, domain.error()));
+  if (!domain) return tl::unexpected(explain(options, *path, domain.error()));
   const dds_entity_t participant = dds_create_participant(domain->second, nullptr, nullptr);
   if (participant < 0) {
-    return tl::unexpected(explain(
-        options, {ErrorCode::kInternal, std::string("DDS participant: ") + dds_strretcode(-participant)}));
+    return tl::unexpected(
+        explain(options, *path,
+                {ErrorCode::kInternal, std::string("DDS participant: ") + dds_strretcode(-participant)}));
   }
-  return std::shared_ptr<Context>(new Context(std::move(domain->first), participant, options.log));
+  return std::shared_ptr<Context>(
+      new Context(std::move(domain->first), participant, *std::move(path), options.log));
 }
 
 Result<dds_entity_t> Context::topic(const TopicDescription& description) {

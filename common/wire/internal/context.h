@@ -27,6 +27,7 @@ class Context {
   [[nodiscard]] static Result<std::shared_ptr<Context>> create(const ParticipantOptions& options);
 
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
+  [[nodiscard]] const NetworkPath& path() const { return path_; }
   /// Made when first asked for; lives as long as the context.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
 
@@ -37,9 +38,10 @@ class Context {
   std::atomic<uint64_t> bytes_received{0};
 
  private:
-  Context(Entity domain, dds_entity_t participant, Logger log)
-      : domain_(std::move(domain)), participant_(participant), log_(std::move(log)) {}
+  Context(Entity domain, dds_entity_t participant, NetworkPath path, Logger log)
+      : path_(std::move(path)), domain_(std::move(domain)), participant_(participant), log_(std::move(log)) {}
 
+  const NetworkPath path_;
   Entity domain_;  ///< owns the rest
   dds_entity_t participant_ = 0;
   std::mutex mutex_;

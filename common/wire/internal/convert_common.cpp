@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/internal/convert_common.h"
 
+#include "common/base/utf8.h"
+
 namespace cairn::wire::internal {
 namespace {
 
@@ -41,9 +43,7 @@ void Check::text(const char* text, size_t max_bytes) {
   const std::string_view view(text == nullptr ? "" : text);
   require(view.size() <= max_bytes, "text too long");
   // They end in terminals and logs.
-  require(std::none_of(view.begin(), view.end(),
-                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; }),
-          "control character in a text");
+  require(!fault_of_text(view), "a text that is no UTF-8 or has characters that cannot be seen");
 }
 
 void Check::unit(const float (&vector)[3]) {

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/session/connection.h"
+
+#include <chrono>
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+/// Between two looks at the way to a silent server; the first comes that long after it fell silent.
+constexpr std::chrono::milliseconds kLookInterval{1000};
+
+}  // namespace
+
+Result<std::unique_ptr<Connection>> Connection::open(SessionState& state,
+                                                     const wire::ParticipantOptions& options,
+                                                     wire::ImageEncoding encoding, FindPath find_path,
+                                                     Logger log) {
+  std::unique_ptr<Connection> made(
+      new Connection(state, options, encoding, std::move(find_path), std::move(log)));
+  auto link = made->make_link();
+  if (!link) return tl::unexpected(link.error());
+  made->link_ = std::move(*link);
+  made->path_ = made->link_->participant.path();
+  made->path_watch_ = std::make_unique<PathWatch>(options.server_host, made->path_);
+  made->thread_ = std::thread([me = made.get()] { me->watch(); });
+  return made;
+}
+
+Connection::Connection(SessionState& state, wire::ParticipantOptions options, wire::ImageEncoding encoding,
+                       FindPath find_path, Logger log)
+    : state_(state),
+      options_(std::move(options)),
+      encoding_(encoding),
+      find_path_(std::move(find_path)),
+      log_(std::move(log)) {}
+
+Connection::~Connection() {
+  {
+    const std::scoped_lock lock(mutex_);
+    closing_ = true;
+  }
+  for_watch_.notify_one();
+  if (thread_.joinable()) thread_.join();
+  take_down();
+}
+
+void Connection::map_changed() {
+  const std::scoped_lock lock(mutex_);
+  if (link_) link_->receiver->map_changed();
+}
+
+wire::Traffic Connection::traffic() const {
+  const std::scoped_lock lock(mutex_);
+  wire::Traffic all = past_traffic_;
+  if (!link_) return all;
+  const wire::Traffic now = link_->participant.traffic();
+  all.bytes_sent += now.bytes_sent;
+  all.bytes_received += now.bytes_received;
+  return all;
+}
+
+wire::NetworkPath Connection::path() const {
+  const std::scoped_lock lock(mutex_);
+  return path_;
+}
+
+Result<std::unique_ptr<Connection::Link>> Connection::make_link() {
+  auto participant = wire::Participant::create(options_);
+  if (!participant) return tl::unexpected(participant.error());
+  {
+    const std::scoped_lock lock(state_.mutex);
+    state_.stopping = false;
+    state_.camera_due = true;  // the one before is forgotten with its writer
+  }
+  auto link = std::make_unique<Link>(Link{*std::move(participant), nullptr, nullptr});
+  const std::string& name = state_.options.name;
+  auto receiver = Receiver::start(state_, memory_, link->participant, name, log_);
+  if (!receiver) return tl::unexpected(receiver.error());
+  link->receiver = std::move(*receiver);
+  auto sender = Sender::start(state_, link->participant, wire::client_partition(name), encoding_, log_);
+  if (!sender) {
+    end_pumps();
+    return tl::unexpected(sender.error());
+  }
+  link->sender = std::move(*sender);
+  return link;
+}
+
+void Connection::end_pumps() {
+  {
+    const std::scoped_lock lock(state_.mutex);
+    state_.stopping = true;
+  }
+  state_.for_sender.notify_all();
+  state_.for_waiters.notify_all();
+}
+
+void Connection::take_down() {
+  end_pumps();
+  std::unique_ptr<Link> old;
+  {
+    const std::scoped_lock lock(mutex_);
+    old = std::move(link_);
+    if (!old) return;
+    const wire::Traffic traffic = old->participant.traffic();
+    past_traffic_.bytes_sent += traffic.bytes_sent;
+    past_traffic_.bytes_received += traffic.bytes_received;
+  }
+}
+
+void Connection::join_anew() {
+  take_down();
+  for (auto& [map, copy] : memory_.maps) copy.labels.orphan_all(std::chrono::steady_clock::now());
+  auto link = make_link();
+  if (!link) {
+    path_watch_->left();
+    log_->warn("cannot join anew yet: {}", link.error().message);
+    return;
+  }
+  const wire::NetworkPath path = (*link)->participant.path();
+  path_watch_->joined(path);
+  const std::scoped_lock lock(mutex_);
+  link_ = std::move(*link);
+  path_ = path;
+}
+
+bool Connection::is_silent() const {
+  const std::scoped_lock lock(state_.mutex);
+  return state_.monitor.link() != ServerLink::kConnected;
+}
+
+void Connection::watch() {
+  bool was_silent = false;
+  std::unique_lock lock(mutex_);
+  while (!for_watch_.wait_for(lock, kLookInterval, [this] { return closing_; })) {
+    lock.unlock();
+    const bool silent = is_silent();
+    if (!silent) path_watch_->heard();
+    if (silent && was_silent) {
+      const PathWatch::Advice advice = path_watch_->compare(find_path_(options_));
+      if (!advice.text.empty()) log_->warn("{}", advice.text);
+      if (advice.join_anew) join_anew();
+    }
+    was_silent = silent;
+    lock.lock();
+  }
+}
+
+}  // namespace cairn

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "client/session/path_watch.h"
+#include "client/session/receiver.h"
+#include "client/session/sender.h"
+#include "client/session/session_state.h"
+#include "common/base/log.h"
+#include "common/wire/participant.h"
+
+namespace cairn {
+
+/// A session's place in the DDS domain: participant, receiver and sender. A thread of its own watches, while
+/// the server is silent, whether the way to it is another one now, and then makes all three anew; what the
+/// session has and knows stays in SessionState and ReceiverMemory. Thread-safe.
+class Connection {
+ public:
+  /// Where a participant with these options would stand (wire::find_path()), or stands in for it in tests.
+  using FindPath = std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)>;
+
+  /// Joins; does not wait for the server. `state` outlives it.
+  [[nodiscard]] static Result<std::unique_ptr<Connection>> open(SessionState& state,
+                                                                const wire::ParticipantOptions& options,
+                                                                wire::ImageEncoding encoding,
+                                                                FindPath find_path, Logger log);
+  ~Connection();
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+
+  /// The map in use is another one.
+  void map_changed();
+  /// Of all participants so far.
+  [[nodiscard]] wire::Traffic traffic() const;
+  [[nodiscard]] wire::NetworkPath path() const;
+
+ private:
+  /// In order of construction: the threads go first, the participant last.
+  struct Link {
+    wire::Participant participant;
+    std::unique_ptr<Receiver> receiver;
+    std::unique_ptr<Sender> sender;
+  };
+
+  Connection(SessionState& state, wire::ParticipantOptions options, wire::ImageEncoding encoding,
+             FindPath find_path, Logger log);
+
+  [[nodiscard]] Result<std::unique_ptr<Link>> make_link();
+  void end_pumps();
+  void take_down();
+  void join_anew();
+  void watch();
+  [[nodiscard]] bool is_silent() const;
+
+  SessionState& state_;
+  const wire::ParticipantOptions options_;
+  const wire::ImageEncoding encoding_;
+  const FindPath find_path_;
+  const Logger log_;
+  ReceiverMemory memory_;
+
+  mutable std::mutex mutex_;  ///< of what follows; never held while DDS entities are made or closed
+  std::condition_variable for_watch_;
+  bool closing_ = false;
+  std::unique_ptr<Link> link_;  ///< null: while it is made anew
+  wire::Traffic past_traffic_;
+  wire::NetworkPath path_;  ///< the last one joined on
+
+  std::unique_ptr<PathWatch> path_watch_;  ///< of the thread
+  std::thread thread_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+/// JSON as text. nlohmann's dump() throws by default where a text is no UTF-8, also when the work that it
+/// tells of is done; these never do: each such byte becomes U+FFFD.
+namespace cairn {
+
+/// For people and files. `indent` below 0: on one line.
+template <typename Json>
+[[nodiscard]] std::string json_text(const Json& json, int indent = -1) {
+  return json.dump(indent, ' ', false, Json::error_handler_t::replace);
+}
+
+/// For the wire: on one line, ASCII with escapes for the rest, so that whatever is in it passes as a text.
+template <typename Json>
+[[nodiscard]] std::string json_ascii(const Json& json) {
+  return json.dump(-1, ' ', true, Json::error_handler_t::replace);
+}
+
+}  // namespace cairn

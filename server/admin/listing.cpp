@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/admin/listing.h"
+
+#include <cinttypes>
+#include <cstdio>
+#include <ctime>
+#include <vector>
+
+#include "common/base/utf8.h"
+
+namespace cairn {
+
+using nlohmann::json;
+
+namespace {
+
+constexpr size_t kNameColumns = 24;  ///< wide enough for most names of maps
+constexpr size_t kTextColumns = 32;
+
+/// As wide as a terminal shows it, which is not the number of its bytes.
+std::string column_of(const std::string& text, size_t columns) {
+  return padded(text.empty() ? "?" : text, columns);
+}
+
+}  // namespace
+
+std::string text_of(const json& object, const char* key) {
+  return one_line(object.value(key, ""));
+}
+
+void print_map(const json& map) {
+  std::printf("%s %s  %5d keyframes %7d points %8.1f MB%s%s\n",
+              column_of(text_of(map, "name"), kNameColumns).c_str(), text_of(map, "id").c_str(),
+              map.value("keyframes", 0), map.value("points", 0), map.value("memory_bytes", 0.0) * 1e-6,
+              map.value("at_rest", false) ? "  at rest" : "", map.contains("frozen") ? "  frozen" : "");
+  if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
+  for (const json& overlap : map.value("overlaps", json::array()))
+    std::printf("%24s overlaps %s: %d of its keyframes show that map, %d of that map's show this\n", "",
+                text_of(overlap, "map").c_str(), overlap.value("keyframes", 0),
+                overlap.value("its_keyframes", 0));
+}
+
+void print_whole_map(const json& map) {
+  print_map(map);
+  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),
+              map.value("revision", uint64_t{0}));
+  std::printf("plane         %s\n",
+              map.value("plane_aligned", false) ? "the dominant one is Z = 0" : "none found");
+  if (map.contains("reprojection_px"))
+    std::printf("reprojection  %.2f px (root mean square)\n", map.value("reprojection_px", 0.0));
+  for (const json& camera : map.value("cameras", json::array()))
+    std::printf("camera        %dx%d %s, focal length %.1f px: %d keyframes\n", camera.value("width", 0),
+                camera.value("height", 0), text_of(camera, "model").c_str(), camera.value("focal_px", 0.0),
+                camera.value("keyframes", 0));
+  std::printf("labels        %d\n", map.value("labels", 0));
+}
+
+void print_deleted(const json& map) {
+  const std::string name = text_of(map, "name");
+  const std::string id = text_of(map, "id");
+  const bool damaged = map.contains("damaged");
+  const char* problem = damaged ? "damaged" : "unreadable";
+  const std::string why = text_of(map, problem);
+  std::printf("%s %s  deleted, %.1f MB on disk%s%s\n", column_of(name, kNameColumns).c_str(), id.c_str(),
+              map.value("bytes", 0.0) * 1e-6, why.empty() ? "" : ", ", why.empty() ? "" : problem);
+  if (why.empty()) return;
+  const std::string remedy = damaged ? "`cairnctl maps purge " + id + "` removes it" : "see to that";
+  std::printf("%24s %s; %s\n", "", why.c_str(), remedy.c_str());
+}
+
+void print_damaged(const json& file) {
+  const std::string name = text_of(file, "name");
+  const std::string id = text_of(file, "id");
+  std::printf("%s %-32s  damaged, set aside, %.1f MB: %s\n", column_of(name, kNameColumns).c_str(),
+              id.c_str(), file.value("bytes", 0.0) * 1e-6, text_of(file, "file").c_str());
+  if (!id.empty())
+    std::printf("%24s %s\n", "",
+                file.value("served", false) ? "what could be saved of it is served" : "not served");
+  for (const json& reason : file.value("reasons", json::array()))
+    std::printf("%24s %s\n", "", one_line(reason.get<std::string>()).c_str());
+}
+
+void print_unloaded(const json& map) {
+  const std::string name = text_of(map, "name");
+  std::printf("%s %s  not served: %s\n%24s %s\n", column_of(name, kNameColumns).c_str(),
+              text_of(map, "id").c_str(), text_of(map, "file").c_str(), "", text_of(map, "reason").c_str());
+  std::printf("%24s see to that and start the server again, or move the file away and import an archive\n",
+              "");
+}
+
+void print_label(const json& label) {
+  const std::time_t seconds = label.value("time", int64_t{0}) / 1'000'000'000;
+  std::tm parts{};
+  gmtime_r(&seconds, &parts);
+  char when[32];
+  std::strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &parts);
+  const auto at = label.value("position", std::vector<double>(3));
+  std::printf("%s %4" PRIu64 "  %s by %s, %s UTC, at %.3f %.3f %.3f%s\n",
+              column_of(text_of(label, "map"), kNameColumns).c_str(), label.value("id", uint64_t{0}),
+              column_of(text_of(label, "text"), kTextColumns).c_str(), text_of(label, "author").c_str(), when,
+              at.at(0), at.at(1), at.at(2), label.value("kind", "") == "model" ? ", a model" : "");
+}
+
+}  // namespace cairn

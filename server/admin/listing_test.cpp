@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/admin/listing.h"
+
+#include <gtest/gtest.h>
+
+#include "common/base/utf8.h"
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+
+std::string row_of(const std::string& text) {
+  testing::internal::CaptureStdout();
+  print_label({{"map", "desk"}, {"id", 1}, {"text", text}, {"author", "hand"}, {"position", {0, 0, 0}}});
+  return testing::internal::GetCapturedStdout();
+}
+
+TEST(Listing, ColumnsStandUnderEachOtherWhateverTheScript) {
+  const size_t column = row_of("vice").find(" by hand");
+  for (const std::string text : {"Küche", "Ku\u0308che", "工作台", "стол", "K\xfc"}) {
+    const std::string row = row_of(text);
+    EXPECT_EQ(text_width(row.substr(0, row.find(" by hand"))), column) << row;
+  }
+}
+
+TEST(Listing, NothingInItSteersTheTerminal) {
+  for (const std::string text : {"a\u202eb",
+                                 "a\xc2\x9b"
+                                 "2J",
+                                 "a\x1b[2J", "\xff", "de\u200bsk"}) {
+    std::string row = row_of(text);
+    ASSERT_EQ(row.back(), '\n');
+    row.pop_back();
+    EXPECT_EQ(fault_of_text(row), std::nullopt) << one_line(row);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
