@@ -243,9 +243,10 @@ tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& mo
     return refuse(TwoViewRefusal::kTooFewMatches, "too few trails are seen all the way: move more slowly");
   const MotionsAdjusted adjusted = adjust_motions(*camera_, views, motions.b_from_a);
   const AdjustedMotion* best = clear_best(adjusted);
-  // Trails that went astray together, as in blur, can decide for the wrong one: no witness may contradict.
-  const bool contradicted =
-      best != nullptr && motions.decided && !same_motion(best->last_from_first, motions.b_from_a.front());
+  // Trails that went astray together, as in blur, can decide for the wrong one: the pair, where it decides by
+  // itself, must not be for another of the motions. Its own may move as the views between are heard.
+  const bool contradicted = best != nullptr && motions.decided && best != adjusted.motions.data() &&
+                            !same_motion(best->last_from_first, motions.b_from_a.front());
   if (best == nullptr || contradicted) {
     return refuse(TwoViewRefusal::kAmbiguous,
                   "two motions explain the matches: move the camera on, in another direction");
