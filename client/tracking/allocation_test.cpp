@@ -63,7 +63,7 @@ TEST(Allocations, AreSeenHere) {
 /// Round and round: what the first rounds had to learn (templates, places, what stands still, how much memory
 /// a picture takes) the later ones know. The way is too short for a keyframe.
 TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
-  constexpr int kRound = 24;  // frames
+  constexpr int kRound = 24;          // frames
   constexpr int kRoundsToLearn = 34;  // what stands still is looked for in every eighth of 800 frames
   const CameraPtr camera = *make_camera(
       {CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02, 0.001, -0.001}});
