@@ -4,7 +4,9 @@
 #include <chrono>
 #include <condition_variable>
 #include <mutex>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "common/base/log.h"
 
@@ -13,13 +15,26 @@ namespace cairn {
 /// How long a program that has done its work waits for the network middleware to close.
 constexpr std::chrono::seconds kClosingPatience{3};
 
+/// What a process is begun with.
+struct Command {
+  std::string program;                 ///< path
+  std::vector<std::string> arguments;  ///< from the program's own name on
+};
+
+/// This program with the arguments that it was begun with; without any where /proc does not tell.
+[[nodiscard]] Command own_command();
+
 /// Holds the end of a process to a time, whatever a library's closing does: make it when all files are
-/// complete and the exit code is known, then close the rest, then destroy it. When the time is over before
-/// that, the process says so and ends with the code, without destructors. What stands in the streams of C is
-/// written at construction.
+/// complete and what follows is known, then close the rest, then destroy it. When the time is over before
+/// that, the process says so and goes without destructors. What stands in the streams of C is written at
+/// construction.
 class ExitDeadline {
  public:
+  /// It ends with the code.
   ExitDeadline(int exit_code, std::chrono::milliseconds patience, Logger log);
+  /// It becomes `next`, under its process id and with its standard streams alone; where that cannot be, it
+  /// ends with kInternal's code.
+  ExitDeadline(Command next, std::chrono::milliseconds patience, Logger log);
   ~ExitDeadline();
   ExitDeadline(const ExitDeadline&) = delete;
   ExitDeadline& operator=(const ExitDeadline&) = delete;
@@ -28,6 +43,7 @@ class ExitDeadline {
   void watch();
 
   const int exit_code_;
+  const Command next_;  ///< without arguments: none
   const std::chrono::milliseconds patience_;
   const Logger log_;
   std::mutex mutex_;

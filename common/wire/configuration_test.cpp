@@ -37,10 +37,11 @@ TEST(Configuration, TheServerHasAPlaceAndNoPeers) {
   EXPECT_THAT(xml, HasSubstr("<ParticipantIndex>0</ParticipantIndex>"));
 }
 
-/// Only what is woken by no packet ends when the address is gone.
+/// Only what is woken by no packet, and waits for none, ends when the address is gone.
 TEST(Configuration, ClosingNeedsNoAddressOfOurs) {
-  EXPECT_THAT(make_configuration(client_of(0), kOnThisHost).value(),
-              HasSubstr("<MultipleReceiveThreads>false</MultipleReceiveThreads>"));
+  const std::string xml = make_configuration(client_of(0), kOnThisHost).value();
+  EXPECT_THAT(xml, HasSubstr("<MultipleReceiveThreads>false</MultipleReceiveThreads>"));
+  EXPECT_THAT(xml, HasSubstr("<WriterLingerDuration>0s</WriterLingerDuration>"));
 }
 
 TEST(Configuration, TheInterfaceOfThePathTakesTheChoiceFromTheMiddleware) {

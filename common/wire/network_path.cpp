@@ -35,6 +35,11 @@ struct Interface {
   bool is_running = false;  ///< has a carrier
 };
 
+/// Several names or addresses where one is expected.
+bool is_list(const std::string& text) {
+  return text.find_first_of(",; ") != std::string::npos;
+}
+
 bool is_ipv4_address(const std::string& text) {
   in_addr address{};
   return inet_pton(AF_INET, text.c_str(), &address) == 1;
@@ -79,6 +84,11 @@ std::string list_of(const std::vector<Interface>& interfaces) {
 
 /// Why an interface asked for cannot be used, or the one that it is. `asked`: name or IPv4 address.
 Result<NetworkPath> find_interface(const std::string& asked) {
+  if (is_list(asked)) {
+    return fail(
+        ErrorCode::kUsage,
+        "'" + asked + "': several network interfaces, and one is used; pass its name or IPv4 address");
+  }
   const std::vector<Interface> all = list_interfaces();
   const auto is_meant = [&](const Interface& i) { return i.name == asked || i.address == asked; };
   const auto usable = std::find_if(all.begin(), all.end(), [&](const Interface& i) {
@@ -117,13 +127,12 @@ Result<std::string> resolve(const std::string& host) {
   const auto refuse = [&](ErrorCode code, const std::string& why) {
     return fail(code, "server '" + host + "': " + why);
   };
+  if (is_list(host)) return refuse(ErrorCode::kUsage, "several servers are not available yet; pass one host");
   if (std::count(host.begin(), host.end(), ':') > 1)
     return refuse(ErrorCode::kUsage,
                   "an IPv6 address, and the service speaks IPv4 only; pass an IPv4 address");
   if (host.find(':') != std::string::npos)
     return refuse(ErrorCode::kUsage, "the port follows from --domain; pass the host alone");
-  if (host.find(',') != std::string::npos)
-    return refuse(ErrorCode::kUsage, "several servers are not available yet; pass one host");
   addrinfo hints{};
   hints.ai_family = AF_INET;
   hints.ai_socktype = SOCK_DGRAM;

@@ -72,7 +72,24 @@ TEST(NetworkPath, WhatIsNoHostSaysWhatToPass) {
   }
   EXPECT_EQ(refusal_of("10.77.0.1:7410").code, ErrorCode::kUsage);
   EXPECT_THAT(refusal_of("10.77.0.1:7410").message, HasSubstr("--domain"));
-  EXPECT_EQ(refusal_of("10.77.0.1,10.77.0.2").code, ErrorCode::kUsage);
+  for (const char* list : {"10.77.0.1,10.77.0.2", "desk-pc lab-pc", "::1;::2"}) {
+    EXPECT_EQ(refusal_of(list).code, ErrorCode::kUsage);
+    EXPECT_THAT(refusal_of(list).message, HasSubstr("pass one host"));
+  }
+}
+
+TEST(NetworkPath, SeveralInterfacesAreRefusedWithWhatToPass) {
+  ParticipantOptions options = client_of("localhost");
+  for (const Role role : {Role::kServer, Role::kClient}) {
+    options.role = role;
+    for (const char* list : {"lo,eth0", "127.0.0.1 10.77.0.1"}) {
+      options.listen = list;
+      const auto refused = find_path(options);
+      ASSERT_FALSE(refused);
+      EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+      EXPECT_THAT(refused.error().message, HasSubstr("pass its name or IPv4 address"));
+    }
+  }
 }
 
 TEST(NetworkPath, ThisHostHasTheLoopbackProfile) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The middleware itself, over the loopback interface. Each test has a domain of its own.
+#include <dds/dds.h>
 #include <dds/ddsrt/log.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,12 +11,14 @@
 #include <chrono>
 #include <fstream>
 #include <functional>
+#include <future>
 #include <limits>
 #include <set>
 #include <sstream>
 #include <thread>
 
 #include "common/wire/discovered_readers.h"
+#include "common/wire/internal/context.h"
 #include "common/wire/log_redirect.h"
 #include "common/wire/partition.h"
 #include "common/wire/test_messages.h"
@@ -380,6 +383,29 @@ TEST_F(WireTest, AHungServerIsSeen) {
   EXPECT_EQ(at_client.matched(), 1) << "it has not gone, it hangs";
   ASSERT_TRUE(status.write(message));
   EXPECT_TRUE(eventually([&] { return at_client.alive_writers() == 1; }));
+}
+
+/// As one whose address has gone, or that is stopped: it keeps its readers until its lease is over, and
+/// acknowledges nothing.
+TEST_F(WireTest, ClosingWaitsForNobody) {
+  constexpr size_t kWriters = 30;  // a second each would be more than is waited for here
+  const Participant server = this->server();
+  const Participant client = this->client();
+  std::vector<Writer<ServerStatus>> writers;
+  std::vector<Reader<ServerStatus>> readers;
+  for (size_t i = 0; i < kWriters; ++i) {
+    const std::string partition = client_partition(std::to_string(i));
+    writers.push_back(writer<ServerStatus>(server, partition));
+    readers.push_back(reader<ServerStatus>(client, partition));
+  }
+  ASSERT_TRUE(eventually([&] {
+    return std::all_of(writers.begin(), writers.end(), [](const auto& each) { return each.matched() == 1; });
+  }));
+  ASSERT_EQ(dds_domain_set_deafmute(client.context()->participant(), true, true, DDS_INFINITY),
+            DDS_RETCODE_OK);
+  for (auto& each : writers) ASSERT_TRUE(each.write(random_.make<ServerStatus>()));
+  auto closed = std::async(std::launch::async, [&] { writers.clear(); });
+  EXPECT_EQ(closed.wait_for(20s), std::future_status::ready);
 }
 
 TEST_F(WireTest, EverythingArrivesThroughHeavyLoss) {

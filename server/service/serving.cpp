@@ -25,8 +25,8 @@ Status begin_anew(const sigset_t& signals, const ServiceOptions& options, std::u
                   const Logger& log) {
   (*service)->close();
   {
-    // All is kept: where the middleware holds it up, whoever supervises the server starts it again.
-    const ExitDeadline deadline(exit_code(ErrorCode::kInternal), kClosingPatience, log);
+    // All is kept: where the middleware holds it up, the process begins again as it was begun.
+    const ExitDeadline deadline(own_command(), kClosingPatience, log);
     service->reset();
   }
   for (bool told = false; !*service;) {

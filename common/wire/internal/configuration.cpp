@@ -135,6 +135,8 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
   xml << "</Discovery>";
   // A thread for each socket would end only by a packet to our own address: never, once that is gone.
   xml << "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>";
+  // Each writer would hold up its thread for a second where a peer does not acknowledge, one after another.
+  xml << "<WriterLingerDuration>0s</WriterLingerDuration>";
   if (options.loss_per_mille > 0)
     xml << "<Test><XmitLossiness>" << options.loss_per_mille << "</XmitLossiness></Test>";
   xml << "</Internal>";
