@@ -160,9 +160,9 @@ class Networks(unittest.TestCase):
         tracker.await_words("the server made map")
         self.move(self.client, "wlan0", "10.77.0.2", "10.77.0.9")
         told = tracker.await_words("by wlan0 (10.77.0.9) instead of wlan0 (10.77.0.2)")
-        tracker.await_words("connected to", told)
+        connected = tracker.await_words("connected to", told)
+        tracker.await_words(" accepted", connected)  # a seed or a keyframe of the new session
         tracker.end(130)
-        self.assertRegex(tracker.said[told:], "keyframes? accepted")
         self.assertNotIn("another live process", tracker.said)
         self.assertNotIn("does not close", tracker.said)
 
