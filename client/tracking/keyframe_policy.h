@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "client/tracking/tracker.h"
+#include "client/tracking/tracker_options.h"
 
 namespace cairn {
 

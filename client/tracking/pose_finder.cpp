@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "client/tracking/tracker.h"
+#include "client/tracking/tracker_options.h"
 #include "common/geometry/scene_depth.h"
 
 namespace cairn {

@@ -4,8 +4,10 @@
 #include <optional>
 #include <span>
 
-#include "client/tracking/tracker.h"
+#include "client/tracking/frame_result.h"
 #include "client/tracking/trails.h"
+#include "common/geometry/camera.h"
+#include "common/map/snapshot.h"
 
 namespace cairn {
 

@@ -77,6 +77,7 @@ TrailFollower::TrailFollower(CameraPtr camera, const TrackerOptions& options)
 void TrailFollower::restart() {
   trails_.clear();
   undecided_ = false;
+  awaited_.reset();
 }
 
 void TrailFollower::begin(const GrayImagePtr& image, Timestamp time, const FrameImages& now) {

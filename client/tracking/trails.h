@@ -7,7 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "client/tracking/tracker.h"
+#include "client/tracking/frame_result.h"
+#include "client/tracking/tracker_options.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/few_views.h"
 #include "common/geometry/two_view.h"
@@ -35,8 +36,12 @@ class TrailFollower {
   [[nodiscard]] std::optional<SeedProposal> propose(const GrayImagePtr& image, Timestamp time,
                                                     const FrameImages& now);
 
+  /// The proposal was accepted: the map is awaited, and the trails are followed meanwhile.
+  void accepted(const SeedAnswer& answer) { awaited_ = answer; }
   /// The proposal was refused: try again after more movement.
   void refused(const std::string& reason);
+  /// What is known of the map that is awaited.
+  [[nodiscard]] const std::optional<SeedAnswer>& awaited() const { return awaited_; }
   /// Whether a proposal awaits its verdict, or its map.
   [[nodiscard]] bool is_undecided() const { return undecided_; }
   /// Forgets all trails; the next frame is a first frame.
@@ -100,6 +105,7 @@ class TrailFollower {
   float tried_at_movement_ = 0;  ///< [px] median movement at the last two-view test
   float way_step_ = 0;           ///< [px] between these
   bool undecided_ = false;
+  std::optional<SeedAnswer> awaited_;
   std::string note_;
 };
 

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/relocalization/recovery.h"
+
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr int kProofFrames = 3;             // in a row, for a pose that was found by looking for it
+constexpr float kSuggestedQuality = 0.25F;  // for a place that geometry speaks for: it may be poorly mapped
+constexpr size_t kMemoriesTried = 3;        // candidates of the memory, by successive frames
+// A camera that has been lost for longer, or has since seen what no map is known of, may have been carried
+// elsewhere, to a place that looks the same from where it was [s].
+constexpr double kStillHere = 1.0;
+constexpr double kWitnessPatience = 0.2;  // [s] an answer takes a frame or two
+
+}  // namespace
+
+void Recovery::start_over(bool insists) {
+  state_ = Starting{insists};
+  question_.restart();
+  proven_.reset();
+}
+
+void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked) {
+  proven_ = pose;
+  if (is_tracked) {
+    state_ = Tracking{};
+  } else {
+    state_ = Lost{};
+  }
+}
+
+void Recovery::begin_verifying(const PoseStart& start, Timestamp time) {
+  Verifying trial;
+  trial.frames_left = kProofFrames;
+  trial.needed_quality = start.quality;
+  if (const Lost* lost = as<Lost>()) trial.memories_tried = lost->memories_tried;
+  if (start.is_own_guess) trial.witness_from = time;
+  state_ = trial;
+}
+
+bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time) {
+  if (auto* trial = std::get_if<Verifying>(&state_)) {
+    trial->quality = quality;
+    --trial->frames_left;
+    if (needs_more(*trial, time)) return false;
+  }
+  state_ = Tracking{quality};
+  proven_ = pose;
+  proven_time_ = time;
+  question_.prove();
+  return true;
+}
+
+/// Another frame, or the word of the server for a while.
+bool Recovery::needs_more(const Verifying& trial, Timestamp time) const {
+  if (trial.frames_left > 0) return true;
+  return lacks_witness() && !question_.nobody_answers() &&
+         std::abs(seconds_between(time, *trial.witness_from)) < kWitnessPatience;
+}
+
+void Recovery::fail(bool is_cut, Timestamp time) {
+  if (const Verifying* trial = as<Verifying>()) {
+    state_ = Lost{trial->memories_tried};
+    question_.refute(time);
+  } else if (auto* tracking = std::get_if<Tracking>(&state_)) {
+    if (tracking->failed_frames++ == 0) tracking->failed_at_cut = is_cut;
+    if (tracking->failed_frames >= options_.lost_after_failed_frames) state_ = Lost{};
+  }
+}
+
+void Recovery::remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,
+                        std::span<const SeenPoint> points) {
+  places_.remember(frame, map, pose.reference, pose.camera_from_reference, pose.mean_depth);
+  views_.remember(frame, map, pose, points);
+}
+
+void Recovery::begin_frame() {
+  described_.reset();
+  suggested_.reset();
+  keyframes_tried_ = 0;
+  source_ = Source::kConfirmed;
+  last_source_ = is_lost() ? Source::kKeyframes : Source::kRefuted;
+}
+
+std::optional<PoseStart> Recovery::next_start(const FrameImages& frame, const MapSnapshot& map,
+                                              const SE3& last, double mean_depth, Timestamp time) {
+  while (source_ <= last_source_) {
+    const Source source = source_;
+    const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < KeyframeRounds::kPerFrame;
+    if (!is_repeated) source_ = static_cast<Source>(static_cast<int>(source) + 1);
+    if (!is_worth_trying(source, time)) break;
+    if (source == Source::kRefuted && suggested_) question_.refute(time);
+    if (const auto start = start_from(source, frame, map, last, mean_depth)) return start;
+  }
+  source_ = Source::kNone;
+  return std::nullopt;
+}
+
+/// Desks look alike to who compares with one map only: after a while it takes the word of the server, which
+/// compares with all, and asks for more likeness than points can show. Keyframes are looked through when
+/// nobody can be asked.
+bool Recovery::is_worth_trying(Source source, Timestamp time) const {
+  if (source <= Source::kRefuted || question_.nobody_answers()) return true;
+  return source != Source::kKeyframes && !may_be_elsewhere(time);
+}
+
+std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& frame, const MapSnapshot& map,
+                                              const SE3& last, double mean_depth) {
+  using Reach = PoseStart::Reach;
+  const auto guess = [](const std::optional<SE3>& pose, Reach reach) -> std::optional<PoseStart> {
+    if (!pose) return std::nullopt;
+    return PoseStart{*pose, reach, kProvenQuality, true};
+  };
+  switch (source) {
+    case Source::kConfirmed:
+      // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
+      suggested_ = question_.take(frame, *camera_, map);
+      if (!suggested_ || !question_.took_confirmed()) return std::nullopt;
+      return PoseStart{*suggested_, Reach::kNear, kSuggestedQuality, false};
+    case Source::kSuggested:
+      if (!suggested_) return std::nullopt;
+      return PoseStart{*suggested_, Reach::kWide, kSuggestedQuality, false};
+    case Source::kCorners:
+      return guess(by_corners(frame, map, last, mean_depth), Reach::kNear);
+    case Source::kMemory:
+      return guess(places_.recall(frame, *camera_, map, next_memory()), Reach::kWide);
+    case Source::kProven:
+      return guess(proven_in(map), Reach::kWide);
+    case Source::kKeyframes:
+      return guess(rounds_.next(map), Reach::kQuick);
+    case Source::kRefuted:
+    case Source::kNone:
+      break;
+  }
+  return std::nullopt;
+}
+
+size_t Recovery::next_memory() {
+  auto* lost = std::get_if<Lost>(&state_);
+  return lost == nullptr ? 0 : lost->memories_tried++ % kMemoriesTried;
+}
+
+std::optional<SE3> Recovery::proven_in(const MapSnapshot& map) const {
+  if (!proven_ || proven_->map != map.map) return std::nullopt;
+  const KeyframePose* keyframe = map.find(proven_->reference);
+  if (keyframe == nullptr) return std::nullopt;
+  return proven_->camera_from_reference * keyframe->camera_from_map;
+}
+
+std::optional<SE3> Recovery::by_corners(const FrameImages& frame, const MapSnapshot& map, const SE3& last,
+                                        double mean_depth) {
+  if (!views_.knows(map)) return std::nullopt;
+  if (!described_) described_ = describe_place(frame.pyramid, frame.all_corners());
+  return views_.recognize(*described_, *camera_, map, last, mean_depth, options_.seed);
+}
+
+bool Recovery::may_be_elsewhere(Timestamp time) const {
+  const double since = seconds_between(time, proven_time_);
+  return since < 0 || since > kStillHere || question_.is_elsewhere();
+}
+
+std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timestamp time, bool may_enter) {
+  if (!is_asking(may_enter)) return nullptr;
+  return question_.ask(frame, time);
+}
+
+/// Whether a place suggested would be tried.
+bool Recovery::is_looking(bool may_enter) const {
+  if (const Starting* starting = as<Starting>()) return may_enter && !starting->insists;
+  return is_lost();
+}
+
+/// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
+/// first of many.
+bool Recovery::is_asking(bool may_enter) const {
+  const Tracking* tracking = as<Tracking>();
+  return is_looking(may_enter) || (tracking != nullptr && tracking->failed_frames > 0) || lacks_witness();
+}
+
+bool Recovery::lacks_witness() const {
+  const Verifying* trial = as<Verifying>();
+  return trial != nullptr && trial->witness_from && !question_.is_answered_since(*trial->witness_from);
+}
+
+/// The map in use is left for another only when lost, or when the picture changed as no hand can move.
+bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const {
+  if (is_looking(may_enter)) return true;
+  const Tracking* tracking = as<Tracking>();
+  const bool failed_at_cut = tracking != nullptr && tracking->failed_at_cut;
+  return is_asking(may_enter) && (failed_at_cut || place.map == map);
+}
+
+/// Whether the server knows the camera in another map than the one in which it is verified by its own guess.
+bool Recovery::is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const {
+  const Verifying* trial = as<Verifying>();
+  return trial != nullptr && trial->witness_from && question_.is_answered_since(*trial->witness_from) &&
+         place.confirmed && place.map != map;
+}
+
+PlaceUse Recovery::answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
+                            bool may_enter) {
+  if (!question_.answered(suggestion)) return PlaceUse::kNotKnown;
+  if (is_contradicted_by(*suggestion, map)) {
+    state_ = Lost{as<Verifying>()->memories_tried};
+    question_.contradict();
+  }
+  if (wants(*suggestion, map, may_enter)) return PlaceUse::kTried;
+  question_.drop_suggestion();
+  return PlaceUse::kNotNeeded;
+}
+
+}  // namespace cairn

@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <utility>
+#include <variant>
+
+#include "client/relocalization/described_views.h"
+#include "client/relocalization/keyframe_rounds.h"
+#include "client/relocalization/place_memory.h"
+#include "client/relocalization/place_question.h"
+#include "client/relocalization/pose_suggestion.h"
+#include "common/base/time.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// There is no map yet, or none that the camera is looked for in.
+struct Starting {
+  bool insists = false;  ///< on a new map, whatever is known of the place
+};
+/// The camera is known in the map; the latest frames may have failed.
+struct Tracking {
+  float quality = 0;           ///< share found in the latest frame that did not fail
+  int failed_frames = 0;       ///< since then
+  bool failed_at_cut = false;  ///< the first of them had nothing in common with the frame before
+};
+/// A pose was found by looking for it; it is published when the next frames have confirmed it. Whoever looks
+/// everywhere finds something somewhere.
+struct Verifying {
+  int frames_left = 0;        ///< that must still confirm it
+  float needed_quality = 0;   ///< in each of them
+  float quality = 0;          ///< share found in the latest
+  size_t memories_tried = 0;  ///< before this one
+  /// When it began, if the place is the tracker's own guess: that knows one map only, and the server, which
+  /// compares with all, is to be heard about a frame from then on.
+  std::optional<Timestamp> witness_from;
+};
+/// The camera is in the map, most likely, and not known where.
+struct Lost {
+  size_t memories_tried = 0;
+};
+using RecoveryState = std::variant<Starting, Tracking, Verifying, Lost>;
+
+/// A pose of the present frame to search from, and what the search must find to be followed up.
+struct PoseStart {
+  enum class Reach : uint8_t {
+    kNear,   ///< as from a prediction
+    kWide,   ///< twice as far
+    kQuick,  ///< wide, given up when its cheap stage finds nothing
+  };
+  SE3 camera_from_map;
+  Reach reach = Reach::kWide;
+  float quality = 0;  ///< share of the points that must be found, now and in the frames that verify it
+  bool is_own_guess = false;  ///< and not what others say
+};
+
+struct RecoveryOptions {
+  int lost_after_failed_frames = 3;
+  uint64_t seed = 1;  ///< of random choices
+};
+
+/// A pose of the camera that survives adjustments of the map.
+struct AnchoredPose {
+  MapId map;
+  KeyframeId reference;
+  SE3 camera_from_reference;
+};
+
+/// What a tracker knows of whether the camera is lost, and where it may be looked for then: one state, what
+/// it remembers of the maps that it was in, and the question that is asked outside. It decides nothing about
+/// pictures: the tracker searches from the poses that it names and reports what came of it. Pure; one thread.
+class Recovery {
+ public:
+  /// Points that must be found of a pose that was looked for.
+  static constexpr int kFewestPoints = 25;
+  /// And their share, where nothing else speaks for it.
+  static constexpr float kProvenQuality = 0.4F;
+
+  Recovery(CameraPtr camera, const RecoveryOptions& options)
+      : camera_(std::move(camera)), options_(options) {}
+
+  /// Other values of the same camera, from now on.
+  void use_camera(CameraPtr camera) { camera_ = std::move(camera); }
+
+  [[nodiscard]] const RecoveryState& state() const { return state_; }
+  template <typename Kind>
+  [[nodiscard]] const Kind* as() const {
+    return std::get_if<Kind>(&state_);
+  }
+  [[nodiscard]] bool is_starting() const { return as<Starting>() != nullptr; }
+  /// On a new map, whatever is known of the place.
+  [[nodiscard]] bool insists() const { return is_starting() && as<Starting>()->insists; }
+  [[nodiscard]] bool is_lost() const { return as<Lost>() != nullptr; }
+
+  // What happens to the tracker.
+
+  /// Forgets the map in use; memories of all maps stay.
+  void start_over(bool insists);
+  /// A map, nothing yet being known of where the camera is in it.
+  void enter_map() { state_ = Lost{}; }
+  /// The map of one's own seed, begun at this pose; `is_tracked`: it is that of the present frame.
+  void begin_map(const AnchoredPose& pose, bool is_tracked);
+  /// What a search from `start` had to find was found in the frame of `time`.
+  void begin_verifying(const PoseStart& start, Timestamp time);
+  /// The frame shows the map from `pose`, with this share found. True when the pose is to be published: at
+  /// once while tracking; of one that is verified, when enough frames have confirmed it and the server does
+  /// not say otherwise.
+  [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time);
+  /// It does not. `is_cut`: it has nothing in common with the frame before.
+  void fail(bool is_cut, Timestamp time);
+  /// A frame whose pose was published is good enough to be found again by.
+  void remember(const FrameImages& frame, const MapSnapshot& map, const ViewPose& pose,
+                std::span<const SeenPoint> points);
+
+  // Where the camera may be.
+
+  /// A frame begins: the poses for it are named from the first on. Those of a lost camera are all that is
+  /// known; while it was tracked until now, one frame that fails is tried where others say only.
+  void begin_frame();
+  /// The next pose to search `frame` from, in order of what speaks for it: what others say; while the camera
+  /// cannot have gone far, or if there are no others, the views of the points around the `last` pose, the
+  /// memory of places, the pose published last; if there are no others, the keyframes of the map. Asked for
+  /// again, what was named before did not show. `mean_depth` [map unit] of what was seen last.
+  [[nodiscard]] std::optional<PoseStart> next_start(const FrameImages& frame, const MapSnapshot& map,
+                                                    const SE3& last, double mean_depth, Timestamp time);
+  /// The pose by the corners of `frame` and the views remembered around `last`, whatever the state.
+  [[nodiscard]] std::optional<SE3> by_corners(const FrameImages& frame, const MapSnapshot& map,
+                                              const SE3& last, double mean_depth);
+
+  // The question where this is. While starting it is asked where `may_enter`: another map than one's own to
+  // be would be entered.
+
+  /// The frame described, if a question is due; null otherwise.
+  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
+                                                     bool may_enter);
+  /// Its answer; `map` in use, if there is one.
+  PlaceUse answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
+                    bool may_enter);
+  void left_open() { question_.left_open(); }
+  [[nodiscard]] const PlaceQuestion& question() const { return question_; }
+
+ private:
+  /// Of poses, in the order in which they are named; at kRefuted it is known that what others say is wrong.
+  enum class Source : uint8_t {
+    kConfirmed,
+    kSuggested,
+    kRefuted,
+    kCorners,
+    kMemory,
+    kProven,
+    kKeyframes,
+    kNone
+  };
+
+  [[nodiscard]] bool is_looking(bool may_enter) const;
+  [[nodiscard]] bool is_asking(bool may_enter) const;
+  [[nodiscard]] bool lacks_witness() const;
+  [[nodiscard]] bool needs_more(const Verifying& trial, Timestamp time) const;
+  [[nodiscard]] bool is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const;
+  [[nodiscard]] bool wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const;
+  [[nodiscard]] bool may_be_elsewhere(Timestamp time) const;
+  [[nodiscard]] bool is_worth_trying(Source source, Timestamp time) const;
+  [[nodiscard]] size_t next_memory();
+  [[nodiscard]] std::optional<SE3> proven_in(const MapSnapshot& map) const;
+  [[nodiscard]] std::optional<PoseStart> start_from(Source source, const FrameImages& frame,
+                                                    const MapSnapshot& map, const SE3& last,
+                                                    double mean_depth);
+
+  CameraPtr camera_;
+  RecoveryOptions options_;
+  RecoveryState state_ = Starting{};
+  PlaceQuestion question_;
+  PlaceMemory places_;
+  DescribedViews views_;
+  KeyframeRounds rounds_;
+  std::optional<AnchoredPose> proven_;  ///< the last pose published,
+  Timestamp proven_time_;               ///< and when
+  // Of the present frame:
+  std::optional<PlaceView> described_;
+  std::optional<SE3> suggested_;           ///< the place that others say, taken
+  Source source_ = Source::kNone;          ///< of the pose named next
+  Source last_source_ = Source::kRefuted;  ///< of those that are tried
+  size_t keyframes_tried_ = 0;
+};
+
+}  // namespace cairn

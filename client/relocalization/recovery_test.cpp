@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/relocalization/recovery.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "client/tracking/plane_scene.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kMillisecond = 1'000'000;
+constexpr int kFailuresToLose = 3;
+
+Timestamp at(int64_t milliseconds) {
+  return {milliseconds * kMillisecond};
+}
+
+SE3 looking_down(double x, double y) {
+  const Eigen::Matrix3d down = (Eigen::Matrix3d() << 1, 0, 0, 0, -1, 0, 0, 0, -1).finished();
+  const Eigen::Quaterniond camera_from_map(down);
+  return {camera_from_map, -(camera_from_map * Eigen::Vector3d(x, y, 1))};
+}
+
+/// A plane with one keyframe, in which the camera was tracked once, at its keyframe.
+class RecoveryTest : public ::testing::Test {
+ protected:
+  RecoveryTest() {
+    frame.build_pyramid(scene.render(home)->view());
+    frame.build_tiny();
+    const KeyframePose& keyframe = map->keyframe_blocks.front()->keyframes.front();
+    here = {map->map, keyframe.id, SE3()};
+    recovery.begin_map(here, true);
+  }
+  void lose() {
+    for (int i = 0; i < kFailuresToLose; ++i) recovery.fail(false, at(0));
+  }
+  /// All poses that are named for a frame.
+  std::vector<PoseStart> starts(Timestamp time) {
+    recovery.begin_frame();
+    std::vector<PoseStart> all;
+    while (const auto start = recovery.next_start(frame, *map, home, 1.0, time)) all.push_back(*start);
+    return all;
+  }
+  PlaceUse answer(Timestamp time, const std::optional<PoseSuggestion>& suggestion) {
+    EXPECT_NE(recovery.ask(frame, time, true), nullptr);
+    return recovery.answered(suggestion, map->map, true);
+  }
+  [[nodiscard]] PoseSuggestion suggestion_here() const {
+    return {map->map, map->epoch, here.reference, SE3(), true};
+  }
+
+  CameraPtr camera =
+      *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, 0, 0, 0, 0}});
+  test::PlaneScene scene{21, camera};
+  SE3 home = looking_down(0, 0);
+  MapSnapshotPtr map = scene.make_map(home);
+  FrameImages frame;
+  AnchoredPose here;
+  Recovery recovery{camera, {kFailuresToLose, 1}};
+};
+
+TEST_F(RecoveryTest, SoManyFramesInARowMustFail) {
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 1; i < kFailuresToLose; ++i) recovery.fail(false, at(i));
+    EXPECT_FALSE(recovery.is_lost());
+    EXPECT_TRUE(recovery.confirm(0.8F, here, at(10))) << "tracked: published at once";
+  }
+  lose();
+  EXPECT_TRUE(recovery.is_lost());
+}
+
+/// What a state holds ends with it.
+TEST_F(RecoveryTest, NothingSurvivesATransition) {
+  recovery.fail(true, at(0));
+  ASSERT_NE(recovery.as<Tracking>(), nullptr);
+  EXPECT_TRUE(recovery.as<Tracking>()->failed_at_cut);
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(1)));
+  EXPECT_FALSE(recovery.as<Tracking>()->failed_at_cut);
+  EXPECT_EQ(recovery.as<Tracking>()->failed_frames, 0);
+  recovery.start_over(true);
+  EXPECT_TRUE(recovery.insists());
+  recovery.enter_map();
+  EXPECT_TRUE(recovery.is_lost());
+  recovery.start_over(false);
+  EXPECT_FALSE(recovery.insists());
+  EXPECT_TRUE(recovery.is_starting());
+}
+
+TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
+  lose();
+  EXPECT_EQ(answer(at(100), suggestion_here()), PlaceUse::kTried);
+  recovery.begin_frame();
+  const auto start = recovery.next_start(frame, *map, home, 1.0, at(133));
+  ASSERT_TRUE(start);
+  EXPECT_FALSE(start->is_own_guess);
+  EXPECT_EQ(start->reach, PoseStart::Reach::kNear) << "geometry confirms it";
+  recovery.begin_verifying(*start, at(133));
+  EXPECT_FALSE(recovery.confirm(0.5F, here, at(133)));
+  EXPECT_FALSE(recovery.confirm(0.5F, here, at(166)));
+  EXPECT_TRUE(recovery.confirm(0.5F, here, at(200)));
+  EXPECT_NE(recovery.as<Tracking>(), nullptr);
+}
+
+TEST_F(RecoveryTest, WhatFailsWhileItIsVerifiedIsLostAtOnce) {
+  lose();
+  recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(100));
+  EXPECT_FALSE(recovery.confirm(0.5F, here, at(100)));
+  recovery.fail(false, at(133));
+  EXPECT_TRUE(recovery.is_lost());
+}
+
+/// The server compares with all maps: its word is waited for, and when it knows the camera in another map,
+/// the own guess is dropped.
+TEST_F(RecoveryTest, AnOwnGuessWaitsForTheWordOfTheServer) {
+  lose();
+  recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(100));
+  ASSERT_NE(recovery.ask(frame, at(100), true), nullptr);
+  for (const int64_t t : {100, 133, 166}) EXPECT_FALSE(recovery.confirm(0.5F, here, at(t)));
+  PoseSuggestion elsewhere = suggestion_here();
+  elsewhere.map.bytes[0] ^= 1;
+  EXPECT_EQ(recovery.answered(elsewhere, map->map, true), PlaceUse::kTried);
+  EXPECT_TRUE(recovery.is_lost());
+
+  recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(200));
+  for (const int64_t t : {200, 233, 266}) EXPECT_FALSE(recovery.confirm(0.5F, here, at(t)));
+  EXPECT_TRUE(recovery.confirm(0.5F, here, at(450))) << "patience has an end";
+}
+
+TEST_F(RecoveryTest, AFrameThatFailsIsTriedWhereOthersSayOnly) {
+  recovery.fail(false, at(0));
+  EXPECT_TRUE(starts(at(10)).empty());
+  EXPECT_EQ(answer(at(20), suggestion_here()), PlaceUse::kTried);
+  EXPECT_EQ(starts(at(30)).size(), 2U) << "near, then wide";
+  EXPECT_TRUE(starts(at(40)).empty()) << "it was tried";
+}
+
+TEST_F(RecoveryTest, WhoIsLostLooksWhereItWasUntilItMayBeElsewhere) {
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(0)));
+  recovery.remember(frame, *map, {here.reference, SE3(), 1.0}, {});
+  lose();
+  const std::vector<PoseStart> soon = starts(at(500));
+  ASSERT_GE(soon.size(), 2U) << "the memory, the last pose";
+  for (const PoseStart& start : soon) {
+    EXPECT_TRUE(start.is_own_guess);
+    EXPECT_GE(start.quality, Recovery::kProvenQuality);
+    EXPECT_LT((start.camera_from_map * home.inverse()).log().norm(), 0.02);
+  }
+  EXPECT_TRUE(starts(at(1500)).empty()) << "carried elsewhere, maybe";
+}
+
+TEST_F(RecoveryTest, AnAnswerThatNoPlaceIsKnownSaysThatItIsElsewhere) {
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(0)));
+  lose();
+  ASSERT_FALSE(starts(at(100)).empty());
+  EXPECT_EQ(answer(at(100), std::nullopt), PlaceUse::kNotKnown);
+  EXPECT_TRUE(starts(at(133)).empty());
+}
+
+TEST_F(RecoveryTest, WhereNobodyAnswersTheKeyframesAreLookedThrough) {
+  lose();
+  ASSERT_NE(recovery.ask(frame, at(2000), true), nullptr);
+  ASSERT_NE(recovery.ask(frame, at(2600), true), nullptr) << "given up";
+  int quick = 0;
+  for (const PoseStart& start : starts(at(2600))) quick += start.reach == PoseStart::Reach::kQuick ? 1 : 0;
+  EXPECT_EQ(quick, static_cast<int>(KeyframeRounds::kPerFrame));
+}
+
+TEST_F(RecoveryTest, AnotherMapIsEnteredFromALostOneOrACutOnly) {
+  PoseSuggestion elsewhere = suggestion_here();
+  elsewhere.map.bytes[0] ^= 1;
+  recovery.fail(false, at(0));
+  EXPECT_EQ(answer(at(10), elsewhere), PlaceUse::kNotNeeded);
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(20)));
+  recovery.fail(true, at(200));
+  EXPECT_EQ(answer(at(210), elsewhere), PlaceUse::kTried) << "the picture changed as no hand can move";
+}
+
+TEST_F(RecoveryTest, WhileStartingItAsksUnlessItInsistsOrIsDecidedAbout) {
+  recovery.start_over(true);
+  EXPECT_EQ(recovery.ask(frame, at(0), true), nullptr);
+  recovery.start_over(false);
+  EXPECT_EQ(recovery.ask(frame, at(100), false), nullptr);
+  EXPECT_NE(recovery.ask(frame, at(200), true), nullptr);
+  EXPECT_EQ(recovery.answered(suggestion_here(), std::nullopt, true), PlaceUse::kTried);
+}
+
+}  // namespace
+}  // namespace cairn

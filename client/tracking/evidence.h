@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "client/relocalization/recovery.h"
+#include "client/tracking/pose_finder.h"
+#include "client/tracking/tracker_options.h"
+
+namespace cairn {
+
+/// What speaks for the pose from which a frame was searched.
+enum class PoseOrigin : uint8_t {
+  kMotion,   ///< velocity and the small image
+  kFlow,     ///< points of the frame before, followed: these know no look-alikes
+  kCorners,  ///< corners recognized around the last pose
+};
+
+/// What a search of a frame found.
+struct FrameEvidence {
+  bool has_pose = false;
+  PoseVerdict share = PoseVerdict::kBad;  ///< by the share found alone (PoseFinder::judge)
+  int found = 0;                          ///< points, inliers of the pose
+  float quality = 0;                      ///< share found of those in sight
+  bool is_leap = false;  ///< the pose is farther from where it was expected than a hand moves a camera
+  bool is_cut = false;   ///< the frame has nothing in common with the one before
+};
+
+/// Points found with which a pose is sound although most of the map is out of sight.
+inline constexpr int kEnoughPoints = 50;
+
+/// How far the pose is to be believed, by all that is known of the frame and of those before it. Pure.
+[[nodiscard]] PoseVerdict judge_frame(const FrameEvidence& evidence, PoseOrigin origin,
+                                      const RecoveryState& state, const TrackerOptions& options);
+
+/// Whether the pose is good enough to be built upon. Many points do where most of the map is out of sight;
+/// but of a place that looks like this one some are found, too.
+[[nodiscard]] bool is_sound(const FrameEvidence& evidence, PoseVerdict verdict,
+                            const TrackerOptions& options);
+
+}  // namespace cairn

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/geometry/se3.h"
+#include "common/image/image.h"
+#include "common/image/place.h"
+#include "common/map/ids.h"
+#include "common/map/observations.h"
+
+/// What a tracker says of a frame, what it proposes to the server, and what that answers.
+namespace cairn {
+
+/// Two frames and the trails between them that look like a map: to be sent as MapSeed.
+struct SeedProposal {
+  Timestamp first_time;
+  Timestamp second_time;
+  GrayImagePtr first_image;
+  GrayImagePtr second_image;
+  std::vector<Trail> trails;
+  SE3 second_from_first;  ///< |translation| = 1
+};
+
+/// The present frame as a keyframe: to be sent as KeyframeOffer together with its image.
+struct KeyframeProposal {
+  MapId map;
+  Epoch epoch;
+  Revision revision;
+  KeyframeId reference;
+  SE3 camera_from_reference;
+  std::vector<PointMeasurement> measurements;
+};
+
+/// The server's yes to a seed.
+struct SeedAnswer {
+  MapId map;
+  Epoch epoch;
+  Revision revision;
+  KeyframeId second_keyframe;
+  std::vector<std::pair<TrailId, PointId>> points;
+};
+
+/// For the overlay: where a point was expected or a trail is, and whether it was found.
+struct TrackedPoint {
+  PointId id;
+  uint8_t level = 0;
+  bool found = false;
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level 0; where found, else where expected
+};
+struct TrailLine {
+  Eigen::Vector2f first = Eigen::Vector2f::Zero();
+  Eigen::Vector2f now = Eigen::Vector2f::Zero();
+};
+
+struct FrameResult {
+  TrackingState state = TrackingState::kStarting;
+  bool pose_measured = false;  ///< the pose comes from points measured in this frame
+  /// It was measured, but found by looking for it, and has still to hold in the next frames: for statistics,
+  /// not to be shown.
+  bool on_trial = false;
+  SE3 camera_from_map;
+  MapId map;
+  Epoch epoch;
+  Revision revision;
+  int attempted = 0;
+  int found = 0;                ///< inliers of the final pose
+  float quality = 0;            ///< share found of the points that should be visible and that no others hide
+  double mean_depth = 0;        ///< [map unit] of the found points
+  double reprojection_rms = 0;  ///< [px of level 0, scaled by 2^-level] of the inliers
+  std::vector<TrackedPoint> points;  ///< memory is reused from frame to frame
+  std::vector<TrailLine> trails;
+  std::optional<SeedProposal> seed;
+  std::optional<KeyframeProposal> keyframe;
+  /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a question is
+  /// under way.
+  std::shared_ptr<const PlaceView> place_question;
+  std::string note;  ///< for the status line: why there is no map yet, why it is lost
+};
+
+}  // namespace cairn
