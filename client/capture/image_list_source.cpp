@@ -11,6 +11,7 @@
 #include "client/capture/picture_sample.h"
 #include "client/capture/stamp_list.h"
 #include "common/io/image_file.h"
+#include "common/io/orientation.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -32,6 +33,7 @@ std::string size_text(PictureSize size) {
 class ImageListSource final : public FrameSource {
  public:
   ImageListSource(ImageList list, PictureSample sample) : list_(std::move(list)), sample_(sample) {
+    note_orientation();
     if (!sample_.levels) return;
     const GrayLevels& levels = *sample_.levels;
     list_.notes.push_back(
@@ -62,6 +64,23 @@ class ImageListSource final : public FrameSource {
   }
 
  private:
+  void note_orientation() {
+    const auto& found = sample_.orientations;
+    if (found.empty() || found == std::set{kUpright}) return;
+    std::string words;
+    for (const int orientation : found) {
+      words += words.empty() ? "" : ", or ";
+      words += orientation == kUpright ? "left as they are" : orientation_words(orientation);
+    }
+    const bool is_mixed = found.size() > 1;
+    list_.notes.push_back(
+        {fmt::format("{}: its pictures are {}, as the files say and as viewers show them; the calibration is "
+                     "for upright pictures of {}{}",
+                     list_.description, words, size_text(*sample_.size),
+                     is_mixed ? ", and it holds for one way only in which the camera was held" : ""),
+         is_mixed});
+  }
+
   ImageList list_;
   PictureSample sample_;
   size_t next_ = 0;

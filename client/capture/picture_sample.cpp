@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "common/io/image_header.h"
+#include "common/io/orientation.h"
 #include "common/io/text.h"
 
 namespace cairn {
@@ -66,8 +67,10 @@ class Sampler {
     const std::span bytes(reinterpret_cast<const uint8_t*>(content->data()), content->size());
     const auto header = read_image_header(bytes);
     if (!header || header->width > kMaxImageSide || header->height > kMaxImageSide) return false;
-    const auto size = std::pair(static_cast<int>(header->width), static_cast<int>(header->height));
+    auto size = std::pair(static_cast<int>(header->width), static_cast<int>(header->height));
+    if (lies_on_its_side(header->orientation)) std::swap(size.first, size.second);
     sizes_.push_back(size);
+    orientations_.emplace(size, header->orientation);
     if (header->bits > 8) count(bytes, header->format);
     return true;
   }
@@ -78,6 +81,8 @@ class Sampler {
       return std::count(sizes_.begin(), sizes_.end(), a) < std::count(sizes_.begin(), sizes_.end(), b);
     });
     sample.size = PictureSize{commonest->first, commonest->second};
+    for (const auto& [size, orientation] : orientations_)
+      if (size == *commonest) sample.orientations.insert(orientation);
     const bool exchange = 2 * exchanged_ > deep_;
     sample.levels = used_levels(exchange ? exchanged_values_ : values_);
     if (exchange) {
@@ -101,6 +106,7 @@ class Sampler {
   }
 
   std::vector<std::pair<int, int>> sizes_;
+  std::set<std::pair<std::pair<int, int>, int>> orientations_;
   DeepHistogram values_ = DeepHistogram(kValues);
   DeepHistogram exchanged_values_ = DeepHistogram(kValues);
   size_t deep_ = 0;       ///< pictures with more than 8 bits

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,7 +27,8 @@ using DeepHistogram = std::vector<uint64_t>;
 
 /// What pictures of a recording have in common.
 struct PictureSample {
-  std::optional<PictureSize> size;   ///< of most; nothing where none can be read
+  std::optional<PictureSize> size;   ///< of most, as they are shown; nothing where none can be read
+  std::set<int> orientations;        ///< of those of that size (orientation.h)
   std::optional<GrayLevels> levels;  ///< for pictures with more than 8 bits, the same for all
 };
 

@@ -24,11 +24,22 @@ Result<std::map<std::string, std::string>> parse_options(std::string_view text) 
   return options;
 }
 
+/// Where the '?' is that begins the options; the size of the text where there is none. Without `?word=` the
+/// last one, for what is behind it is to be told of.
+size_t begin_of_options(std::string_view text) {
+  constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyz_";
+  for (size_t at = text.find('?'); at != std::string_view::npos; at = text.find('?', at + 1)) {
+    const size_t end = text.find_first_not_of(kLetters, at + 1);
+    if (end != std::string_view::npos && end > at + 1 && text[end] == '=') return at;
+  }
+  return std::min(text.rfind('?'), text.size());
+}
+
 }  // namespace
 
 Result<SourceUri> parse_source_uri(std::string_view text) {
   const size_t colon = text.find(':');
-  const size_t question = std::min(text.rfind('?'), text.size());
+  const size_t question = begin_of_options(text);
   if (colon == 0 || colon == std::string_view::npos || colon + 1 >= question) {
     return fail(ErrorCode::kUsage, "source " + in_quotes(text) + " is not of the form scheme:path?key=value");
   }

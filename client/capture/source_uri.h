@@ -11,7 +11,8 @@
 
 namespace cairn {
 
-/// `scheme:path?key=value&key=value`. The last '?' begins the options; nothing is percent-decoded.
+/// `scheme:path?key=value&key=value`. The first '?' that a word and '=' follow begins the
+/// options, so that there may be others in a path and in a value; nothing is percent-decoded.
 struct SourceUri {
   std::string scheme;
   std::string path;

@@ -7,14 +7,20 @@
 #include <string>
 
 #include "common/io/image_header.h"
+#include "common/io/orientation.h"
 #include "common/io/text.h"
 
 namespace cairn {
 
 namespace {
 
+struct Decoded {
+  cv::Mat pixels;  ///< in the order of the file
+  int orientation = kUpright;
+};
+
 /// The pixels as OpenCV gives them with these flags.
-Result<cv::Mat> decode(std::span<const uint8_t> bytes, int flags) {
+Result<Decoded> decode(std::span<const uint8_t> bytes, int flags) {
   if (bytes.empty()) return fail(ErrorCode::kDamaged, "the file is empty");
   const auto header = read_image_header(bytes);
   if (!header) return tl::unexpected(header.error());
@@ -34,7 +40,7 @@ Result<cv::Mat> decode(std::span<const uint8_t> bytes, int flags) {
   }
   if (pixels.empty())
     return fail(ErrorCode::kDamaged, "the image (" + size + ") cannot be decoded: cut short or damaged");
-  return pixels;
+  return Decoded{pixels, header->orientation};
 }
 
 GrayImage to_gray(const cv::Mat& pixels) {
@@ -46,24 +52,29 @@ void exchange_bytes(cv::Mat& pixels) {
     *at = static_cast<uint16_t>(*at << 8 | *at >> 8);
 }
 
+Result<Decoded> decode_gray(std::span<const uint8_t> bytes, const std::optional<GrayLevels>& levels) {
+  auto decoded = decode(bytes, cv::IMREAD_GRAYSCALE | (levels ? cv::IMREAD_ANYDEPTH : 0));
+  if (!decoded || decoded->pixels.depth() != CV_16U) return decoded;
+  if (levels->exchange_bytes) exchange_bytes(decoded->pixels);
+  const double scale = 255.0 / std::max(1, levels->white - levels->black);
+  cv::Mat gray;
+  decoded->pixels.convertTo(gray, CV_8U, scale, -scale * levels->black);
+  return Decoded{gray, decoded->orientation};
+}
+
 }  // namespace
 
 Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes, const std::optional<GrayLevels>& levels) {
-  auto pixels = decode(bytes, cv::IMREAD_GRAYSCALE | (levels ? cv::IMREAD_ANYDEPTH : 0));
-  if (!pixels) return tl::unexpected(pixels.error());
-  if (pixels->depth() != CV_16U) return to_gray(*pixels);
-  if (levels->exchange_bytes) exchange_bytes(*pixels);
-  const double scale = 255.0 / std::max(1, levels->white - levels->black);
-  cv::Mat gray;
-  pixels->convertTo(gray, CV_8U, scale, -scale * levels->black);
-  return to_gray(gray);
+  const auto decoded = decode_gray(bytes, levels);
+  if (!decoded) return tl::unexpected(decoded.error());
+  return to_gray(decoded->pixels);
 }
 
 Result<DeepImage> decode_deep_image(std::span<const uint8_t> bytes) {
-  auto pixels = decode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-  if (!pixels) return tl::unexpected(pixels.error());
+  const auto decoded = decode(bytes, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  if (!decoded) return tl::unexpected(decoded.error());
   cv::Mat deep;
-  pixels->convertTo(deep, CV_16U);
+  decoded->pixels.convertTo(deep, CV_16U);
   return DeepImage{deep.cols, deep.rows, {deep.begin<uint16_t>(), deep.end<uint16_t>()}};
 }
 
@@ -71,10 +82,10 @@ Result<GrayImage> read_gray_image(const std::filesystem::path& path,
                                   const std::optional<GrayLevels>& levels) {
   const auto content = read_file(path);
   if (!content) return tl::unexpected(content.error());
-  auto image =
-      decode_gray_image({reinterpret_cast<const uint8_t*>(content->data()), content->size()}, levels);
-  if (!image) image.error().message = path.string() + ": " + image.error().message;
-  return image;
+  const auto decoded =
+      decode_gray({reinterpret_cast<const uint8_t*>(content->data()), content->size()}, levels);
+  if (!decoded) return fail(decoded.error().code, path.string() + ": " + decoded.error().message);
+  return to_gray(upright(decoded->pixels, decoded->orientation));
 }
 
 }  // namespace cairn

@@ -5,6 +5,8 @@
 #include <array>
 #include <optional>
 
+#include "common/io/orientation.h"
+
 namespace cairn {
 namespace {
 
@@ -24,6 +26,17 @@ tl::unexpected<Error> cut_short() {
   return fail(ErrorCode::kDamaged, "the file ends within its header");
 }
 
+/// Of the chunk eXIf, which may lie anywhere between the first and the last (PNG specification, 11.3).
+int png_orientation(Bytes bytes) {
+  constexpr std::array<uint8_t, 4> kExif = {'e', 'X', 'I', 'f'};
+  for (size_t at = 8; at + 12 <= bytes.size();) {
+    const size_t length = std::min<size_t>(big_endian_32(bytes, at), bytes.size() - at - 12);
+    if (starts_with(bytes.subspan(at + 4), kExif)) return exif_orientation(bytes.subspan(at + 8, length));
+    at += 12 + length;
+  }
+  return kUpright;
+}
+
 /// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1); the last chunk is IEND.
 Result<ImageHeader> read_png(Bytes bytes) {
   constexpr std::array<uint8_t, 4> kIend = {'I', 'E', 'N', 'D'};
@@ -31,7 +44,17 @@ Result<ImageHeader> read_png(Bytes bytes) {
   const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
   const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
   const int bits = bytes.size() > 24 ? bytes[24] : 8;
-  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), bits, complete};
+  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), bits, png_orientation(bytes), complete};
+}
+
+/// Of a marker segment APP1: its marker and length, "Exif", two zeros, and the TIFF structure.
+std::optional<int> jpeg_orientation(Bytes segment) {
+  constexpr uint8_t kApp1 = 0xE1;
+  constexpr std::array<uint8_t, 6> kExif = {'E', 'x', 'i', 'f', 0, 0};
+  const size_t length = 2 + size_t{big_endian_16(segment, 2)};
+  if (segment[1] != kApp1 || length > segment.size() || !starts_with(segment.subspan(4), kExif))
+    return std::nullopt;
+  return exif_orientation(segment.first(length).subspan(std::min<size_t>(length, 10)));
 }
 
 bool is_start_of_frame(uint8_t marker) {
@@ -44,6 +67,7 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
   constexpr uint8_t kStartOfScan = 0xDA;
   constexpr uint8_t kEndOfImage = 0xD9;
   std::optional<ImageHeader> header;
+  std::optional<int> orientation;
   bool in_scan = false;
   for (size_t at = 2; at + 1 < bytes.size();) {
     if (in_scan && bytes[at] != 0xFF) {
@@ -60,6 +84,7 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     if (marker == kEndOfImage) {
       if (!header) break;
       header->complete = true;
+      header->orientation = orientation.value_or(kUpright);
       return *header;
     }
     if (marker == 0x00 || marker == 0x01 ||
@@ -71,8 +96,9 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     if (is_start_of_frame(marker)) {
       if (at + 9 > bytes.size()) break;
       header = ImageHeader{ImageFormat::kJpeg, big_endian_16(bytes, at + 7), big_endian_16(bytes, at + 5),
-                           bytes[at + 4], false};
+                           bytes[at + 4], kUpright, false};
     }
+    if (!orientation) orientation = jpeg_orientation(bytes.subspan(at));
     in_scan = marker == kStartOfScan;
     at += 2 + std::max<size_t>(2, big_endian_16(bytes, at + 2));
   }
@@ -98,7 +124,7 @@ Result<ImageHeader> read_pnm(Bytes bytes) {
     }
     if (at == bytes.size()) return cut_short();
   }
-  return ImageHeader{ImageFormat::kPnm, numbers[0], numbers[1], numbers[2] > 255 ? 16 : 8, true};
+  return ImageHeader{ImageFormat::kPnm, numbers[0], numbers[1], numbers[2] > 255 ? 16 : 8, kUpright, true};
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ struct ImageHeader {
   ImageFormat format = ImageFormat::kPng;
   int64_t width = 0;
   int64_t height = 0;
-  int bits = 8;  ///< of a sample
+  int bits = 8;         ///< of a sample
+  int orientation = 1;  ///< as viewers show it, see orientation.h; width and height are those of the rows
   bool complete =
       true;  ///< whether the file has its end; decoders paint the missing part of a cut JPEG grey in silence
 };
