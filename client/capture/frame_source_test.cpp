@@ -193,6 +193,22 @@ TEST_F(FrameSourceFiles, VideoTakesItsTimesFromTheList) {
   for (int i = 0; i < 6; ++i) EXPECT_EQ(number_of(taken.frames[static_cast<size_t>(i)]), i);
 }
 
+TEST_F(FrameSourceFiles, StampsOfAContainerThatNoCameraHasAreTold) {
+  write_video("v.mp4", 12, 0.03);
+  const auto source = open_source(uri("video", "/v.mp4"));
+  ASSERT_TRUE(source) << source.error().message;
+  const auto notes = (*source)->notes();
+  ASSERT_FALSE(notes.empty());
+  EXPECT_TRUE(notes[0].is_warning);
+  EXPECT_THAT(notes[0].text, AllOf(HasSubstr("33.3 s"), HasSubstr("milliseconds"), HasSubstr("times=FILE")));
+  write_text("times.txt", "0\n0.1\n0.2\n0.3\n0.4\n0.5\n0.6\n0.7\n0.8\n0.9\n1.0\n1.1\n");
+  const auto listed = open_source(uri("video", "/v.mp4?times=" + (dir() / "times.txt").string()));
+  ASSERT_TRUE(listed) << listed.error().message;
+  EXPECT_TRUE((*listed)->notes().empty());
+  write_video("ordinary.mp4", 12);
+  EXPECT_TRUE((*open_source(uri("video", "/ordinary.mp4")))->notes().empty());
+}
+
 TEST_F(FrameSourceFiles, VideoWithoutTimesUsesTheContainers) {
   write_video("v.avi", 5);
   const auto source = open_source(uri("video", "/v.avi"));

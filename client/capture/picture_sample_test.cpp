@@ -6,10 +6,12 @@
 #include <opencv2/core.hpp>
 
 #include "client/capture/source_files_fixture.h"
+#include "common/io/test_exif.h"
 
 namespace cairn {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 /// Each of these values once in a hundred, and a few faults of the sensor.
@@ -138,6 +140,40 @@ TEST(ExchangedBytes, AreNotSuspectedInPicturesOfEightBitsTimes256) {
   for (auto at = deep.begin<uint16_t>(); at != deep.end<uint16_t>(); ++at)
     image.pixels.push_back(static_cast<uint16_t>(*at << 8));
   EXPECT_FALSE(has_exchanged_bytes(image));
+}
+
+class HeldPictures : public FrameSourceFiles {
+ protected:
+  void write_held(const std::string& name, int orientation) {
+    const auto jpeg = jpeg_held(picture(1), orientation);
+    std::ofstream(dir() / name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(jpeg.data()), std::ssize(jpeg));
+  }
+};
+
+TEST_F(HeldPictures, AreUprightAndTheLogSaysSo) {
+  for (int i = 0; i < 3; ++i) write_held(std::to_string(i) + ".jpg", 6);
+  const auto source = open_source(uri("images"));
+  ASSERT_TRUE(source) << source.error().message;
+  const PictureSize size{kHeight, kWidth};
+  EXPECT_EQ((*source)->picture_size(), size);
+  const auto notes = (*source)->notes();
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_FALSE(notes[0].is_warning);
+  EXPECT_THAT(notes[0].text, AllOf(HasSubstr("turned by 90 degrees clockwise"), HasSubstr("48x64")));
+  const auto taken = take_all(**source);
+  EXPECT_EQ(taken.frames.size(), 3U);
+  for (const auto& frame : taken.frames) EXPECT_EQ(frame.image->width(), kHeight);
+}
+
+TEST_F(HeldPictures, InSeveralWaysAreWarnedOf) {
+  write_held("0.jpg", 6);
+  write_held("1.jpg", 8);
+  write_held("2.jpg", 8);
+  const auto notes = (*open_source(uri("images")))->notes();
+  ASSERT_EQ(notes.size(), 1U);
+  EXPECT_TRUE(notes[0].is_warning);
+  EXPECT_THAT(notes[0].text, AllOf(HasSubstr("by 90 degrees"), HasSubstr("by 270 degrees")));
 }
 
 TEST_F(DeepPictures, PicturesOfEightBitsStayAsTheyAre) {

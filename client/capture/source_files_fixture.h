@@ -39,9 +39,9 @@ class FrameSourceFiles : public ::testing::Test {
   void write_text(const std::string& name, const std::string& content) {
     std::ofstream(dir() / name) << content;
   }
-  void write_video(const std::string& name, int frames) {
+  void write_video(const std::string& name, int frames, double fps = 20) {
     cv::VideoWriter writer((dir() / name).string(), cv::CAP_FFMPEG,
-                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), 20, {kWidth, kHeight}, false);
+                           cv::VideoWriter::fourcc('M', 'J', 'P', 'G'), fps, {kWidth, kHeight}, false);
     ASSERT_TRUE(writer.isOpened());
     for (int i = 0; i < frames; ++i) writer.write(picture(i));
   }

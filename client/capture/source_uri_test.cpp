@@ -20,6 +20,13 @@ TEST(SourceUri, SplitsSchemePathAndOptions) {
   EXPECT_TRUE(parse_source_uri("tum:dir?")->options.empty());
 }
 
+TEST(SourceUri, OtherQuestionMarksBelongToThePathOrToAValue) {
+  const auto uri = parse_source_uri("images:/what?/a?b?match=f-?.png&times=t?x.txt");
+  ASSERT_TRUE(uri) << uri.error().message;
+  EXPECT_EQ(uri->path, "/what?/a?b");
+  EXPECT_THAT(uri->options, UnorderedElementsAre(Pair("match", "f-?.png"), Pair("times", "t?x.txt")));
+}
+
 TEST(SourceUri, RefusesWhatHasNoForm) {
   for (const auto* text : {"", "tum", ":dir", "tum:", "tum:?a=1", "/dev/video0", "tum:d?a", "tum:d?=1",
                            "tum:d?a=", "tum:d?a=1&a=2", "tum:d?a=1&&b=2"}) {

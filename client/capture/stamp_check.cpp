@@ -92,33 +92,36 @@ std::string count_text(size_t part, size_t whole) {
   return fmt::format("{} of {}", part, whole);
 }
 
-std::optional<std::string> why_impossible(std::span<const Timestamp> stamps, const Steps& steps,
-                                          TimeUnit unit) {
+struct Impossible {
+  std::string why;
+  std::string remedy;
+};
+
+std::optional<Impossible> why_impossible(std::span<const Timestamp> stamps, const Steps& steps,
+                                         TimeUnit unit) {
   const Unit& read = find(unit);
   if (2 * steps.equal() > steps.all.size()) {
-    return fmt::format(
-        "{} stamps are equal to the one before, which no camera has: {}; export the times with all their "
-        "digits",
-        count_text(steps.equal(), steps.all.size() + 1), why_equal(steps, stamps.front(), read));
+    return Impossible{
+        fmt::format("{} stamps are equal to the one before, which no camera has: {}",
+                    count_text(steps.equal(), steps.all.size() + 1), why_equal(steps, stamps.front(), read)),
+        "export the times with all their digits"};
   }
   if (steps.forward.empty()) return std::nullopt;  // all go back
   const double median = steps.median();
-  const auto said =
-      fmt::format("the median step of the stamps, read as {}, is {:.3g} s", read.long_name, median / kSecond);
+  const auto said = fmt::format("the median step of the stamps, read as {}, is {:.3g} s, which no camera has",
+                                read.long_name, median / kSecond);
   if (median >= kNoStep && (median <= kSlowest || !steps.are_regular())) return std::nullopt;
   for (const Unit& other : kUnits) {
     const double step = median / read.nanoseconds * other.nanoseconds;
     if (other.unit == unit || !is_of_a_camera(step)) continue;
-    return fmt::format(
-        "{}, which no camera has; as {} it is {:.3g} s: add unit={} to the source (unit={} "
-        "takes the stamps as they are)",
-        said, other.long_name, step / kSecond, other.short_name, read.short_name);
+    return Impossible{fmt::format("{}; as {} it is {:.3g} s", said, other.long_name, step / kSecond),
+                      fmt::format("add unit={} to the source (unit={} takes the stamps as they are)",
+                                  other.short_name, read.short_name)};
   }
   if (unit == TimeUnit::kSeconds && is_of_a_camera(median / kSecond * kDay)) {
-    return fmt::format("{}, which no camera has; these may be days, as spreadsheets count: multiply by 86400",
-                       said);
+    return Impossible{said + "; these may be days, as spreadsheets count", "multiply by 86400"};
   }
-  if (median < kNoStep) return said + ", which no camera has; write the times of capture in seconds";
+  if (median < kNoStep) return Impossible{said, "write the times of capture in seconds"};
   return std::nullopt;
 }
 
@@ -155,7 +158,10 @@ StampReport check_stamps(std::span<const Timestamp> stamps, TimeUnit unit) {
                     count_text(steps.back.size(), stamps.size()), steps.back.front() + 1, why_back(steps)));
   }
   if (stamps.size() < kLeastStamps) return report;
-  report.impossible = why_impossible(stamps, steps, unit);
+  if (auto found = why_impossible(stamps, steps, unit)) {
+    report.impossible = std::move(found->why);
+    report.remedy = std::move(found->remedy);
+  }
   if (!steps.forward.empty() && steps.median() > kSlowest) {
     report.remarks.push_back(fmt::format(
         "the median step of the stamps is {:.3g} s: between pictures that far apart no motion can "

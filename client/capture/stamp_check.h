@@ -20,8 +20,10 @@ enum class TimeUnit : uint8_t { kSeconds, kMilliseconds, kMicroseconds, kNanosec
 [[nodiscard]] std::string_view long_name(TimeUnit unit);
 
 struct StampReport {
-  /// Why no camera has such stamps, with the likely cause and what to do. A sentence about the list.
+  /// Why no camera has such stamps, with the likely cause. A sentence about what they are from.
   std::optional<std::string> impossible;
+  /// What to do about it where that is a list: the sentence's end.
+  std::string remedy;
   /// What recordings do have and a person should know. Sentences about the list.
   std::vector<std::string> remarks;
 };

@@ -11,6 +11,7 @@ namespace cairn {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::EndsWith;
 using ::testing::HasSubstr;
 
 constexpr double kEpoch = 1403715273.262;  // [s]
@@ -68,7 +69,7 @@ TEST(StampCheck, OtherUnitsAreNamed) {
   const auto list_of_microseconds = read(camera(0.05, 30), [](double t) { return t / 1e3; });
   const auto report = check_stamps(list_of_microseconds, TimeUnit::kNanoseconds);
   ASSERT_TRUE(report.impossible);
-  EXPECT_THAT(*report.impossible, HasSubstr("unit=us"));
+  EXPECT_THAT(report.remedy, HasSubstr("unit=us"));
 }
 
 TEST(StampCheck, LostDigitsAreNamed) {
@@ -80,7 +81,7 @@ TEST(StampCheck, LostDigitsAreNamed) {
   EXPECT_THAT(why([](double t) { return std::round((45000 + (t - kEpoch) / 86400) * 1e6) / 1e6; }),
               HasSubstr("days"));
   EXPECT_THAT(why([](double) { return 7.0; }), HasSubstr("all are the same whole second"));
-  EXPECT_THAT(why([](double) { return 7.1; }), HasSubstr("all are the same;"));
+  EXPECT_THAT(why([](double) { return 7.1; }), EndsWith("all are the same"));
 }
 
 TEST(StampCheck, StillsAndListsOfPlacesAreToldAndPass) {

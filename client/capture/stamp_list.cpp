@@ -80,10 +80,11 @@ Result<std::vector<Timestamp>> read_times(const std::filesystem::path& path, Tim
 Result<std::vector<SourceNote>> vet_stamps(const std::filesystem::path& list,
                                            std::span<const Timestamp> stamps, StampUnit unit) {
   auto report = check_stamps(stamps, unit.unit);
-  if (report.impossible && !unit.is_given) {
-    return fail(ErrorCode::kDamaged, list.string() + ": " + *report.impossible);
+  if (report.impossible) {
+    const std::string words = *report.impossible + ": " + report.remedy;
+    if (!unit.is_given) return fail(ErrorCode::kDamaged, list.string() + ": " + words);
+    report.remarks = {words};
   }
-  if (report.impossible) report.remarks = {*report.impossible};
   std::vector<SourceNote> notes;
   for (const auto& remark : report.remarks) notes.push_back({list.string() + ": " + remark, true});
   return notes;

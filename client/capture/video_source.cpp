@@ -9,6 +9,7 @@
 #include <opencv2/videoio.hpp>
 #include <vector>
 
+#include "client/capture/stamp_check.h"
 #include "client/capture/stamp_list.h"
 
 namespace cairn {
@@ -40,6 +41,22 @@ std::optional<cv::RotateFlags> turn_of(int clockwise_degrees) {
     default:
       return std::nullopt;
   }
+}
+
+/// What a person should know of the stamps that a container has, by its first frames and a capture of their
+/// own: they are known only when frames are taken.
+std::vector<SourceNote> vet_container(const std::string& path) {
+  constexpr size_t kFrames = 12;
+  cv::VideoCapture capture(path, cv::CAP_FFMPEG);
+  std::vector<Timestamp> stamps;
+  while (stamps.size() < kFrames && capture.grab())
+    stamps.push_back({std::llround(capture.get(cv::CAP_PROP_POS_MSEC) * 1e6)});
+  auto report = check_stamps(stamps, TimeUnit::kSeconds);
+  if (report.impossible) report.remarks = {*report.impossible};
+  std::vector<SourceNote> notes;
+  for (const auto& remark : report.remarks)
+    notes.push_back({path + ": " + remark + "; times=FILE gives its frames other stamps", true});
+  return notes;
 }
 
 /// Frames of a video file, upright as players show them, stamped by a list of times or else by the container.
@@ -171,6 +188,7 @@ Result<std::unique_ptr<FrameSource>> open_video_source(const SourceUri& uri) {
     // FFmpeg by name: the image-sequence back end would take a file name with digits in it for a pattern.
     auto capture = std::make_unique<cv::VideoCapture>(uri.path, cv::CAP_FFMPEG);
     if (!capture->isOpened()) return fail(ErrorCode::kDamaged, uri.path + ": not a video that FFmpeg reads");
+    if (times_path.empty()) notes = vet_container(uri.path);
     return std::make_unique<VideoSource>(uri.path, std::move(capture), std::move(times_path),
                                          std::move(times), std::move(notes));
   } catch (const cv::Exception& exception) {

@@ -27,15 +27,16 @@ struct DeepImage {
   std::vector<uint16_t> pixels;
 };
 
-/// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey, row by row as it is kept: an orientation tag is ignored. Error kDamaged (without a file name) for anything that
-/// is not a whole image of at most kMaxImageSide. Of pictures with more than 8 bits the upper 8 are taken, or
-/// what `levels` makes of them. Thread-safe.
+/// Decodes a PNG, JPEG or PGM/PPM to 8-bit grey, row by row as it is kept: an orientation tag is ignored.
+/// Error kDamaged (without a file name) for anything that is not a whole image of at most kMaxImageSide. Of
+/// pictures with more than 8 bits the upper 8 are taken, or what `levels` makes of them. Thread-safe.
 [[nodiscard]] Result<GrayImage> decode_gray_image(std::span<const uint8_t> bytes,
                                                   const std::optional<GrayLevels>& levels = {});
 /// As decode_gray_image(), with all bits.
 [[nodiscard]] Result<DeepImage> decode_deep_image(std::span<const uint8_t> bytes);
 
-/// As decode_gray_image() from a file, upright as viewers show it (orientation.h); errors name it: kNotFound, kIo, kDamaged (empty, cut, not an image).
+/// As decode_gray_image() from a file, upright as viewers show it (orientation.h); errors name it: kNotFound,
+/// kIo, kDamaged (empty, cut, not an image).
 [[nodiscard]] Result<GrayImage> read_gray_image(const std::filesystem::path& path,
                                                 const std::optional<GrayLevels>& levels = {});
 

@@ -44,7 +44,9 @@ Result<ImageHeader> read_png(Bytes bytes) {
   const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
   const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
   const int bits = bytes.size() > 24 ? bytes[24] : 8;
-  return ImageHeader{ImageFormat::kPng, big_endian_32(bytes, 16), big_endian_32(bytes, 20), bits, png_orientation(bytes), complete};
+  return ImageHeader{ImageFormat::kPng,        big_endian_32(bytes, 16),
+                     big_endian_32(bytes, 20), bits,
+                     png_orientation(bytes),   complete};
 }
 
 /// Of a marker segment APP1: its marker and length, "Exif", two zeros, and the TIFF structure.
@@ -95,8 +97,12 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     if (at + 4 > bytes.size()) break;
     if (is_start_of_frame(marker)) {
       if (at + 9 > bytes.size()) break;
-      header = ImageHeader{ImageFormat::kJpeg, big_endian_16(bytes, at + 7), big_endian_16(bytes, at + 5),
-                           bytes[at + 4], kUpright, false};
+      header = ImageHeader{ImageFormat::kJpeg,
+                           big_endian_16(bytes, at + 7),
+                           big_endian_16(bytes, at + 5),
+                           bytes[at + 4],
+                           kUpright,
+                           false};
     }
     if (!orientation) orientation = jpeg_orientation(bytes.subspan(at));
     in_scan = marker == kStartOfScan;

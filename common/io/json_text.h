@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -19,5 +20,10 @@ template <typename Json>
 [[nodiscard]] std::string json_ascii(const Json& json) {
   return json.dump(-1, ' ', true, Json::error_handler_t::replace);
 }
+
+/// A path, which may be any bytes, as a text of JSON that says which: itself where it is a text without
+/// fault, else the URI of the absolute path (RFC 8089, `file:///tmp/caf%E9`). What begins with `file:` is
+/// always one.
+[[nodiscard]] std::string path_in_json(const std::filesystem::path& path);
 
 }  // namespace cairn

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/io/orientation.h"
 
-#include <fmt/format.h>
-
 #include <array>
 #include <opencv2/core.hpp>
 
@@ -30,8 +28,8 @@ struct Change {
   bool is_mirrored;
   int quarters;
 };
-constexpr std::array<Change, 9> kChanges = {
-    Change{false, 0}, {false, 0}, {true, 0}, {false, 2}, {true, 2}, {true, 3}, {false, 1}, {true, 1}, {false, 3}};
+constexpr std::array<Change, 9> kChanges = {Change{false, 0}, {false, 0}, {true, 0}, {false, 2}, {true, 2},
+                                            {true, 3},        {false, 1}, {true, 1}, {false, 3}};
 
 Change change_of(int orientation) {
   return orientation < kUpright || orientation > 8 ? kChanges[0] : kChanges[static_cast<size_t>(orientation)];
@@ -59,7 +57,8 @@ bool lies_on_its_side(int orientation) {
 
 std::string orientation_words(int orientation) {
   const auto [is_mirrored, quarters] = change_of(orientation);
-  const std::string turned = quarters == 0 ? "" : fmt::format("turned by {} degrees clockwise", 90 * quarters);
+  const std::string turned =
+      quarters == 0 ? "" : "turned by " + std::to_string(90 * quarters) + " degrees clockwise";
   if (!is_mirrored) return turned;
   return turned.empty() ? "mirrored" : "mirrored and " + turned;
 }

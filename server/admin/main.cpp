@@ -280,7 +280,7 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!all) return tl::unexpected(all.error());
     for (const json& map : (*all)["maps"]) maps.push_back(map.value("name", ""));
   }
-  json exported = json::array();
+  std::vector<std::filesystem::path> exported;
   std::optional<Error> first;
   size_t whole = 0;
   for (const std::string& map : maps) {
@@ -288,7 +288,7 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!staging) return tl::unexpected(staging.error());
     const auto paths = export_map(client, options, *staging, map);
     if (paths) {
-      for (const auto& path : *paths) exported.push_back(one_line(path.string()));  // a path is bytes
+      exported.insert(exported.end(), paths->begin(), paths->end());
       ++whole;
       continue;
     }
@@ -296,8 +296,10 @@ Status export_maps(AdminClient* client, const Options& options) {
     if (!first) first = paths.error();
     if (first->code == ErrorCode::kNoServer || Interruption::requested()) break;
   }
-  print(options, exported, [&exported] {
-    for (const json& path : exported) std::printf("%s\n", path.get<std::string>().c_str());
+  json as_json = json::array();
+  for (const auto& path : exported) as_json.push_back(path_in_json(path));
+  print(options, as_json, [&exported] {
+    for (const auto& path : exported) std::printf("%s\n", one_line(path.string()).c_str());
   });
   if (!first) return {};
   if (maps.size() > 1)

@@ -102,7 +102,7 @@ class Operator(OnTheDesk):
         self.assertIn("no map 'K\u00fcche'", self.ctl("map", "K\u00fcche", "show", expect=REFUSED))
         out = str(self.folder) + "/caf\udce9"
         shown = str(self.folder) + "/caf\\xe9/map-1.cairnmap"
-        self.assertEqual(self.ctl("maps", "export", "--out", out), [shown])
+        self.assertEqual(self.ctl("maps", "export", "--out", out), [f"file://{self.folder}/caf%E9/map-1.cairnmap"])
         self.assertEqual(self.say("maps", "export", "--out", out), shown + "\n")
         self.assertIn("caf\\xe9/no.cairnmap: cannot be read", self.ctl("maps", "import", out + "/no.cairnmap", expect=CONFIGURATION))
         self.assertIn("'Frage\\xfc'", self.ctl("Frage\udcfc", expect=USAGE))

@@ -154,7 +154,7 @@ std::string stats_text(const std::vector<NamedRun>& runs) {
 std::string stats_json(const std::vector<NamedRun>& runs) {
   Json documents = Json::array();
   for (const auto& [file, s] : runs) {
-    documents.push_back({{"file", one_line(file)},
+    documents.push_back({{"file", path_in_json(file)},
                          {"frames_total", s.frames_total},
                          {"first_map_frame", s.first_map_frame ? Json(*s.first_map_frame) : Json(nullptr)},
                          {"frames_after_map", s.frames_after_map},
