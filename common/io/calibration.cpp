@@ -160,7 +160,11 @@ Status write_whole(const std::filesystem::path& path, const std::string& text) {
     std::ofstream file(staged, std::ios::binary | std::ios::trunc);
     file << text;
     file.flush();
-    if (!file) return fail(ErrorCode::kIo, cannot_be_written(path));
+    if (!file) {
+      const auto refused = fail(ErrorCode::kIo, cannot_be_written(path));
+      std::filesystem::remove(staged, error);
+      return refused;
+    }
   }
   std::filesystem::rename(staged, path, error);
   if (error) return fail(ErrorCode::kIo, path.string() + ": cannot be written: " + error.message());

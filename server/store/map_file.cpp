@@ -65,6 +65,11 @@ Status check_is_map_file(const std::filesystem::path& path) {
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
   constexpr size_t kApplicationAt = 68;
   constexpr size_t kHeaderBytes = 100;
+  std::error_code unknown;
+  const bool is_stream = std::filesystem::exists(path, unknown) &&
+                         !std::filesystem::is_regular_file(path, unknown) &&
+                         !std::filesystem::is_directory(path, unknown);
+  if (is_stream) return fail(ErrorCode::kIo, "not a regular file; copy what comes out of it to one");
   errno = 0;  // a stream keeps it, and says nothing else
   std::ifstream in(path, std::ios::binary);
   std::array<char, kHeaderBytes> header{};

@@ -7,6 +7,7 @@ operator_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 import contextlib
 import json
 import math
+import os
 import pathlib
 import re
 import shutil
@@ -90,6 +91,20 @@ class Operator(OnTheDesk):
         unused = type("Nobody", (), {"domain": 229})
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
         self.assertIn("--security: DDS Security is not available", self.ctl("--security", self.folder, "status", expect=USAGE))
+
+    def test_a_run_that_drops_most_frames_says_so_last_and_is_no_success(self):
+        done = subprocess.run(command("cairn-track", "--source", f"images:{self.folder}/desk/rgb?fps=20000", "--headless", "--role", "reader",
+                                      "--domain", self.server.domain, "--trajectory", self.folder / "dropped.txt"),
+                              stderr=subprocess.PIPE, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, 1, done.stderr)
+        self.assertRegex(done.stderr.splitlines()[-1], rf"most frames were dropped, \d+ of {self.FRAMES}")
+
+    def test_a_plot_that_nobody_reads_costs_no_end(self):
+        pipe, truth = self.folder / "plot.png", self.folder / "desk/groundtruth.txt"
+        os.mkfifo(pipe)
+        done = subprocess.run(command("cairn-eval", "ate", truth, truth, "--plot", pipe), capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, CONFIGURATION, done.stderr)
+        self.assertIn("nobody reads it", done.stderr)
 
     def test_texts_are_utf8_and_paths_are_bytes(self):
         """What is no text is named before the server hears of it; what a path is called costs no work that is done."""

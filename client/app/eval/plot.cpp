@@ -10,6 +10,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "client/app/text_painter.h"
+#include "common/base/stream_writer.h"
 
 namespace cairn {
 namespace {
@@ -238,14 +239,13 @@ Status write_plot(const std::filesystem::path& path, const PlotContent& content)
   canvas.text(content.title, {kWidth / 2.0, 34}, 0.5, 0.65);
   draw_paths(canvas, content);
   draw_errors(canvas, content);
-  bool is_written = false;
+  std::vector<uint8_t> bytes;
   try {
-    is_written = cv::imwrite(path.string(), canvas.finished());
+    cv::imencode(path.extension().string(), canvas.finished(), bytes);
   } catch (const cv::Exception&) {
     return fail(ErrorCode::kUsage, path.string() + ": not a name for a picture; end it in .png");
   }
-  if (!is_written) return fail(ErrorCode::kIo, path.string() + ": cannot be written");
-  return {};
+  return write_stream(path, {bytes.begin(), bytes.end()});
 }
 
 }  // namespace cairn
