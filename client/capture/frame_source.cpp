@@ -70,7 +70,7 @@ Status check_picture_size(const FrameSource& source, const CameraParameters& cal
                   "--calibration{}",
                   source.describe(), size->width, size->height, calibrated.width, calibrated.height,
                   is_exchanged ? ", width and height exchanged" : "",
-                  is_exchanged ? ", of upright pictures: `cairn-track calibrate` turns a video as tracking "
+                  is_exchanged ? ", of upright pictures: `cairn-track calibrate` turns pictures as tracking "
                                  "does"
                                : ""));
 }
