@@ -82,7 +82,7 @@ json describe(const DamagedFile& file, bool served) {
     reasons.push_back("and " + std::to_string(file.reasons.size() - told) + " more, in the .txt beside it");
   return {{"id", file.map ? to_hex(file.map.bytes) : std::string()},
           {"name", file.name},
-          {"file", path_in_json(file.path)},
+          {"file", one_line(file.path.string())},
           {"bytes", file.bytes},
           {"set_aside", file.set_aside.nanoseconds},
           {"served", served},
@@ -100,7 +100,7 @@ std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
 json describe(const UnloadedMap& map) {
   return {{"id", to_hex(map.map.bytes)},
           {"name", map.name},
-          {"file", path_in_json(map.file)},
+          {"file", one_line(map.file.string())},
           {"reason", map.reason}};
 }
 

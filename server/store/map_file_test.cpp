@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
 
 #include <csignal>
 #include <fstream>
@@ -197,14 +196,6 @@ TEST_F(MapFileTest, WhatIsNoMapFileIsSaidToBeNone) {
   EXPECT_EQ(MapFile::open(folder_ / "other").error().code, ErrorCode::kDamaged);
   (void)sqlite::Database::open(folder_ / "empty", sqlite::OpenMode::kCreate);
   EXPECT_EQ(MapFile::open(folder_ / "empty").error().code, ErrorCode::kDamaged);
-}
-
-TEST_F(MapFileTest, APipeIsNotWaitedFor) {
-  ASSERT_EQ(mkfifo(path_.c_str(), 0600), 0);
-  const auto checked = check_is_map_file(path_);
-  ASSERT_FALSE(checked);
-  EXPECT_EQ(checked.error().code, ErrorCode::kIo);
-  EXPECT_THAT(checked.error().message, HasSubstr("not a regular file"));
 }
 
 TEST_F(MapFileTest, ADamagedRowIsNamedAndTheRestIsRead) {

@@ -122,6 +122,11 @@ class Operator(OnTheDesk):
         self.assertIn("caf\\xe9/no.cairnmap: cannot be read", self.ctl("maps", "import", out + "/no.cairnmap", expect=CONFIGURATION))
         self.assertIn("'Frage\\xfc'", self.ctl("Frage\udcfc", expect=USAGE))
 
+    def test_an_archive_does_not_come_out_of_a_pipe(self):
+        pipe = self.folder / "pipe.cairnmap"
+        os.mkfifo(pipe)
+        self.assertIn("not a regular file", self.ctl("maps", "import", pipe, expect=CONFIGURATION))
+
     def test_what_cannot_be_imported_is_named_once_and_what_it_is_not(self):
         junk, missing = self.folder / "no.cairnmap", self.folder / "missing.cairnmap"
         junk.write_text("this is no archive " * 500)
