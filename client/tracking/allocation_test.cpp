@@ -8,8 +8,11 @@
 #include <cmath>
 #include <cstddef>
 #include <memory>
+#include <vector>
 
 #include "client/tracking/plane_scene.h"
+#include "client/tracking/provisional_points.h"
+#include "client/tracking/round_room.h"
 #include "client/tracking/tracker.h"
 
 namespace {
@@ -87,6 +90,38 @@ TEST(Allocations, ATrackedFrameThatAddsNothingNewTakesNone) {
     ASSERT_FALSE(result.keyframe) << "frame " << i;
     EXPECT_EQ(taken, 0U) << "frame " << i << ", " << result.found << " of " << result.attempted;
   }
+}
+
+/// Corners are followed, dropped and begun, the camera to and fro.
+TEST(Allocations, FollowingWhatIsProvisionalTakesNone) {
+  constexpr int kRound = 10;  // frames
+  const CameraPtr camera =
+      *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
+  const test::RoundRoom room(3, camera, 2);
+  const MapSnapshotPtr map = room.empty_map(SE3());
+  std::vector<SE3> poses;
+  std::vector<GrayImagePtr> pictures;
+  for (int i = 0; i < kRound; ++i) {
+    const double angle = 2 * M_PI * i / kRound;
+    poses.emplace_back(so3_exp({0, 0.15 * std::cos(angle), 0}),
+                       Eigen::Vector3d(0.02 * std::sin(angle), 0, 0));
+    pictures.push_back(room.render(poses.back(), 2, static_cast<uint64_t>(i)));
+  }
+  ProvisionalPoints points(camera);
+  FrameImages frame;
+  const auto follow = [&](size_t i) {
+    frame.build_pyramid(pictures[i]->view());
+    points.follow(frame, poses[i], *map);
+    const auto found = points.locate(poses[i], {}, 2);
+    points.update(frame, {poses[i], Matrix6d::Zero(), PoseSupport::kPosition, 2}, *map, {});
+    return found.has_value();
+  };
+  for (size_t i = 0; i < 12 * kRound; ++i) static_cast<void>(follow(i % kRound));
+  const size_t before = allocations;
+  size_t found = 0;
+  for (size_t i = 0; i < 4 * kRound; ++i) found += follow(i % kRound) ? 1 : 0;
+  EXPECT_EQ(allocations - before, 0U);
+  EXPECT_EQ(found, 4U * kRound);
 }
 
 }  // namespace

@@ -69,6 +69,8 @@ class PoseFinder {
   [[nodiscard]] double rms() const {
     return seen_.rms;
   }  ///< [px of level 0, scaled by 2^-level] of the inliers
+  /// Of the pose fitted last, left tangent, for sigmas of 2^level px.
+  [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.

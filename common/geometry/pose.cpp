@@ -17,6 +17,10 @@ namespace {
 
 constexpr size_t kMinObservations = 4;
 
+/// Standard deviation of an inverse depth over its value up to which it says where the camera is. Beyond, the
+/// prior would decide, and in that a wall that is farther than expected is wrong for all its corners alike.
+constexpr double kKnownDepth = 0.2;
+
 using Linearised = PoseWorkspace::Linearised;
 
 /// Upper triangle, row by row, of sum w J^T J; and sum w J^T r. The rows of x and of y are summed side by
@@ -80,6 +84,63 @@ void linearise(const Camera& camera, const SE3& camera_from_map,
   }
 }
 
+/// Each row mixes x and y: the noise, in which the distance is marginalised, lies across the axes.
+void linearise(const Camera& camera, const SE3& camera_from_map, std::span<const BearingObservation> bearings,
+               std::span<Linearised> out) {
+  const Eigen::Matrix3d rotation = camera_from_map.rotation_matrix();
+  const Eigen::Vector3d& translation = camera_from_map.translation();
+  for (size_t i = 0; i < bearings.size(); ++i) {
+    const BearingObservation& b = bearings[i];
+    Linearised& o = out[i];
+    // The point times its inverse depth: cameras know directions only.
+    const Eigen::Vector3d origin = rotation * b.origin_in_map + translation;
+    const Eigen::Vector3d p = rotation * b.bearing_in_map + b.inverse_depth * origin;
+    Matrix23d d_pixel_d_p;
+    const auto pixel = camera.project(p, &d_pixel_d_p);
+    o.in_view = pixel.has_value();
+    if (!o.in_view) continue;
+    const Eigen::Vector2d d_pixel_d_depth = d_pixel_d_p * origin;
+    const Eigen::Matrix2d noise = b.sigma * b.sigma * Eigen::Matrix2d::Identity() +
+                                  b.inverse_depth_variance * d_pixel_d_depth * d_pixel_d_depth.transpose();
+    // The inverse of its Cholesky factor.
+    const double l00 = std::sqrt(noise(0, 0));
+    const double l10 = noise(1, 0) / l00;
+    const double l11 = std::sqrt(noise(1, 1) - l10 * l10);
+    const auto whitened = [&](const Eigen::Vector2d& v) -> Eigen::Array2d {
+      const double x = v.x() / l00;
+      return {x, (v.y() - l10 * x) / l11};
+    };
+    o.residual = whitened(*pixel - b.pixel);
+    o.squared = o.residual.square().sum();
+    const Eigen::Array2d ax = whitened(d_pixel_d_p.col(0));
+    const Eigen::Array2d ay = whitened(d_pixel_d_p.col(1));
+    const Eigen::Array2d az = whitened(d_pixel_d_p.col(2));
+    const double limit = kKnownDepth * b.inverse_depth;
+    const double moves = b.inverse_depth_variance <= limit * limit ? b.inverse_depth : 0.0;
+    o.d_residual_d_xi = {moves * ax,
+                         moves * ay,
+                         moves * az,
+                         p.y() * az - p.z() * ay,
+                         p.z() * ax - p.x() * az,
+                         p.x() * ay - p.y() * ax};
+  }
+}
+
+void linearise(const Camera& camera, const SE3& pose, std::span<const PointObservation> observations,
+               std::span<const BearingObservation> bearings, std::vector<Linearised>& out) {
+  linearise(camera, pose, observations, out);
+  if (!bearings.empty())
+    linearise(camera, pose, bearings, std::span(out).subspan(observations.size(), bearings.size()));
+}
+
+/// What a prior adds to the normal equations at a pose. A step to the left moves the centre by its
+/// translation, turned back: centre' = centre - R^T v.
+void add_prior(const PositionPrior& prior, const SE3& pose, Matrix6d* information, Vector6d* gradient) {
+  const double weight = 1.0 / (prior.sigma * prior.sigma);
+  information->topLeftCorner<3, 3>().diagonal().array() += weight;
+  gradient->head<3>() -= weight * (pose.rotation() * (pose.center() - prior.center_in_map));
+}
+
 /// Tukey's cut-off for an iteration: from the median of what is in view, never below the floor.
 double cutoff_for(int iteration, const PoseOptions& options, PoseWorkspace* workspace) {
   if (iteration >= options.fixed_cutoff_after) return options.late_squared_cutoff;
@@ -114,10 +175,10 @@ tl::unexpected<Error> singular() {
   return fail(ErrorCode::kDegenerate, "pose: the observations do not determine it");
 }
 
-/// Weights, inliers, rms and covariance (inverse information, for the sigmas as given, without the prior) at
-/// the end.
+/// Weights, inliers, rms, information and covariance (for the sigmas as given, without options.prior) at the
+/// end.
 Status summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff,
-                 PoseEstimate* estimate) {
+                 const std::optional<PositionPrior>& position, PoseEstimate* estimate) {
   estimate->camera_from_map = pose;
   estimate->weights.resize(linearised.size());
   estimate->inliers = 0;
@@ -134,7 +195,11 @@ Status summarise(const SE3& pose, const std::vector<Linearised>& linearised, dou
     total_weight += weight;
     total_squared += weight * o.squared;
   }
-  const auto factor = factorise(sum.information());
+  estimate->information = sum.information();
+  Matrix6d information = estimate->information;
+  Vector6d gradient = Vector6d::Zero();
+  if (position) add_prior(*position, pose, &information, &gradient);
+  const auto factor = factorise(information);
   if (!factor || static_cast<size_t>(estimate->inliers) < kMinObservations) return singular();
   estimate->rms = std::sqrt(total_squared / total_weight);
   estimate->covariance = factor->solve(Matrix6d::Identity());
@@ -187,22 +252,31 @@ Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_
 Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                      std::span<const PointObservation> observations, const PoseOptions& options,
                      PoseWorkspace* workspace, PoseEstimate* estimate) {
-  if (observations.size() < kMinObservations) {
+  return optimize_pose(camera, camera_from_map_start, observations, {}, options, workspace, estimate);
+}
+
+Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
+                     std::span<const PointObservation> observations, const PoseSupplement& supplement,
+                     const PoseOptions& options, PoseWorkspace* workspace, PoseEstimate* estimate) {
+  const size_t count = observations.size() + supplement.bearings.size();
+  if (count < kMinObservations) {
     return fail(ErrorCode::kDegenerate, "pose: fewer than 4 observations");
   }
   // Squared step, in standard deviations of the pose as the sigmas have it: what is left is a hundredth of
   // what the noise of the best measurements leaves open.
   constexpr double kConverged = 1e-6;
   std::vector<Linearised>& linearised = workspace->linearised;
-  linearised.resize(observations.size());
-  workspace->squared.reserve(observations.size());
+  linearised.resize(count);
+  workspace->squared.reserve(count);
   SE3 pose = camera_from_map_start;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
-    linearise(camera, pose, observations, linearised);
+    linearise(camera, pose, observations, supplement.bearings, linearised);
     const NormalEquations sum = accumulate(linearised, cutoff_for(iteration, options, workspace));
-    const auto factor = factorise(sum.information() + options.prior * Matrix6d::Identity());
+    Matrix6d information = sum.information() + options.prior * Matrix6d::Identity();
+    Vector6d gradient = sum.gradient();
+    if (supplement.position) add_prior(*supplement.position, pose, &information, &gradient);
+    const auto factor = factorise(information);
     if (!factor) return singular();
-    const Vector6d gradient = sum.gradient();
     const Vector6d step = -factor->solve(gradient);
     pose = SE3::exp(step) * pose;
     if (!pose.is_finite()) return singular();
@@ -211,8 +285,9 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
         options.fixed_cutoff_after >= options.iterations || iteration >= options.fixed_cutoff_after;
     if (cutoff_settled && -step.dot(gradient) < kConverged) break;
   }
-  linearise(camera, pose, observations, linearised);
-  return summarise(pose, linearised, cutoff_for(options.iterations, options, workspace), estimate);
+  linearise(camera, pose, observations, supplement.bearings, linearised);
+  return summarise(pose, linearised, cutoff_for(options.iterations, options, workspace), supplement.position,
+                   estimate);
 }
 
 Result<PoseEstimate> ransac_pose(const Camera& camera, std::span<const PointObservation> observations,

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,31 @@ struct PointObservation {
   double sigma = 1.0;  ///< of the measurement [px of level 0]; PTAM: 2^level
 };
 
+/// Something on a ray whose distance is known badly or not at all, seen at a pixel. The distance is kept
+/// inverted, so that infinity is a number like others (Civera, Davison and Montiel, T-RO 2008).
+struct BearingObservation {
+  Eigen::Vector3d origin_in_map = Eigen::Vector3d::Zero();    ///< where the ray begins
+  Eigen::Vector3d bearing_in_map = Eigen::Vector3d::UnitZ();  ///< unit
+  double inverse_depth = 0;                                   ///< along the ray [1 / map unit], >= 0
+  double inverse_depth_variance = 0;
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
+  double sigma = 1.0;  ///< of the measurement [px of level 0]
+};
+
+/// Where the camera is, by other means than what it sees.
+struct PositionPrior {
+  Eigen::Vector3d center_in_map = Eigen::Vector3d::Zero();
+  double sigma = 1.0;  ///< in each direction [map unit]
+};
+
+/// What a pose may be fitted to beside points. A bearing's distance is marginalised: as far as it is not
+/// known, the bearing says nothing along its epipolar line. One that is not known to a fifth says nothing of
+/// the position: it holds the rotation and not more.
+struct PoseSupplement {
+  std::span<const BearingObservation> bearings;
+  std::optional<PositionPrior> position;
+};
+
 struct PoseOptions {
   int iterations = 10;
   double min_squared_cutoff = 0.25;  ///< floor of Tukey's squared cut-off, in units of sigma
@@ -31,10 +57,12 @@ struct PoseOptions {
 
 struct PoseEstimate {
   SE3 camera_from_map;
-  std::vector<double> weights;  ///< final Tukey weight of each observation; 0 = outlier or behind the camera
-  int inliers = 0;              ///< observations with weight > 0
-  double rms = 0;               ///< weighted root mean square reprojection error, in units of sigma
-  Matrix6d covariance = Matrix6d::Identity();
+  /// Final Tukey weight of each observation, those of the bearings last; 0 = outlier or behind the camera.
+  std::vector<double> weights;
+  int inliers = 0;  ///< observations with weight > 0
+  double rms = 0;   ///< weighted root mean square reprojection error, in units of sigma
+  Matrix6d information = Matrix6d::Zero();     ///< of the observations, without any prior
+  Matrix6d covariance = Matrix6d::Identity();  ///< with what is known of the position
 };
 
 /// What optimize_pose computes with, kept from call to call by who has no time to allocate. What is in it
@@ -62,6 +90,12 @@ struct PoseWorkspace {
 /// `estimate` is left with nothing of use.
 [[nodiscard]] Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                    std::span<const PointObservation> observations, const PoseOptions& options,
+                                   PoseWorkspace* workspace, PoseEstimate* estimate);
+/// As above, with `supplement` beside the points; without anything in it, equal to the bit. Of points and
+/// bearings together there must be 4.
+[[nodiscard]] Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
+                                   std::span<const PointObservation> observations,
+                                   const PoseSupplement& supplement, const PoseOptions& options,
                                    PoseWorkspace* workspace, PoseEstimate* estimate);
 
 /// Unit rays in the camera and points in the map; up to four camera_from_map (P3P, Lambda Twist or

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/pose_judgement.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <limits>
+
+namespace cairn {
+namespace {
+
+constexpr double kKnownPosition = 0.01;  // over the mean depth: an overlay stands still
+constexpr double kKnownRotation = 0.01;  // [rad]
+
+/// Standard deviation in the direction that a matrix has least information of.
+double worst_sigma(const Eigen::Matrix3d& information) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(information, Eigen::EigenvaluesOnly);
+  const double least = solver.eigenvalues()[0];
+  return least > 0 ? 1 / std::sqrt(least) : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+PoseJudgement judge_pose(const Matrix6d& information, double mean_depth) {
+  PoseJudgement judgement;
+  const Eigen::Matrix3d of_rotation = information.bottomRightCorner<3, 3>();
+  judgement.position_sigma = std::numeric_limits<double>::infinity();
+  judgement.rotation_sigma = worst_sigma(of_rotation);
+  if (!(judgement.rotation_sigma < kKnownRotation)) return judgement;
+  judgement.support = PoseSupport::kRotation;
+  // What is left for the position once the rotation is whatever fits best.
+  const Eigen::Matrix3d across = information.topRightCorner<3, 3>();
+  const Eigen::Matrix3d of_position =
+      information.topLeftCorner<3, 3>() - across * of_rotation.ldlt().solve(across.transpose());
+  judgement.position_sigma = worst_sigma(of_position) / mean_depth;
+  if (judgement.position_sigma < kKnownPosition) judgement.support = PoseSupport::kPosition;
+  return judgement;
+}
+
+}  // namespace cairn

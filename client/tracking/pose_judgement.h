@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+
+#include "common/geometry/se3.h"
+
+namespace cairn {
+
+/// What of a pose is determined by what a frame shows.
+enum class PoseSupport : uint8_t {
+  kNone,
+  kRotation,  ///< and not the position, which is where it was believed to be
+  kPosition,  ///< all of it
+};
+
+/// How well a pose is determined, and what follows from it.
+struct PoseJudgement {
+  PoseSupport support = PoseSupport::kNone;
+  double position_sigma = 0;  ///< in the direction known worst, over the mean depth
+  double rotation_sigma = 0;  ///< of the axis known worst [rad], if the position were known
+};
+/// By the information that the observations of a frame have of (translation, rotation), left tangent.
+/// `mean_depth` [map unit] of what the camera looks at.
+[[nodiscard]] PoseJudgement judge_pose(const Matrix6d& information, double mean_depth);
+
+}  // namespace cairn

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "client/tracking/point_search.h"
+#include "client/tracking/pose_judgement.h"
+#include "common/geometry/camera.h"
+#include "common/geometry/pose.h"
+#include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
+#include "common/image/patch.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// Corners that the map has no points of, followed with known poses: each a bearing from where it was seen
+/// first, and an inverse depth with its variance (Civera, Davison and Montiel, T-RO 2008). They hold the
+/// rotation while the camera turns away from its map (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and
+/// the position as far as their depths are known. Poses are kept relative to keyframes, so they survive
+/// adjustments of the map. Bounded in number and age; no memory is taken once as many were followed as
+/// there can be. Pure; one thread; equal inputs give equal bytes.
+class ProvisionalPoints {
+ public:
+  static constexpr size_t kMostPoints = 200;
+
+  explicit ProvisionalPoints(CameraPtr camera);
+
+  /// Other values of the same camera, from now on: what was seen with the old ones is forgotten.
+  void use_camera(CameraPtr camera);
+  void clear();
+
+  /// Looks for all of them in a frame: the coarse ones around where `predicted` puts them, the others where
+  /// the coarse ones say that the camera has turned to. Those begun in another map are forgotten.
+  void follow(const FrameImages& now, const SE3& predicted, const MapSnapshot& map);
+  /// Those found by the latest follow(), in the frame of its map.
+  [[nodiscard]] std::span<const BearingObservation> observations() const { return observations_; }
+
+  /// A frame's pose by the map's points that were found in it and by those followed.
+  struct Located {
+    SE3 camera_from_map;
+    Matrix6d covariance = Matrix6d::Identity();
+    PoseJudgement judgement;
+    size_t bearings = 0;  ///< that agree
+  };
+  /// Of the frame of the latest follow(). The position stays that of `start` where it is not determined.
+  /// Nothing where not even the rotation is determined, where fewer than 15 bearings agree, or less than half
+  /// of those found.
+  [[nodiscard]] std::optional<Located> locate(const SE3& start, std::span<const VisiblePoint> map_points,
+                                              double mean_depth);
+
+  /// A frame's pose that is believed.
+  struct KnownPose {
+    SE3 camera_from_map;
+    Matrix6d covariance = Matrix6d::Zero();  ///< left tangent
+    PoseSupport support = PoseSupport::kPosition;
+    double mean_depth = 1;  ///< [map unit] of what it shows
+  };
+  /// The frame of the latest follow() has this pose: depths are measured, where its position is known; what
+  /// does not agree is dropped; corners are begun where neither the map nor any of them has a point.
+  void update(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map,
+              std::span<const VisiblePoint> map_points);
+
+  /// One of them, for tests and for those who offer it to others.
+  struct Followed {
+    SE3 anchor_from_map;                                 ///< the camera that saw it first
+    Eigen::Vector3d bearing = Eigen::Vector3d::UnitZ();  ///< unit, in that camera
+    double inverse_depth = 0;                            ///< along it [1 / map unit]
+    double variance = 0;                                 ///< of the inverse depth
+    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();     ///< level 0, where found last
+    uint8_t level = 0;
+    bool found = false;      ///< in the latest frame
+    double innovation = -1;  ///< squared, over its variance, 1 degree of freedom; < 0: depth not measured
+  };
+  [[nodiscard]] size_t size() const { return points_.size(); }
+  [[nodiscard]] Followed at(size_t i) const;
+
+ private:
+  static constexpr size_t kMostAnchors = 64;
+  static constexpr int kColumns = 8;  ///< of cells
+  static constexpr int kRows = 6;
+
+  /// A camera that began points.
+  struct Anchor {
+    KeyframeId reference;
+    SE3 camera_from_reference;
+    int points = 0;                                           ///< that it began and that are left; 0: free
+    SE3 anchor_from_map;                                      ///< in the present revision
+    Eigen::Vector3d measured_from = Eigen::Vector3d::Zero();  ///< where depths were measured last, in it
+  };
+  struct Point {
+    size_t anchor = 0;
+    Eigen::Vector3d bearing;
+    Eigen::Vector3d right;  ///< from the bearing to the next pixel of the level, and
+    Eigen::Vector3d down;   ///< to the one below, on a surface that faces the camera
+    double inverse_depth = 0;
+    double variance = 0;
+    uint8_t level = 0;
+    int age = 0;      ///< [frames]
+    int unseen = 0;   ///< frames since it was found last
+    int refused = 0;  ///< in a row, by its innovation
+    bool found = false;
+    bool in_view = false;
+    double innovation = -1;
+    Eigen::Vector2f expected = Eigen::Vector2f::Zero();
+    Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
+    Warp warp = Warp::Zero();  ///< of `patch`
+    bool has_patch = false;
+    PatchTemplate patch;
+    SourcePatch source;
+  };
+
+  void aim_anchors(const MapSnapshot& map);
+  void drop(size_t i);
+  void drop_aged();
+  void project(const SE3& camera_from_map, Point* point);
+  void search(const FrameImages& now, float radius, bool asks_corners, Point* point);
+  [[nodiscard]] SE3 follow_coarse(const FrameImages& now, const SE3& predicted);
+  void observe();
+  void measure(const KnownPose& pose);
+  /// False when it does not agree with the pose.
+  [[nodiscard]] bool measure(const KnownPose& pose, const SE3& camera_from_anchor, bool is_news,
+                             Point* point);
+  void fill_cells(std::span<const VisiblePoint> map_points);
+  void begin(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map);
+  void begin_level(const FrameImages& now, const KnownPose& pose, int level, size_t anchor);
+  [[nodiscard]] bool begin_point(const FrameImages& now, const KnownPose& pose, int level, Corner corner,
+                                 size_t anchor);
+  [[nodiscard]] bool make_room();
+  [[nodiscard]] std::optional<size_t> new_anchor(const KnownPose& pose, const MapSnapshot& map);
+  [[nodiscard]] size_t cell_of(const Eigen::Vector2f& pixel) const;
+  [[nodiscard]] bool has_neighbour(const Eigen::Vector2f& pixel) const;
+
+  CameraPtr camera_;
+  std::optional<MapId> map_;
+  std::vector<Point> points_;
+  std::array<Anchor, kMostAnchors> anchors_;
+  std::array<int, size_t{kColumns} * kRows> cells_{};  ///< points in each
+  int frames_unbegun_ = 0;                             ///< since corners were begun last
+  std::vector<BearingObservation> observations_;
+  std::vector<PointObservation> of_map_;
+  PoseWorkspace workspace_;
+  PoseEstimate estimate_;
+};
+
+}  // namespace cairn
