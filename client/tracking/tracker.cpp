@@ -11,6 +11,7 @@
 #include "client/tracking/keyframe_policy.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/pose_finder.h"
+#include "client/tracking/provisional_points.h"
 #include "client/tracking/still_regions.h"
 #include "client/tracking/trail_pose.h"
 #include "client/tracking/trails.h"
@@ -25,6 +26,10 @@ constexpr float kSameView = 0.5F;
 // While it tracks: what stands still is learnt from every so many frames, since their corners cost a
 // millisecond.
 constexpr int kLearnEvery = 8;
+// Frames without the map: what is provisional alone holds the rotation for so long, and the position, whose
+// errors add up from frame to frame.
+constexpr int kRotationHeld = 150;
+constexpr int kPositionHeld = 15;
 
 }  // namespace
 
@@ -42,6 +47,7 @@ struct Tracker::State {
         trails(camera_in, options_in),
         finder(camera_in, options_in),
         flow(camera_in, options_in.seed),
+        provisional(camera_in),
         keyframes(options_in) {}
 
   CameraPtr camera;
@@ -50,6 +56,8 @@ struct Tracker::State {
   TrailFollower trails;
   PoseFinder finder;
   FlowPrior flow;
+  ProvisionalPoints provisional;
+  int frames_held = 0;  ///< by what is provisional alone, since the map was seen last
   KeyframePolicy keyframes;
   MotionModel model;
   StillRegions still;
@@ -101,6 +109,8 @@ struct Tracker::State {
 
   void track(Timestamp time);
   void look_for_camera(Timestamp time);
+  [[nodiscard]] bool hold(Timestamp time);
+  void measured(const SE3& camera_from_map, Timestamp time);
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
   void publish(const Attempt& found);
@@ -227,6 +237,7 @@ void Tracker::State::track(Timestamp time) {
     accept(found, time);
     return;
   }
+  if (!is_verified && hold(time)) return;
   miss(time, fmt::format("{} of {} points found", finder.found(), finder.attempted()));
   if (!is_verified) look_for_camera(time);
 }
@@ -308,14 +319,39 @@ void Tracker::State::miss(Timestamp time, std::string why) {
   result.note = std::move(why);
 }
 
-void Tracker::State::accept(const Attempt& found, Timestamp time) {
-  const SE3& camera_from_map = *found.pose;
+/// The camera has turned away from what the map shows: corners that were followed with known poses say where
+/// to. That is no measurement by the map, and who is held is not lost.
+bool Tracker::State::hold(Timestamp time) {
+  if (recovery.as<Tracking>() == nullptr || frames_held >= kRotationHeld) return false;
+  const SE3 expected = turned() * model.last();
+  provisional.follow(now(), expected, *map);
+  const auto held = provisional.locate(expected, finder.points(), mean_depth);
+  if (!held) return false;
+  ++frames_held;
+  measured(held->camera_from_map, time);
+  flow.missed();
+  provisional.update(now(), {held->camera_from_map, held->covariance, held->judgement.support, mean_depth},
+                     *map, {});
+  const bool is_known = held->judgement.support == PoseSupport::kPosition && frames_held <= kPositionHeld;
+  result.state = is_known ? TrackingState::kPoor : TrackingState::kLost;
+  result.pose_measured = is_known;
+  result.mean_depth = mean_depth;
+  result.note = is_known ? "" : "turned away from what the map shows: only the rotation is known";
+  return true;
+}
+
+void Tracker::State::measured(const SE3& camera_from_map, Timestamp time) {
   model.measured(camera_from_map, time);
-  flow.tracked(finder.points());
-  mean_depth = finder.mean_depth().value_or(mean_depth);
   if (const KeyframePose* nearest = map->nearest_keyframe(camera_from_map.center())) {
     latest = {map->map, nearest->id, camera_from_map * nearest->camera_from_map.inverse()};
   }
+}
+
+void Tracker::State::accept(const Attempt& found, Timestamp time) {
+  measured(*found.pose, time);
+  frames_held = 0;
+  flow.tracked(finder.points());
+  mean_depth = finder.mean_depth().value_or(mean_depth);
   if (recovery.confirm(found.evidence.quality, latest, time)) {
     publish(found);
     return;
@@ -330,6 +366,9 @@ void Tracker::State::publish(const Attempt& found) {
   result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
+  provisional.follow(now(), *found.pose, *map);
+  provisional.update(now(), {*found.pose, finder.covariance(), PoseSupport::kPosition, mean_depth}, *map,
+                     finder.points());
   if (!is_sound(found.evidence, found.verdict, options)) return;
   recovery.remember(now(), *map, {latest.reference, latest.camera_from_reference, mean_depth}, flow.seen());
   if (options.make_keyframes) propose_keyframe();
@@ -401,6 +440,7 @@ void Tracker::use_camera(const CameraPtr& camera) {
   s.trails.use_camera(camera);
   s.finder.use_camera(camera);
   s.flow.use_camera(camera);
+  s.provisional.use_camera(camera);
 }
 
 void Tracker::seed_accepted(const SeedAnswer& answer) {
