@@ -13,7 +13,7 @@ bool KeyframePolicy::wants(int found, double distance) {
                        static_cast<float>(found) < options_.running_out * static_cast<float>(most_found_);
   if (distance < options_.keyframe_distance * (in_need ? options_.need_distance : 1.0)) return false;
   // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
-  constexpr double kShortestWait = 0.25;
+  constexpr double kShortestWait = 0.1;
   const double wait =
       in_need ? kShortestWait : std::max(kShortestWait, options_.keyframe_distance / distance);
   if (since_ < wait * options_.frames_between_keyframes) return false;

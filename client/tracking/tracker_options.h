@@ -20,7 +20,7 @@ struct TrackerOptions {
   float running_out =
       0.7F;  ///< of the points found at best since the last keyframe: below, one is needed soon
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
-  double need_distance = 0.3;  ///< of keyframe_distance, which is enough then
+  double need_distance = 0.1;  ///< of keyframe_distance, which is enough then
   int trail_count = 1000;      ///< trails begun in the first frame
   bool make_maps = true;       ///< seeds are proposed while there is no map
   bool make_keyframes = true;  ///< keyframes are proposed
