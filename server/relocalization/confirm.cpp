@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "server/relocalization/appearance.h"
+#include "server/relocalization/certainty.h"
 #include "server/relocalization/picture_parts.h"
 #include "server/relocalization/refine.h"
 
@@ -144,6 +145,15 @@ Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedM
                           result->agreeing, rough.local, evidence(*result)));
 }
 
+/// Of what a pose sees; `points` are not empty.
+double median_depth(const ProjectedPoints& points) {
+  std::vector<double> depths;
+  for (const ProjectedPoint& point : points.points) depths.push_back(point.depth);
+  const auto middle = depths.begin() + static_cast<ptrdiff_t>(depths.size() / 2);
+  std::ranges::nth_element(depths, middle);
+  return *middle;
+}
+
 /// What is seen by the refined pose.
 void take_refined(const PlaceView& view, const Camera& camera, const Refined& refined, Confirmation* result) {
   result->camera_from_map = refined.pose.camera_from_map;
@@ -214,6 +224,27 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   explain_found(view, camera, refined ? refined->guided.matches : matches,
                 refined ? refined->pose.weights : pose->weights, &result.explained);
   return result;
+}
+
+void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
+                     const IndexedMap& map, size_t keyframe, const ConfirmOptions& options,
+                     Confirmation* said) {
+  auto refined = refine(view, grid, camera, map, keyframe, as_certain(*said->camera_from_map));
+  said->confirmed = false;
+  if (!refined) {
+    said->reason = refined.error().message;
+    return;
+  }
+  const double depth = median_depth(refined->points);
+  const Refined settled = settle(view, grid, camera, map, keyframe, std::move(*refined), depth);
+  take_refined(view, camera, settled, said);
+  judge(options, said);
+  const double sigma = position_sigma(view, camera, settled) / depth;
+  if (!said->confirmed || sigma <= options.most_sigma) return;
+  said->confirmed = false;
+  said->reason =
+      fmt::format("what is seen leaves the position open by {:.1f} % of the depth, {:.1f} are allowed",
+                  100 * sigma, 100 * options.most_sigma);
 }
 
 }  // namespace cairn

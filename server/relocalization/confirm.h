@@ -49,6 +49,9 @@ struct ConfirmOptions {
   /// `by_extent`.
   double least_evidence = 0.45;
   double least_alikeness = 0.25;
+  /// Of the depth: what position_sigma(), which is no less than the truth, may be. A pose that is farther off
+  /// is wrong.
+  double most_sigma = 0.03;
   uint64_t seed = 1;
 };
 
@@ -103,5 +106,12 @@ struct Confirmation {
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
                                    size_t keyframe, const Glance& glance, const ConfirmOptions& options);
+
+/// The pose of a confirmed place is looked for anew from around it (settle()), and judged again by what is
+/// seen from there: it is no longer confirmed where that speaks against it, or leaves too open where the
+/// camera is.
+void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera& camera,
+                     const IndexedMap& map, size_t keyframe, const ConfirmOptions& options,
+                     Confirmation* said);
 
 }  // namespace cairn

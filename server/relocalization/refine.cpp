@@ -46,15 +46,20 @@ void keep_some(size_t count, std::vector<ProjectedPoint>* points) {
 
 }  // namespace
 
-double variance_of_pixel(const Camera& camera, const PoseEstimate& pose, const Eigen::Vector3d& point) {
-  const Eigen::Vector3d seen = pose.camera_from_map * point;
+std::optional<Eigen::Matrix<double, 2, 6>> pixel_by_pose(const Camera& camera, const Eigen::Vector3d& seen) {
   Matrix23d d_pixel_d_point;
-  if (!camera.project(seen, &d_pixel_d_point)) return std::numeric_limits<double>::infinity();
+  if (!camera.project(seen, &d_pixel_d_point)) return std::nullopt;
   Eigen::Matrix<double, 2, 6> d_pixel_d_pose;
   d_pixel_d_pose.leftCols<3>() = d_pixel_d_point;
   for (int i = 0; i < 2; ++i)
     d_pixel_d_pose.block<1, 3>(i, 3) = seen.cross(d_pixel_d_point.row(i).transpose()).transpose();
-  return (d_pixel_d_pose * pose.covariance * d_pixel_d_pose.transpose()).trace();
+  return d_pixel_d_pose;
+}
+
+double variance_of_pixel(const Camera& camera, const PoseEstimate& pose, const Eigen::Vector3d& point) {
+  const auto d_pixel_d_pose = pixel_by_pose(camera, pose.camera_from_map * point);
+  if (!d_pixel_d_pose) return std::numeric_limits<double>::infinity();
+  return (*d_pixel_d_pose * pose.covariance * d_pixel_d_pose->transpose()).trace();
 }
 
 void keep_certain(const Camera& camera, const PoseEstimate& pose, double radius, ProjectedPoints* points) {

@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "common/geometry/camera.h"
 #include "common/geometry/pose.h"
 #include "server/relocalization/match.h"
 
 /// A pose from a few corners of a query, refined by all points around it.
 namespace cairn {
+
+/// How the pixel of a point `seen` in the camera changes with the pose (left tangent: translation,
+/// rotation) [px]; nothing for a point that does not project.
+[[nodiscard]] std::optional<Eigen::Matrix<double, 2, 6>> pixel_by_pose(const Camera& camera,
+                                                                       const Eigen::Vector3d& seen);
 
 /// Of where a pose puts a point of the map, as far as the pose is uncertain [px^2, both axes together];
 /// infinite for a point that does not project.

@@ -116,16 +116,12 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
 
 /// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
 /// and inliers do not tell. Then what looks right and is common, then the rest, in the order they were tried.
-std::vector<PlaceCandidate> in_order(std::vector<Tried> tried) {
-  std::stable_sort(tried.begin(), tried.end(), [](const Tried& a, const Tried& b) {
+void put_in_order(std::vector<Tried>* tried) {
+  std::ranges::stable_sort(*tried, [](const Tried& a, const Tried& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
     if (a.said.confirmed != b.said.confirmed) return a.said.confirmed;
     return a.candidate.confirmed && a.said.alikeness > b.said.alikeness;
   });
-  std::vector<PlaceCandidate> candidates;
-  candidates.reserve(tried.size());
-  for (Tried& t : tried) candidates.push_back(std::move(t.candidate));
-  return candidates;
 }
 
 /// A keyframe that was glanced at.
@@ -176,7 +172,12 @@ class Inquiry {
       t.candidate.confirmed = !refusal;
       t.candidate.reason = refusal.value_or("");
     }
-    return in_order(std::move(tried_));
+    put_in_order(&tried_);
+    while (!tried_.empty() && tried_.front().candidate.confirmed && !settle_first()) put_in_order(&tried_);
+    std::vector<PlaceCandidate> candidates;
+    candidates.reserve(tried_.size());
+    for (Tried& t : tried_) candidates.push_back(std::move(t.candidate));
+    return candidates;
   }
 
  private:
@@ -297,6 +298,15 @@ class Inquiry {
     const MapId& map = g.ranked.map->snapshot->map;
     if (is_settled(keyframe, map)) return false;
     return poses_ < most_poses + (is_any_believed() ? kMoreForRivals : 0);
+  }
+
+  /// The first of those in order has the best pose that is found around it. Whether it is still confirmed.
+  bool settle_first() {
+    Tried& first = tried_.front();
+    const Ranked& r = first.ranked;
+    confirm_settled(view_, grid_, camera_, *r.map, r.keyframe, options_.confirm, &first.said);
+    first.candidate = make_candidate(r, first.said, *r.map->snapshot->find(r.indexed().id));
+    return first.said.confirmed;
   }
 
   const Tried& try_out(const Glanced& g) {

@@ -1,0 +1,172 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/relocalization/certainty.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "server/relocalization/map_agreement.h"
+#include "server/relocalization/picture_parts.h"
+
+namespace cairn {
+namespace {
+
+/// Of the depth, or radians, that a start lies aside: twice what makes a pose wrong.
+constexpr double kAside = 0.06;
+constexpr int kMostMoves = 3;
+constexpr double kNearlyAsGood = 0.9;  ///< by the sample: it is rough
+constexpr size_t kMostRefined = 3;     ///< of the poses found from the starts, in a move
+constexpr size_t kSampled = 150;       ///< points by which the poses are compared before one is refined
+constexpr double kRadii[] = {6, 2.5};  ///< of the search from a start [px of the level]
+
+/// Poses that lie nearer to each other are one (separation()): a fifth of what makes a pose wrong.
+constexpr double kSame = 0.006;
+
+/// Tukey weights of all that a pose explains, summed.
+double support_of(const PoseEstimate& pose) {
+  return std::accumulate(pose.weights.begin(), pose.weights.end(), 0.0);
+}
+
+std::vector<SE3> poses_aside(const SE3& camera_from_map, double depth) {
+  const Eigen::Vector3d pivot(0, 0, depth);
+  std::vector<SE3> poses;
+  for (const double way : {kAside, -kAside}) {
+    for (const int axis : {0, 1}) {
+      const Eigen::Quaterniond turn(Eigen::AngleAxisd(way, Eigen::Vector3d::Unit(axis)));
+      poses.push_back(SE3(turn, pivot - turn * pivot) * camera_from_map);
+    }
+    poses.push_back(SE3(Eigen::Quaterniond::Identity(), way * pivot) * camera_from_map);
+  }
+  return poses;
+}
+
+/// Some of the points around a pose, by which others are compared with it for a small part of what refining
+/// each would cost.
+class Sample {
+ public:
+  Sample(const PlaceView& view, const CornerGrid& grid, const Camera& camera, const ProjectedPoints& around)
+      : view_(view), grid_(grid), camera_(camera) {
+    seen_.sightings = around.sightings;
+    const size_t count = std::min(kSampled, around.points.size());
+    for (size_t i = 0; i < count; ++i) sample_.push_back(around.points[i * around.points.size() / count]);
+  }
+
+  /// The pose that is found from there; nothing: the points found do not determine it.
+  [[nodiscard]] std::optional<PoseEstimate> look_from(const SE3& start) {
+    PoseEstimate pose = as_certain(start);
+    for (const double radius : kRadii) {
+      project(pose.camera_from_map);
+      PoseOptions options;
+      options.fixed_cutoff_after = 0;
+      options.late_squared_cutoff = radius * radius;
+      const auto matches = match_near(view_, grid_, seen_, radius).matches;
+      auto next = optimize_pose(camera_, pose.camera_from_map, to_observations(view_, matches), options);
+      if (!next) return std::nullopt;
+      pose = std::move(*next);
+    }
+    return pose;
+  }
+
+ private:
+  void project(const SE3& camera_from_map) {
+    seen_.points.clear();
+    for (ProjectedPoint point : sample_) {
+      const Eigen::Vector3d in_camera = camera_from_map * point.position;
+      const auto pixel = camera_.project(in_camera);
+      if (!pixel || !camera_.in_image(*pixel)) continue;
+      point.pixel = *pixel;
+      point.depth = in_camera.z();
+      seen_.points.push_back(point);
+    }
+  }
+
+  const PlaceView& view_;
+  const CornerGrid& grid_;
+  const Camera& camera_;
+  std::vector<ProjectedPoint> sample_;
+  ProjectedPoints seen_;  ///< of the sample, by the pose that is looked from
+};
+
+/// Poses found from aside which explain nearly as much of the sample as the pose does, the best first.
+std::vector<PoseEstimate> find_others(Sample sample, const SE3& camera_from_map, double depth) {
+  const auto own = sample.look_from(camera_from_map);
+  if (!own) return {};
+  std::vector<PoseEstimate> found;
+  for (const SE3& aside : poses_aside(camera_from_map, depth)) {
+    auto other = sample.look_from(aside);
+    if (other && support_of(*other) >= kNearlyAsGood * support_of(*own)) found.push_back(std::move(*other));
+  }
+  std::ranges::stable_sort(found, std::greater(), support_of);
+  std::vector<PoseEstimate> distinct;
+  for (PoseEstimate& pose : found) {
+    const auto is_same = [&](const SE3& other) {
+      return separation(pose.camera_from_map, other, depth) < kSame;
+    };
+    if (is_same(own->camera_from_map) ||
+        std::ranges::any_of(distinct, is_same, &PoseEstimate::camera_from_map))
+      continue;
+    distinct.push_back(std::move(pose));
+  }
+  return distinct;
+}
+
+}  // namespace
+
+double position_sigma(const PlaceView& view, const Camera& camera, const Refined& refined) {
+  const std::vector<PlaceMatch>& matches = refined.guided.matches;
+  const std::vector<double>& weights = refined.pose.weights;
+  PerPart<double> in_part{};
+  for (size_t i = 0; i < matches.size(); ++i)
+    in_part[part_of(view.corners[matches[i].corner].pixel, camera)] += weights[i];
+  Matrix6d information = Matrix6d::Zero();
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const PlaceCorner& corner = view.corners[matches[i].corner];
+    const auto d_pixel = pixel_by_pose(camera, refined.pose.camera_from_map * matches[i].position);
+    if (!(weights[i] > 0) || !d_pixel) continue;
+    const double sigma = 1 << corner.level;
+    const double share = weights[i] / in_part[part_of(corner.pixel, camera)];
+    information += share / (sigma * sigma) * d_pixel->transpose() * *d_pixel;
+  }
+  const Eigen::LDLT<Matrix6d> factor(information);
+  if (factor.info() != Eigen::Success || !(factor.vectorD().minCoeff() > 0))
+    return std::numeric_limits<double>::infinity();
+  // A step of the pose, translation first, moves the camera's centre by as much.
+  const Matrix6d covariance = factor.solve(Matrix6d::Identity());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> position(covariance.topLeftCorner<3, 3>());
+  return std::max(1.0, refined.pose.rms) * std::sqrt(position.eigenvalues().maxCoeff());
+}
+
+Refined settle(const PlaceView& view, const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
+               size_t keyframe, Refined refined, double depth) {
+  for (int move = 0; move < kMostMoves; ++move) {
+    std::optional<Refined> better;
+    double most = support_of(refined.pose);
+    const auto found =
+        find_others(Sample(view, grid, camera, refined.points), refined.pose.camera_from_map, depth);
+    for (size_t i = 0; i < std::min(kMostRefined, found.size()); ++i) {
+      auto other = refine(view, grid, camera, map, keyframe, as_certain(found[i].camera_from_map));
+      if (!other || support_of(other->pose) <= most) continue;
+      most = support_of(other->pose);
+      better = std::move(*other);
+    }
+    if (!better) break;
+    refined = std::move(*better);
+  }
+  return refined;
+}
+
+PoseEstimate as_certain(const SE3& camera_from_map) {
+  PoseEstimate pose;
+  pose.camera_from_map = camera_from_map;
+  pose.covariance.setZero();
+  return pose;
+}
+
+}  // namespace cairn
