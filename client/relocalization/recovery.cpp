@@ -60,6 +60,10 @@ bool Recovery::needs_more(const Verifying& trial, Timestamp time) const {
          std::abs(seconds_between(time, *trial.witness_from)) < kWitnessPatience;
 }
 
+void Recovery::turn_away() {
+  if (const Tracking* tracking = as<Tracking>()) state_ = Turned{tracking->quality};
+}
+
 void Recovery::fail(bool is_cut, Timestamp time) {
   if (const Verifying* trial = as<Verifying>()) {
     state_ = Lost{trial->memories_tried};
@@ -67,6 +71,8 @@ void Recovery::fail(bool is_cut, Timestamp time) {
   } else if (auto* tracking = std::get_if<Tracking>(&state_)) {
     if (tracking->failed_frames++ == 0) tracking->failed_at_cut = is_cut;
     if (tracking->failed_frames >= options_.lost_after_failed_frames) state_ = Lost{};
+  } else if (as<Turned>() != nullptr) {
+    state_ = Lost{};
   }
 }
 
@@ -169,7 +175,7 @@ std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timesta
 /// Whether a place suggested would be tried.
 bool Recovery::is_looking(bool may_enter) const {
   if (const Starting* starting = as<Starting>()) return may_enter && !starting->insists;
-  return is_lost();
+  return is_lost() || as<Turned>() != nullptr;
 }
 
 /// Whether it is worth asking where this is: the answer takes its time, and one frame that fails may be the
@@ -184,7 +190,8 @@ bool Recovery::lacks_witness() const {
   return trial != nullptr && trial->witness_from && !question_.is_answered_since(*trial->witness_from);
 }
 
-/// The map in use is left for another only when lost, or when the picture changed as no hand can move.
+/// The map in use is left for another only when it is not in sight, or when the picture changed as no hand
+/// can move.
 bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const {
   if (is_looking(may_enter)) return true;
   const Tracking* tracking = as<Tracking>();

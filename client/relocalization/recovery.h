@@ -32,6 +32,11 @@ struct Tracking {
   int failed_frames = 0;       ///< since then
   bool failed_at_cut = false;  ///< the first of them had nothing in common with the frame before
 };
+/// The camera has turned away from what the map shows: how it is turned is known, and no more. It may have
+/// been carried elsewhere meanwhile, so others are asked, and their word is taken for any map.
+struct Turned {
+  float quality = 0;  ///< share found in the latest frame that showed the map
+};
 /// A pose was found by looking for it; it is published when the next frames have confirmed it. Whoever looks
 /// everywhere finds something somewhere.
 struct Verifying {
@@ -47,7 +52,7 @@ struct Verifying {
 struct Lost {
   size_t memories_tried = 0;
 };
-using RecoveryState = std::variant<Starting, Tracking, Verifying, Lost>;
+using RecoveryState = std::variant<Starting, Tracking, Turned, Verifying, Lost>;
 
 /// A pose of the present frame to search from, and what the search must find to be followed up.
 struct PoseStart {
@@ -114,6 +119,8 @@ class Recovery {
   /// once while tracking; of one that is verified, when enough frames have confirmed it and the server does
   /// not say otherwise.
   [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time);
+  /// It does not, but how the camera has turned since it was tracked is known.
+  void turn_away();
   /// It does not. `is_cut`: it has nothing in common with the frame before.
   void fail(bool is_cut, Timestamp time);
   /// A frame whose pose was published is good enough to be found again by.

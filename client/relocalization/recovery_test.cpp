@@ -177,6 +177,23 @@ TEST_F(RecoveryTest, AnotherMapIsEnteredFromALostOneOrACutOnly) {
   EXPECT_EQ(answer(at(210), elsewhere), PlaceUse::kTried) << "the picture changed as no hand can move";
 }
 
+/// Who knows only how it is turned may have been carried elsewhere: it asks, any map is entered, and what is
+/// in sight again is published at once.
+TEST_F(RecoveryTest, WhoHasTurnedAwayAsksAndIsBackAtOnce) {
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(0)));
+  recovery.turn_away();
+  ASSERT_NE(recovery.as<Turned>(), nullptr);
+  PoseSuggestion elsewhere = suggestion_here();
+  elsewhere.map.bytes[0] ^= 1;
+  EXPECT_EQ(answer(at(33), elsewhere), PlaceUse::kTried);
+  EXPECT_EQ(answer(at(133), suggestion_here()), PlaceUse::kTried);
+  EXPECT_EQ(starts(at(166)).size(), 2U) << "what others say, and no guess of its own";
+  EXPECT_TRUE(recovery.confirm(0.8F, here, at(200)));
+  recovery.turn_away();
+  recovery.fail(false, at(233));
+  EXPECT_TRUE(recovery.is_lost());
+}
+
 TEST_F(RecoveryTest, WhileStartingItAsksUnlessItInsistsOrIsDecidedAbout) {
   recovery.start_over(true);
   EXPECT_EQ(recovery.ask(frame, at(0), true), nullptr);

@@ -19,9 +19,13 @@ struct Demand {
   bool suffices = false;  ///< who meets it is not bad, whatever the share says
 };
 
+/// Of a place where the camera can have got to.
+float kept_quality(float quality, const TrackerOptions& options) {
+  return std::clamp(kQualityKept * quality, options.lost_quality, Recovery::kProvenQuality);
+}
+
 Demand demand_while_tracking(const Tracking& tracking, PoseOrigin origin, const TrackerOptions& options) {
-  const float kept =
-      std::clamp(kQualityKept * tracking.quality, options.lost_quality, Recovery::kProvenQuality);
+  const float kept = kept_quality(tracking.quality, options);
   switch (origin) {
     case PoseOrigin::kFlow:
       return {kEnoughPoints, kFlowQuality, true};
@@ -41,6 +45,8 @@ Demand demand_of(PoseOrigin origin, const RecoveryState& state, const TrackerOpt
     return {Recovery::kFewestPoints, verifying->needed_quality};
   if (const auto* tracking = std::get_if<Tracking>(&state))
     return demand_while_tracking(*tracking, origin, options);
+  if (const auto* turned = std::get_if<Turned>(&state))
+    return {Recovery::kFewestPoints, kept_quality(turned->quality, options)};
   return {Recovery::kFewestPoints, Recovery::kProvenQuality};
 }
 

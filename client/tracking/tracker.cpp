@@ -237,7 +237,10 @@ void Tracker::State::track(Timestamp time) {
     accept(found, time);
     return;
   }
-  if (!is_verified && hold(time)) return;
+  if (!is_verified && hold(time)) {
+    if (!result.pose_measured) look_for_camera(time);
+    return;
+  }
   miss(time, fmt::format("{} of {} points found", finder.found(), finder.attempted()));
   if (!is_verified) look_for_camera(time);
 }
@@ -322,7 +325,8 @@ void Tracker::State::miss(Timestamp time, std::string why) {
 /// The camera has turned away from what the map shows: corners that were followed with known poses say where
 /// to. That is no measurement by the map, and who is held is not lost.
 bool Tracker::State::hold(Timestamp time) {
-  if (recovery.as<Tracking>() == nullptr || frames_held >= kRotationHeld) return false;
+  const bool was_tracked = recovery.as<Tracking>() != nullptr || recovery.as<Turned>() != nullptr;
+  if (!was_tracked || frames_held >= kRotationHeld) return false;
   const SE3 expected = turned() * model.last();
   provisional.follow(now(), expected, *map);
   const auto held = provisional.locate(expected, finder.points(), mean_depth);
@@ -333,6 +337,7 @@ bool Tracker::State::hold(Timestamp time) {
   provisional.update(now(), {held->camera_from_map, held->covariance, held->judgement.support, mean_depth},
                      *map, {});
   const bool is_known = held->judgement.support == PoseSupport::kPosition && frames_held <= kPositionHeld;
+  if (!is_known) recovery.turn_away();
   result.state = is_known ? TrackingState::kPoor : TrackingState::kLost;
   result.pose_measured = is_known;
   result.mean_depth = mean_depth;
