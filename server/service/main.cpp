@@ -8,6 +8,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -53,7 +54,8 @@ int complain(const cairn::Error& error) {
   return cairn::exit_code(error.code);
 }
 
-int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
+int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> wearers,
+          const sigset_t& signals) {
   const auto log = cairn::make_logger("cairn-server", options.verbosity);
   // A file-size limit is a full disk like any other, and a log that nobody reads any more is no reason to go:
   // errors of the write, not the end.
@@ -72,26 +74,22 @@ int serve(const cairn::ServerOptions& options, const sigset_t& signals) {
   service.store = options.store;
   service.rest_after = options.rest_after;
   service.wearers.policy = options.wearer_policy;
-  if (!options.wearers.empty()) {
-    auto registered = cairn::read_wearers(options.wearers);
-    if (!registered) return complain(registered.error());
-    service.wearers.registered = std::move(*registered);
-  }
+  service.wearers.registered = std::move(wearers);
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));
   cairn::name_this_start(&service);
   if (options.store.empty()) {
     say("maps are kept in memory only and end with it; --store DIR keeps them");
   }
-  std::unique_ptr<cairn::StreamWriter> stats;
+  cairn::WorkTimes work_times;
+  service.work_times = &work_times;
+  auto running = cairn::Service::start(service, log);
+  if (!running) return complain(running.error());
+  std::unique_ptr<cairn::StreamWriter> stats;  // a server that is refused leaves the figures of another alone
   if (!options.stats.empty()) {
     auto opened = cairn::StreamWriter::open(options.stats);
     if (!opened) return complain(opened.error());
     stats = std::move(*opened);
   }
-  cairn::WorkTimes work_times;
-  service.work_times = &work_times;
-  auto running = cairn::Service::start(service, log);
-  if (!running) return complain(running.error());
   say(fmt::format("ready on domain {}, UDP port {}, profile {}, {}", options.domain,
                   cairn::wire::server_port(static_cast<uint32_t>(options.domain)), options.profile,
                   describe((*running)->network())));
@@ -117,8 +115,15 @@ int main(int argc, char** argv) {
       std::fputs(cairn::many_lines(exit->text).c_str(), exit->code == 0 ? stdout : stderr);
       return exit->code;
     }
+    const auto& options = std::get<cairn::ServerOptions>(parsed);
+    std::optional<cairn::WearerList> wearers;
+    if (!options.wearers.empty()) {  // may be a pipe, whose writer is not waited for in spite of signals
+      auto registered = cairn::read_wearers(options.wearers);
+      if (!registered) return complain(registered.error());
+      wearers = std::move(*registered);
+    }
     const sigset_t signals = block_signals();  // before any thread
-    return serve(std::get<cairn::ServerOptions>(parsed), signals);
+    return serve(options, std::move(wearers), signals);
   } catch (const std::exception& error) {
     cairn::say_error("cairn-server", std::string("internal error: ") + error.what());
     return 1;

@@ -10,10 +10,12 @@
 #include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/base/suggestion.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
+#include "common/io/distinct_files.h"
 #include "common/wire/participant.h"
 #include "server/service/yaml_file.h"
 
@@ -28,7 +30,8 @@ constexpr const char* kDescription = "Serves maps to cairn-track clients.";
 constexpr const char* kFooter =
     "The configuration file is YAML with the names of the long options as keys, e.g. `domain: 3`.\n"
     "SIGINT, SIGTERM and, without nohup, SIGHUP end it in order: all that has changed is kept.\n"
-    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, 5 refused (the domain has a server)\n\n"
+    "Exit codes: 0 ok, 1 failed, 2 usage, 3 configuration, or a file that cannot be read or\n"
+    "written, 5 refused (the domain's port or the store is in use)\n\n"
     "Examples:\n"
     "  cairn-server                                  for trackers on this machine\n"
     "  cairn-server --profile wifi --listen wlan0    for trackers on a wireless network\n"
@@ -191,6 +194,13 @@ std::variant<ServerOptions, EarlyExit> merge(const Words& from_line, const std::
   Result<ServerOptions> options = translate(words);
   if (!options) return complaint(kUsageExit, "--" + options.error().message);
   options->verbosity = verbosity;
+  if (!options->stats.empty()) {
+    std::vector<NamedFile> read;
+    if (!config.empty()) read.push_back({"--config", config});
+    if (!options->wearers.empty()) read.push_back({"--wearers", options->wearers});
+    if (const auto distinct = check_distinct({{"--stats", options->stats}}, read); !distinct)
+      return complaint(kUsageExit, distinct.error().message);
+  }
   return *options;
 }
 

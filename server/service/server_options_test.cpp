@@ -40,6 +40,16 @@ class ServerOptionsTest : public ::testing::Test {
   std::string path_ = directory_.path() / "cairn-server-options.yaml";
 };
 
+TEST_F(ServerOptionsTest, TheStatisticsAreNoFileThatIsRead) {
+  const std::string file = configuration("domain: 3\n");
+  for (const char* role : {"--config", "--wearers"}) {
+    const EarlyExit exit = refused({role, file, "--stats", file});
+    EXPECT_EQ(exit.code, 2);
+    EXPECT_THAT(exit.text, HasSubstr(role));
+  }
+  (void)accepted({"--config", file, "--stats", file + ".json"});
+}
+
 TEST_F(ServerOptionsTest, TheFileIsReadAsOtherMachinesWriteText) {
   EXPECT_EQ(accepted({"--config", configuration("\xef\xbb\xbf"
                                                 "domain: 7\r\nseed: 3\r\n")})

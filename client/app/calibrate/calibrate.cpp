@@ -190,6 +190,7 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   if (!board) return report_error(board.error(), log);
   std::vector<NamedFile> read;
   for (const auto& path : source_files(options.source)) read.push_back({"--source", path});
+  if (!options.board.tags.empty()) read.push_back({"--tags", options.board.tags});
   if (const auto distinct = check_distinct({{"--out", options.out}}, read); !distinct)
     return report_error(distinct.error(), log);
   if (const auto writable = check_writable(options.out); !writable) {

@@ -28,8 +28,8 @@ constexpr const char* kFooter = R"(Examples:
   cairn-eval ate groundtruth.txt trajectory.txt --plot trajectory.png
   cairn-eval stats run1.json run2.json --json
   cairn-eval reloc /data/recordings --ours
-Exit codes: 0 ok, 1 no time matches or nothing to align, 2 usage, 3 file missing, 6 file damaged; of
-reloc: its own help.)";
+Exit codes: 0 ok, 1 no time matches or nothing to align, 2 usage, 3 a file that
+cannot be read or written, 6 file damaged; of reloc: its own help.)";
 constexpr const char* kTrajectoryFooter = R"(Examples:
   cairn-eval ate groundtruth.txt trajectory.txt
   cairn-eval rpe groundtruth.txt trajectory.txt --align se3 --delta 1 --delta-unit m --json

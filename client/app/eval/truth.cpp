@@ -129,7 +129,8 @@ std::string words_of(const QuaternionDoubt& doubt, const std::string& file) {
                 "its turns then differ from the other file's by %.2f degrees, read as x y z w by %.1f",
                 doubt.w_first * kDegrees, doubt.as_read * kDegrees);
   return file + ": its quaternions probably have w first: " + figures.data() +
-         "; put w last: awk '/^#/ {print; next} {print $1,$2,$3,$4,$6,$7,$8,$5}' " + file + " > NEW";
+         "; put w last: awk -F'[ ,\\t]+' '/^#/ {print; next} {print $1,$2,$3,$4,$6,$7,$8,$5}' " + file +
+         " > NEW";
 }
 
 }  // namespace cairn
