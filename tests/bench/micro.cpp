@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Hot functions one by one, on a frame of the simulated desk, with yardsticks in the same run: a copy of the
-// frame, OpenCV's FAST, pyramid and ORB. README.md has the figures. Poses and motions: micro_geometry.cpp;
+// frame, OpenCV's FAST, pyramid and ORB. FIGURES.md has the figures. Poses and motions: micro_geometry.cpp;
 // the server: micro_server.cpp.
 #include <benchmark/benchmark.h>
 

@@ -24,7 +24,7 @@ MOST_DEGREES_P95, MOST_DEGREES = 2.0, 2.5
 class Experiments(unittest.TestCase):
     def play(self, name, places, domain, methods=("improved",)):
         """Our method: all places are mapped, labelled and found, and no camera was told to be at another place than it is. A place that
-        is held for half a second after the camera has left it is no complaint, and a figure (tests/bench/README.md). Of the paper's
+        is held for half a second after the camera has left it is no complaint, and a figure (tests/bench/FIGURES.md). Of the paper's
         method run-experiment itself asks that it has its troubles. Gives our verdict."""
         with tempfile.TemporaryDirectory() as folder:
             told = pathlib.Path(folder) / "verdict.json"
