@@ -50,7 +50,7 @@ using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 [[nodiscard]] IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
                                       std::span<const KeyframeView> views);
 
-/// More pictures than these are found sooner by a forest than by a scan (tests/bench/README.md).
+/// More pictures than these are found sooner by a forest than by a scan (cairn-index-bench).
 constexpr size_t kMostScanned = 40'000;
 
 /// A keyframe of an index.

