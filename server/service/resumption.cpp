@@ -63,9 +63,9 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
 
 void Switchboard::let_maps_rest(MonotonicTime now) {
   if (store_ == nullptr || options_.rest_after.count() == 0) return;
-  // What is freed here and there stays with the process otherwise (README.md). Some milliseconds, with locks
-  // that anybody who allocates may wait for: on a thread that does not stand back for others, and beside
-  // those that maps and questions wait for.
+  // The allocator keeps most of what is freed here and there otherwise: images lie between what stays. Some
+  // milliseconds, with locks that anybody who allocates may wait for: on a thread that does not stand back
+  // for others, and beside those that maps and questions wait for.
   if (std::exchange(memory_freed_, false)) store_->run([](Store&) { malloc_trim(0); });
   const auto index = places_->index();
   for (const auto& [map, entry] : maps_.all()) {
