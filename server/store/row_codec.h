@@ -56,7 +56,8 @@ using CameraRows = std::map<int64_t, CameraPtr>;
 [[nodiscard]] Blob encode_work(const WorkRecord& work);
 [[nodiscard]] std::optional<WorkRecord> decode_work(std::span<const uint8_t> row);
 
-/// PNG, lossless: 7 ms to write and 3 ms to read for 640x480, 0.4 to 0.5 of the raw size (README.md).
+/// PNG, lossless: 7 ms to write and 3 ms to read for 640x480, 0.4 to 0.5 of the raw size (other codings:
+/// tests/bench/HISTORY.md).
 [[nodiscard]] Blob encode_image_row(const GrayImage& image);
 [[nodiscard]] GrayImagePtr decode_image_row(std::span<const uint8_t> row);  ///< null: not an image
 
