@@ -17,6 +17,7 @@ FrameState frame_state(const FrameResult& result) {
   const bool measured = result.pose_measured && result.map;
   if (measured && result.state == TrackingState::kTracking) return FrameState::kTracking;
   if (measured && result.state == TrackingState::kPoor) return FrameState::kPoor;
+  if (result.state == TrackingState::kRotation) return FrameState::kRotation;
   return result.state == TrackingState::kStarting ? FrameState::kStarting : FrameState::kLost;
 }
 

@@ -13,8 +13,9 @@
 
 namespace cairn {
 
-/// What became of a frame of the source, as files and the screen name it.
-enum class FrameState : uint8_t { kStarting, kTracking, kPoor, kLost, kDropped };
+/// What became of a frame of the source, as files and the screen name it. kRotation: how the camera has
+/// turned since it left what its map shows is known, its position is not.
+enum class FrameState : uint8_t { kStarting, kTracking, kPoor, kLost, kDropped, kRotation };
 [[nodiscard]] const char* to_string(FrameState state);
 /// Whether a pose was measured.
 [[nodiscard]] inline bool is_tracked(FrameState state) {

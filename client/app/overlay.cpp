@@ -45,6 +45,7 @@ cv::Scalar state_color(FrameState state) {
     case FrameState::kTracking:
       return {80, 220, 60};
     case FrameState::kPoor:
+    case FrameState::kRotation:
       return {40, 200, 255};
     case FrameState::kLost:
     case FrameState::kDropped:
@@ -76,7 +77,8 @@ OverlayFrame make_overlay_frame(const FrameReport& report) {
   frame.time = report.frame.time;
   frame.number = report.number;
   frame.state = report.state;
-  if (is_tracked(report.state)) frame.camera_from_map = result.camera_from_map;
+  if (is_tracked(report.state) || report.state == FrameState::kRotation)
+    frame.camera_from_map = result.camera_from_map;
   frame.map = result.map;
   frame.revision = result.revision;
   if (report.snapshot) {

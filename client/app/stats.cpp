@@ -77,6 +77,8 @@ const char* to_string(FrameState state) {
       return "lost";
     case FrameState::kDropped:
       return "dropped";
+    case FrameState::kRotation:
+      return "rotation";
   }
   return "?";
 }
@@ -88,8 +90,9 @@ StageTimes StageClock::take() {
 void RunStats::add(const FrameRow& row) {
   ++frames_total_;
   ++counts_[static_cast<size_t>(row.state)];
-  // A frame that is lost has no pose: it is late. Before there is a map none can have one.
-  const bool has_no_pose = row.state == FrameState::kDropped || row.state == FrameState::kLost;
+  // A frame without a whole pose is late. Before there is a map none can have one.
+  const bool has_no_pose = row.state == FrameState::kDropped || row.state == FrameState::kLost ||
+                           row.state == FrameState::kRotation;
   on_time_ += !has_no_pose && row.wall_ms <= kOnTimeMs ? 1 : 0;
   last_time_ = row.time;
   if (list_ == FrameList::kKept) frames_.push_back(row);
@@ -102,6 +105,10 @@ void RunStats::on_frame(const FrameReport& report) {
   if (!first_map_frame_ && report.state != FrameState::kStarting) first_map_frame_ = frames_total_;
   if (report.state == FrameState::kStarting) starting_ms_.add(row.cpu_ms);
   if (report.state == FrameState::kLost) lost_ms_.add(row.cpu_ms);
+  if (report.state == FrameState::kRotation) {
+    row.map = result.map;
+    row.rotation = result.camera_from_map.inverse().rotation();
+  }
   if (is_tracked(report.state)) {
     row.map = result.map;
     if (current_map_ && current_map_ != result.map) {
@@ -181,6 +188,7 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
             {"tracked", tracked()},
             {"dropped", count(FrameState::kDropped)},
             {"lost", count(FrameState::kLost)},
+            {"rotation", count(FrameState::kRotation)},
             {"switches", switches_},
             {"first_map_frame", first_map_frame_ ? Json(*first_map_frame_) : Json(nullptr)},
             {"bytes_sent", bytes_sent},
@@ -211,6 +219,9 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
                       {"attempted", row.attempted},
                       {"cpu_ms", rounded_ms(row.cpu_ms)},
                       {"wall_ms", rounded_ms(row.wall_ms)}});
+    if (row.state != FrameState::kRotation) continue;
+    const auto& q = row.rotation;
+    frames.back()["rotation"] = {q.x(), q.y(), q.z(), q.w()};
   }
   json["frames"] = std::move(frames);
   Json answers = Json::array();
@@ -246,10 +257,10 @@ std::optional<std::string> RunStats::shortfall(const std::string& why_no_map) co
 std::vector<std::string> RunStats::summary_lines() const {
   std::vector<std::string> lines;
   const size_t dropped = count(FrameState::kDropped) - undecodable_;
-  lines.push_back(
-      fmt::format("{} frames: {} tracked, {} poor, {} lost, {} starting, {} dropped, {} undecodable",
-                  frames_total_, count(FrameState::kTracking), count(FrameState::kPoor),
-                  count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
+  lines.push_back(fmt::format(
+      "{} frames: {} tracked, {} poor, {} rotation, {} lost, {} starting, {} dropped, {} undecodable",
+      frames_total_, count(FrameState::kTracking), count(FrameState::kPoor), count(FrameState::kRotation),
+      count(FrameState::kLost), count(FrameState::kStarting), dropped, undecodable_));
   if (!first_map_frame_) {
     lines.emplace_back("no map was begun or found");
     return lines;

@@ -78,6 +78,7 @@ class RunStats final : public FrameObserver {
     int attempted = 0;
     double cpu_ms = 0;
     double wall_ms = 0;
+    Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();  ///< map_from_camera, of kRotation
   };
 
   struct AnswerRow {
@@ -98,7 +99,7 @@ class RunStats final : public FrameObserver {
   std::vector<FrameRow> frames_;
   std::vector<AnswerRow> answers_;
   size_t frames_total_ = 0;
-  std::array<size_t, 5> counts_{};  ///< by FrameState
+  std::array<size_t, 6> counts_{};  ///< by FrameState
   size_t on_time_ = 0;
   Timestamp last_time_;
   std::array<Histogram, kStageCount + 1> stage_ms_;  ///< of tracked frames; the last is the whole frame

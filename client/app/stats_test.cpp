@@ -166,6 +166,23 @@ TEST_F(StatsTest, DroppedFramesAreLate) {
   EXPECT_NEAR(json()["summary"]["on_time_share"].get<double>(), 0.5, 1e-12);
 }
 
+TEST_F(StatsTest, ARotationIsToldByItselfAndIsNoPose) {
+  add(FrameState::kTracking, desk_);
+  result_.camera_from_map = SE3(so3_exp({0, 0.5, 0}), Eigen::Vector3d(1, 2, 3));
+  add(FrameState::kRotation, desk_);
+  const auto j = json();
+  EXPECT_EQ(j["tracked"], 1);
+  EXPECT_EQ(j["rotation"], 1);
+  EXPECT_EQ(j["lost"], 0);
+  EXPECT_NEAR(j["summary"]["on_time_share"].get<double>(), 0.5, 1e-12);
+  EXPECT_FALSE(j["frames"][0].contains("rotation"));
+  EXPECT_EQ(j["frames"][1]["map"], to_hex(desk_.bytes));
+  const auto q = j["frames"][1]["rotation"].get<std::vector<double>>();
+  ASSERT_EQ(q.size(), 4U);
+  EXPECT_NEAR(q[1], -std::sin(0.25), 1e-12) << "map_from_camera";
+  EXPECT_NEAR(q[3], std::cos(0.25), 1e-12);
+}
+
 TEST_F(StatsTest, AnUndecodableFrameCountsAsNotTracked) {
   add(FrameState::kTracking, desk_);
   const std::string reason = "1.png: cut";

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "common/image/frame_images.h"
+#include "client/tracking/view_map.h"
 
 namespace cairn::test {
 namespace {
@@ -15,26 +15,6 @@ Eigen::Vector3d on_plane(const SE3& map_from_camera, const Eigen::Vector3d& ray_
   const Eigen::Vector3d ray = map_from_camera.rotation() * ray_in_camera;
   const Eigen::Vector3d& center = map_from_camera.translation();
   return center - ray * (center.z() / ray.z());
-}
-
-PointSource make_source(const Camera& camera, const SE3& camera_from_map, int level, Corner corner,
-                        uint64_t id) {
-  PointSource source;
-  source.id = PointId{id};
-  source.keyframe = KeyframeId{1};
-  source.level = static_cast<uint8_t>(level);
-  source.corner = corner;
-  const auto ray = [&](int dx, int dy) -> Eigen::Vector3f {
-    return camera
-        .unproject({from_level(static_cast<float>(corner.x + dx), level),
-                    from_level(static_cast<float>(corner.y + dy), level)})
-        .cast<float>();
-  };
-  source.ray_center = ray(0, 0);
-  source.ray_right = ray(1, 0);
-  source.ray_down = ray(0, 1);
-  source.normal = (camera_from_map.rotation() * Eigen::Vector3d::UnitZ()).cast<float>();
-  return source;
 }
 
 }  // namespace
@@ -98,46 +78,11 @@ GrayImagePtr PlaneScene::render(const SE3& camera_from_map) const {
 }
 
 MapSnapshotPtr PlaneScene::make_map(const SE3& camera_from_map) const {
-  FrameImages frame;
-  frame.build_pyramid(render(camera_from_map)->view());
   const SE3 map_from_camera = camera_from_map.inverse();
-
-  auto keyframes = std::make_shared<KeyframeBlock>();
-  keyframes->version = 1;
-  keyframes->live = 1;
-  keyframes->keyframes = {
-      {KeyframeId{1}, camera_from_map, static_cast<float>(std::abs(map_from_camera.translation().z()))}};
-
-  auto map = std::make_shared<MapSnapshot>();
-  map->map.bytes[0] = 1;
-  map->epoch = Epoch{1};
-  map->revision = Revision{1};
-  map->keyframe_blocks = {keyframes};
-  auto patches = std::make_shared<PatchBlock>();
-  auto positions = std::make_shared<PositionBlock>();
-  uint64_t next_id = 1;
-  const auto finish_block = [&] {
-    if (patches->points.empty()) return;
-    patches->index = positions->index = static_cast<uint32_t>(map->point_blocks.size());
-    map->point_blocks.push_back(make_point_block(patches, positions, map->keyframe_blocks));
-    patches = std::make_shared<PatchBlock>();
-    positions = std::make_shared<PositionBlock>();
-  };
-  for (int level = kPyramidLevels - 1; level >= 0; --level) {
-    for (const Candidate& c : find_candidates(frame.pyramid.level(level), frame.corners(level))) {
-      PointSource source = make_source(*camera_, camera_from_map, level, c.corner, next_id);
-      if (!cut_source_patch(frame.pyramid.level(level), c.corner, &source.pixels)) continue;
-      ++next_id;
-      const Eigen::Vector2d pixel(from_level(c.corner.x, level), from_level(c.corner.y, level));
-      positions->live |= uint64_t{1} << patches->points.size();
-      positions->positions.emplace_back(on_plane(map_from_camera, camera_->unproject(pixel)).cast<float>());
-      positions->visibility.emplace_back();
-      patches->points.push_back(source);
-      if (patches->points.size() == kBlockSlots) finish_block();
-    }
-  }
-  finish_block();
-  return map;
+  const View view{camera_from_map, static_cast<float>(std::abs(map_from_camera.translation().z())),
+                  Eigen::Vector3d::UnitZ()};
+  return map_of_view(*camera_, render(camera_from_map)->view(), view,
+                     [&](const Eigen::Vector3d& ray) { return on_plane(map_from_camera, ray); });
 }
 
 }  // namespace cairn::test

@@ -7,6 +7,8 @@
 #include <random>
 #include <utility>
 
+#include "client/tracking/view_map.h"
+
 namespace cairn::test {
 
 RoundRoom::RoundRoom(uint64_t seed, CameraPtr camera, double radius)
@@ -66,6 +68,13 @@ GrayImagePtr RoundRoom::render(const SE3& camera_from_map, double noise, uint64_
     }
   }
   return image;
+}
+
+MapSnapshotPtr RoundRoom::map_of(const SE3& camera_from_map) const {
+  const SE3 map_from_camera = camera_from_map.inverse();
+  return map_of_view(
+      *camera_, render(camera_from_map, 0, 0)->view(), {camera_from_map, static_cast<float>(radius_)},
+      [&](const Eigen::Vector3d& ray) { return map_from_camera * (distance(camera_from_map, ray) * ray); });
 }
 
 MapSnapshotPtr RoundRoom::empty_map(const SE3& camera_from_map, uint64_t revision) const {

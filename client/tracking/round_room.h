@@ -22,6 +22,8 @@ class RoundRoom {
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_map, double noise, uint64_t shot) const;
   /// Along a unit ray in the frame of a camera, to the wall.
   [[nodiscard]] double distance(const SE3& camera_from_map, const Eigen::Vector3d& ray) const;
+  /// Keyframe 1 at `camera_from_map` with the points that it sees.
+  [[nodiscard]] MapSnapshotPtr map_of(const SE3& camera_from_map) const;
   /// A map of one keyframe and no points.
   [[nodiscard]] MapSnapshotPtr empty_map(const SE3& camera_from_map, uint64_t revision = 1) const;
 

@@ -338,10 +338,10 @@ bool Tracker::State::hold(Timestamp time) {
                      *map, {});
   const bool is_known = held->judgement.support == PoseSupport::kPosition && frames_held <= kPositionHeld;
   if (!is_known) recovery.turn_away();
-  result.state = is_known ? TrackingState::kPoor : TrackingState::kLost;
+  result.state = is_known ? TrackingState::kPoor : TrackingState::kRotation;
   result.pose_measured = is_known;
   result.mean_depth = mean_depth;
-  result.note = is_known ? "" : "turned away from what the map shows: only the rotation is known";
+  result.note = is_known ? "" : "turned away from what the map shows";
   return true;
 }
 

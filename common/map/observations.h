@@ -15,12 +15,13 @@ struct Trail {
   Eigen::Vector2f second = Eigen::Vector2f::Zero();
 };
 
-/// What a tracker says of itself with every frame.
+/// What a tracker says of itself with every frame. On the wire by its number; grow only at the end.
 enum class TrackingState : uint8_t {
   kStarting = 0,  ///< no map yet: following trails
   kTracking = 1,
   kPoor = 2,  ///< tracked, but few of the points in sight are found
   kLost = 3,
+  kRotation = 4,  ///< the camera has turned away from what its map shows; where it was then is its position
 };
 
 /// A map point found in a frame.

@@ -175,7 +175,7 @@ TEST(Validation, Quaternions) {
 
 TEST(Validation, TrackerState) {
   const Spoiler<TrackerStateMessage> state;
-  state.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(4); });
+  state.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
   state.refuses("no session", [](auto& m) { m.session = {}; });
   state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
   state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });

@@ -190,7 +190,7 @@ template <>
 inline TrackerStateMessage RandomMessages::make() {
   return {id<ClientId>(),
           {number()},
-          static_cast<TrackingState>(number(0, 3)),
+          static_cast<TrackingState>(number(0, 4)),
           id<MapId>(),
           {number()},
           {number()},

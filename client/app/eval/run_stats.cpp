@@ -13,7 +13,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr std::array<std::string_view, 5> kStates = {"starting", "tracking", "poor", "lost", "dropped"};
+constexpr std::array<std::string_view, 6> kStates = {"starting", "tracking", "poor",
+                                                     "lost",     "dropped",  "rotation"};
 
 /// Totals of the `frames` list.
 struct FrameTotals {
@@ -34,7 +35,8 @@ FrameTotals total_frames(const Json& frames) {
     if (state == "dropped") continue;
     const auto cpu_ms = frame.at("cpu_ms").get<double>();
     const auto wall_ms = frame.at("wall_ms").get<double>();
-    totals.on_time += state != "lost" && wall_ms <= kOnTimeMs ? 1 : 0;  // as RunStats counts
+    const bool has_pose = state != "lost" && state != "rotation";
+    totals.on_time += has_pose && wall_ms <= kOnTimeMs ? 1 : 0;  // as RunStats counts
     totals.tracking += state == "tracking" ? 1 : 0;
     totals.poor += state == "poor" ? 1 : 0;
     if (state != "tracking" && state != "poor") continue;

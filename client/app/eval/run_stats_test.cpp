@@ -33,18 +33,19 @@ TEST(RunStats, PercentagesAreOverAllFramesAfterTheFirstMap) {
   frames.push_back(frame("poor", 4, 33));
   frames.push_back(frame("lost", 5, 33.1));
   frames.push_back(frame("dropped", 0, 0));
-  const auto run = summarize_run(document(10, "2", frames));
+  frames.push_back(frame("rotation", 5, 5));
+  const auto run = summarize_run(document(11, "2", frames));
   ASSERT_TRUE(run) << run.error().message;
-  EXPECT_EQ(run->frames_after_map, 8);
+  EXPECT_EQ(run->frames_after_map, 9);
   EXPECT_EQ(run->tracked, 6);
   EXPECT_EQ(run->poor, 1);
   EXPECT_EQ(run->lost, 1);
   EXPECT_EQ(run->dropped, 1);
   EXPECT_EQ(run->switches, 2);
   EXPECT_EQ(run->bytes_sent, 100);
-  EXPECT_DOUBLE_EQ(run->tracked_percent, 75);
-  EXPECT_DOUBLE_EQ(run->on_time_percent,
-                   80);  // of all 10: not the lost one (33.1 ms) and not the dropped one
+  EXPECT_DOUBLE_EQ(run->tracked_percent, 100 * 6 / 9.0);
+  EXPECT_DOUBLE_EQ(run->on_time_percent, 100 * 8 / 11.0)
+      << "not the lost one (33.1 ms), the dropped one, and the one without a position";
   EXPECT_NEAR(run->cpu_ms.p50, 3, 0.02);
   EXPECT_NEAR(run->cpu_ms.p99, 4, 0.02) << "of tracked frames only";
 }

@@ -295,7 +295,7 @@ Result<TrackerStateMessage> decode<TrackerStateMessage>(const cairn_TrackerState
   Check check;
   check.schema(sample.schema_version);
   check.require(sample.session != 0, "no session");
-  check.require(sample.state <= static_cast<uint8_t>(TrackingState::kLost), "unknown tracking state");
+  check.require(sample.state <= static_cast<uint8_t>(TrackingState::kRotation), "unknown tracking state");
   check.pose(sample.camera_from_map);
   check.require(sample.quality >= 0 && sample.quality <= 1, "quality out of range");
   const std::string wearer = get_text(sample.wearer);
