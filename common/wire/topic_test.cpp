@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is written to a topic: what arrives, in which order and at whom.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <thread>
+
+#include "common/wire/partition.h"
+#include "common/wire/waiter.h"
+#include "common/wire/wire_fixture.h"
+
+namespace cairn::wire {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+TEST_F(WireTest, ALateJoinerGetsTheNewestValueOfEveryKey) {
+  const Participant server = this->server();
+  auto poses = writer<KeyframePoses>(server, "client.a.map.x");
+  std::vector<KeyframePoses> newest;
+  for (uint32_t block = 0; block < 10; ++block) {
+    for (int version = 0; version < 3; ++version) {
+      auto message = random_.make<KeyframePoses>();
+      message.map = MapId{{7}};
+      message.block.index = block;
+      ASSERT_TRUE(poses.write(message));
+      if (version == 2) newest.push_back(message);
+    }
+  }
+  const Participant client = this->client();
+  auto received = reader<KeyframePoses>(client, "client.a.map.x");
+  const auto samples = collect(&received, newest.size());
+  ASSERT_EQ(samples.size(), newest.size());
+  std::set<uint32_t> blocks;
+  for (const auto& sample : samples) {
+    ASSERT_LT(sample.message->block.index, newest.size());
+    blocks.insert(sample.message->block.index);
+    EXPECT_TRUE(testing::same(*sample.message, newest[sample.message->block.index]));
+  }
+  EXPECT_EQ(blocks.size(), newest.size());
+}
+
+TEST_F(WireTest, RemovalAndDepartureAreToldApart) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto received = reader<MapInfo>(client, "client.a");
+  std::optional<Writer<MapInfo>> infos = writer<MapInfo>(server, "client.a");
+  const auto removed = random_.make<MapInfo>();
+  const auto left = random_.make<MapInfo>();
+  ASSERT_TRUE(infos->write(removed));
+  ASSERT_TRUE(infos->write(left));
+  ASSERT_EQ(collect(&received, 2).size(), 2U);
+  ASSERT_TRUE(infos->dispose(removed));
+  auto samples = collect(&received, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_FALSE(samples[0].message.has_value());
+  EXPECT_EQ(samples[0].gone, Gone::kDisposed);
+  EXPECT_EQ(samples[0].key.map, removed.map);
+  infos.reset();
+  samples = collect(&received, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_EQ(samples[0].gone, Gone::kNoWriters);
+  EXPECT_EQ(samples[0].key.map, left.map);
+}
+
+TEST_F(WireTest, AValueRemovedBeforeItWasTakenComesWithItsRemoval) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto slow = reader<MapInfo>(client, "client.a");
+  auto witness = reader<MapInfo>(client, "client.a");
+  auto infos = writer<MapInfo>(server, "client.a");
+  ASSERT_TRUE(eventually([&] { return infos.matched() == 2; }));
+  const auto removed = random_.make<MapInfo>();
+  const auto last = random_.make<MapInfo>();
+  ASSERT_TRUE(infos.write(removed));
+  ASSERT_EQ(collect(&witness, 1).size(), 1U);
+  ASSERT_TRUE(infos.dispose(removed));
+  ASSERT_TRUE(infos.write(last));
+  ASSERT_EQ(collect(&witness, 2).size(), 2U);
+  std::vector<Sample<MapInfo>> samples;
+  for (auto& sample : collect(&slow, 3)) {
+    if ((sample.message ? *sample.message : sample.key).map == removed.map)
+      samples.push_back(std::move(sample));
+  }
+  ASSERT_EQ(samples.size(), 2U);
+  ASSERT_TRUE(samples[0].message.has_value());
+  EXPECT_TRUE(testing::same(*samples[0].message, removed));
+  EXPECT_FALSE(samples[1].message.has_value());
+  EXPECT_EQ(samples[1].gone, Gone::kDisposed);
+}
+
+TEST_F(WireTest, CommandsKeepTheirOrder) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto received = reader<KeyframeOffer>(server, kEveryClient);
+  auto offers = writer<KeyframeOffer>(client, client_partition("a"));
+  ASSERT_TRUE(eventually([&] { return offers.matched() == 1 && received.matched() == 1; }));
+  constexpr uint64_t kOffers = 16;
+  auto offer = random_.make<KeyframeOffer>();
+  offer.image = random_.image(640, 480);
+  for (uint64_t seq = 1; seq <= kOffers; ++seq) {
+    offer.command.seq = seq;
+    ASSERT_TRUE(offers.write(offer));
+  }
+  const auto samples = collect(&received, kOffers);
+  ASSERT_EQ(samples.size(), kOffers);
+  for (uint64_t i = 0; i < kOffers; ++i) EXPECT_EQ(samples[i].message->command.seq, i + 1);
+}
+
+TEST_F(WireTest, APublicationProvesItsPartition) {
+  const Participant server = this->server();
+  auto received = reader<KeyframeOffer>(server, kEveryClient);
+  const Participant alice = this->client();
+  const Participant bob = this->client();
+  auto from_alice = writer<KeyframeOffer>(alice, client_partition("alice"));
+  auto from_bob = writer<KeyframeOffer>(bob, client_partition("bob"));
+  ASSERT_TRUE(eventually(
+      [&] { return from_alice.matched() == 1 && from_bob.matched() == 1 && received.matched() == 2; }));
+  auto offer = random_.make<KeyframeOffer>();
+  offer.client = client_id_from_name("bob");  // alice lies
+  ASSERT_TRUE(from_alice.write(offer));
+  auto samples = collect(&received, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_EQ(received.partition_of(samples[0].publication), "client.alice");
+  ASSERT_TRUE(from_bob.write(offer));
+  samples = collect(&received, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_EQ(received.partition_of(samples[0].publication), "client.bob");
+  EXPECT_EQ(received.partition_of(PublicationHandle{12345}), std::nullopt);
+}
+
+TEST_F(WireTest, TwoProcessesThatClaimOneCameraAreBothHeardAndToldApart) {
+  const Participant server = this->server();
+  auto received = reader<CameraMessage>(server, kEveryClient);
+  const Participant first = this->client();
+  const Participant second = this->client();
+  auto from_first = writer<CameraMessage>(first, client_partition("anna"));
+  auto from_second = writer<CameraMessage>(second, client_partition("anna"));
+  auto offers = writer<KeyframeOffer>(first, client_partition("anna"));
+  auto received_offers = reader<KeyframeOffer>(server, kEveryClient);
+  ASSERT_TRUE(eventually(
+      [&] { return from_first.matched() == 1 && from_second.matched() == 1 && offers.matched() == 1; }));
+  auto camera = random_.make<CameraMessage>();
+  camera.version = 1;
+  ASSERT_TRUE(from_first.write(camera));
+  camera.version = 2;  // the same instance
+  ASSERT_TRUE(from_second.write(camera));
+  ASSERT_TRUE(offers.write(random_.make<KeyframeOffer>()));
+  const auto offer = collect(&received_offers, 1);
+  const auto cameras = collect(&received, 2);
+  ASSERT_EQ(cameras.size(), 2U);
+  ASSERT_EQ(offer.size(), 1U);
+  const auto of_first = static_cast<size_t>(cameras[0].message->version == 1 ? 0 : 1);
+  const auto peer = received.peer_of(cameras[of_first].publication);
+  ASSERT_TRUE(peer.has_value());
+  EXPECT_EQ(received_offers.peer_of(offer[0].publication), peer);
+  EXPECT_NE(received.peer_of(cameras[1 - of_first].publication), peer);
+  EXPECT_EQ(received.peer_of(PublicationHandle{12345}), std::nullopt);
+}
+
+TEST_F(WireTest, WhatIsForOneClientDoesNotReachAnother) {
+  const Participant server = this->server();
+  const Participant alice = this->client();
+  const Participant bob = this->client();
+  auto at_alice = reader<MapInfo>(alice, client_partition("alice"));
+  auto at_bob = reader<MapInfo>(bob, client_partition("bob"));
+  auto to_alice = writer<MapInfo>(server, client_partition("alice"));
+  auto to_bob = writer<MapInfo>(server, client_partition("bob"));
+  ASSERT_TRUE(eventually([&] { return to_alice.matched() == 1 && to_bob.matched() == 1; }));
+  const auto first = random_.make<MapInfo>();
+  const auto second = random_.make<MapInfo>();
+  ASSERT_TRUE(to_alice.write(first));
+  ASSERT_TRUE(to_bob.write(second));
+  const auto got_alice = collect(&at_alice, 1);
+  const auto got_bob = collect(&at_bob, 1);
+  ASSERT_EQ(got_alice.size(), 1U);
+  ASSERT_EQ(got_bob.size(), 1U);
+  EXPECT_EQ(got_alice[0].message->map, first.map);
+  EXPECT_EQ(got_bob[0].message->map, second.map);
+}
+
+TEST_F(WireTest, EverythingArrivesThroughHeavyLoss) {
+  SCOPED_TRACE(::testing::Message() << "seed " << kSeed);
+  const Participant server = this->server(200);
+  const Participant client = this->client(200);
+  auto at_client = reader<PointPatches>(client, "client.a.map.x");
+  auto at_server = reader<KeyframeOffer>(server, kEveryClient);
+  auto patches = writer<PointPatches>(server, "client.a.map.x");
+  auto offers = writer<KeyframeOffer>(client, client_partition("a"));
+  ASSERT_TRUE(eventually(
+      [&] { return patches.matched() == 1 && offers.matched() == 1 && at_server.matched() == 1; }));
+  constexpr uint32_t kBlocks = 20;
+  constexpr uint64_t kOffers = 8;
+  for (uint32_t index = 0; index < kBlocks; ++index) {
+    auto block = random_.make<PointPatches>();
+    block.map = MapId{{1}};
+    block.block.index = index;
+    ASSERT_TRUE(patches.write(block));
+  }
+  auto offer = random_.make<KeyframeOffer>();
+  offer.image = random_.image(320, 240);
+  for (uint64_t seq = 1; seq <= kOffers; ++seq) {
+    offer.command.seq = seq;
+    ASSERT_TRUE(offers.write(offer));
+  }
+  EXPECT_EQ(collect(&at_client, kBlocks).size(), kBlocks);
+  const auto received = collect(&at_server, kOffers);
+  ASSERT_EQ(received.size(), kOffers);
+  for (uint64_t i = 0; i < kOffers; ++i) EXPECT_EQ(received[i].message->command.seq, i + 1);
+}
+
+TEST_F(WireTest, UnfitSamplesAreDroppedCountedAndLoggedOnce) {
+  std::ostringstream text;
+  const Participant server = this->server(
+      0, "loopback",
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text)));
+  const Participant client = this->client();
+  auto received = reader<TrackerStateMessage>(server, kEveryClient);
+  auto state = writer<TrackerStateMessage>(client, client_partition("a"));
+  ASSERT_TRUE(eventually([&] { return state.matched() == 1 && received.matched() == 1; }));
+  auto message = random_.make<TrackerStateMessage>();
+  message.quality = std::numeric_limits<float>::quiet_NaN();
+  for (uint64_t count = 1; count <= 2; ++count) {
+    ASSERT_TRUE(state.write(message));
+    ASSERT_TRUE(eventually([&] {
+      EXPECT_TRUE(received.take().empty());
+      return received.invalid() == count;
+    }));
+  }
+  const std::string logged = text.str();
+  EXPECT_THAT(logged, HasSubstr("a TrackerState from partition 'client.a' is dropped: quality"));
+  EXPECT_EQ(std::count(logged.begin(), logged.end(), '\n'), 1) << logged;
+  message.quality = 1;
+  ASSERT_TRUE(state.write(message));
+  EXPECT_EQ(collect(&received, 1).size(), 1U);
+  EXPECT_EQ(received.invalid(), 2U);
+}
+
+TEST_F(WireTest, MessagesBeyondTheBoundsOfTheWireAreRefusedAtTheWriter) {
+  const Participant server = this->server();
+  auto verdicts = writer<OfferVerdict>(server, client_partition("a"));
+  OfferVerdict verdict;
+  verdict.recent.resize(17);
+  const Status refused = verdicts.write(verdict);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_THAT(refused.error().message, HasSubstr("OfferVerdict"));
+  verdict.recent.resize(16);
+  EXPECT_TRUE(verdicts.write(verdict).has_value());
+}
+
+TEST_F(WireTest, WaiterWakesForDataForCallsAndForTime) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto waiter = Waiter::create(client).value();
+  EXPECT_FALSE(waiter.wait(1ms));
+  waiter.wake();
+  EXPECT_TRUE(waiter.wait(10s)) << "a call before the wait counts";
+  EXPECT_FALSE(waiter.wait(1ms)) << "but only once";
+  std::thread caller([&] { waiter.wake(); });
+  EXPECT_TRUE(waiter.wait(10s));
+  caller.join();
+
+  std::optional<Reader<MapInfo>> infos = reader<MapInfo>(client, "client.a");
+  ASSERT_TRUE(waiter.attach({*infos}));
+  auto info = writer<MapInfo>(server, "client.a");
+  ASSERT_TRUE(info.write(random_.make<MapInfo>()));
+  EXPECT_TRUE(waiter.wait(10s));
+  EXPECT_TRUE(waiter.wait(10s)) << "not taken yet";
+  EXPECT_EQ(infos->take().size(), 1U);
+  EXPECT_FALSE(waiter.wait(1ms));
+  infos.reset();
+  EXPECT_FALSE(waiter.wait(1ms)) << "a reader that has gone is no trouble";
+}
+
+TEST_F(WireTest, TrafficCountsMessagesOnBothSides) {
+  const Participant server = this->server();
+  const Participant client = this->client();
+  auto received = reader<PointPatches>(client, "client.a");
+  auto patches = writer<PointPatches>(server, "client.a");
+  ASSERT_TRUE(eventually([&] { return patches.matched() == 1; }));
+  PointPatches message = random_.make<PointPatches>();
+  message.block.points.assign(1, random_.source({1}));
+  ASSERT_TRUE(patches.write(message));
+  ASSERT_EQ(collect(&received, 1).size(), 1U);
+  EXPECT_GT(server.traffic().bytes_sent, 576U);
+  EXPECT_LT(server.traffic().bytes_sent, 1000U);
+  EXPECT_EQ(server.traffic().bytes_sent, client.traffic().bytes_received);
+  EXPECT_EQ(client.traffic().bytes_sent, 0U);
+}
+
+}  // namespace
+}  // namespace cairn::wire
