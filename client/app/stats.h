@@ -51,7 +51,7 @@ class RunStats final : public FrameObserver {
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_place_answer(const PlaceReport& report) override;
 
-  /// The JSON of client/app/README.md. Percentiles of stages are over tracked frames; those
+  /// The JSON of client/app/REFERENCE.md. Percentiles of stages are over tracked frames; those
   /// of starting and lost ones stand beside them. `first_map_frame`, of all frames
   /// of the source from 0, is the first that had a map to be tracked in, whether it was or not; null without
   /// a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not

@@ -11,7 +11,7 @@ class UnicodeFonts;
 
 /// Text in a picture. ASCII is drawn with OpenCV's own strokes; anything else with a font of this machine
 /// that has its letters, found when it is first needed. A letter that no font has, or any beyond ASCII in a
-/// build without fonts (client/app/README.md), is one `?`. Used from one thread.
+/// build without fonts (client/app/REFERENCE.md), is one `?`. Used from one thread.
 class TextPainter {
  public:
   TextPainter();

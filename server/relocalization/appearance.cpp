@@ -20,7 +20,7 @@ constexpr float kBehind = 1.15F;
 
 /// A part of the picture is strange when the correlation there is below the limit even if it is so many
 /// standard errors higher than found: by the sightings, which are not all by themselves, since a point may
-/// have four. Both chosen together, on desks that look alike (README).
+/// have four. Both chosen together, on desks that look alike (tests/bench/HISTORY.md).
 constexpr double kStrange = 0.35;
 constexpr double kStandardErrors = 2.5;
 constexpr int kFewestPoints = 4;  ///< in a part that is judged
