@@ -5,21 +5,28 @@
 
 namespace cairn {
 
-bool KeyframePolicy::wants(int found, double distance) {
-  // A view of which the map knows less and less needs a keyframe sooner: what is new in it must become points
-  // while the camera can still be placed by the old ones.
+bool KeyframePolicy::wants(int found, double distance, const std::function<bool()>& is_new_area) {
   most_found_ = std::max(most_found_, found);
-  const bool in_need = found < options_.scarce_points ||
-                       static_cast<float>(found) < options_.running_out * static_cast<float>(most_found_);
-  if (distance < options_.keyframe_distance * (in_need ? options_.need_distance : 1.0)) return false;
-  // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
-  constexpr double kShortestWait = 0.1;
-  const double wait =
-      in_need ? kShortestWait : std::max(kShortestWait, options_.keyframe_distance / distance);
-  if (since_ < wait * options_.frames_between_keyframes) return false;
+  if (!is_due(found, distance, is_new_area)) return false;
   since_ = 0;
   most_found_ = found;
   return true;
+}
+
+bool KeyframePolicy::is_due(int found, double distance, const std::function<bool()>& is_new_area) const {
+  // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
+  constexpr double kShortestWait = 0.1;
+  const auto has_waited = [&](double wait) { return since_ >= wait * options_.frames_between_keyframes; };
+  if (distance >= options_.keyframe_distance &&
+      has_waited(std::max(kShortestWait, options_.keyframe_distance / distance)))
+    return true;
+  // A view of which the map knows less and less needs a keyframe sooner: what is new in it must become points
+  // while the camera can still be placed by the old ones.
+  if (distance < options_.keyframe_distance * options_.need_distance || !has_waited(kShortestWait))
+    return false;
+  const auto at_best = static_cast<float>(most_found_);
+  if (found < options_.scarce_points || static_cast<float>(found) < options_.few_left * at_best) return true;
+  return static_cast<float>(found) < options_.running_out * at_best && is_new_area();
 }
 
 }  // namespace cairn

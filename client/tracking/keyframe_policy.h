@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <functional>
+
 #include "client/tracking/tracker_options.h"
 
 namespace cairn {
@@ -16,10 +18,13 @@ class KeyframePolicy {
   /// Another map: what was found in the one before means nothing here.
   void enter_map() { most_found_ = 0; }
   /// Whether to offer a well tracked frame with `found` points whose camera is `distance` (over the mean
-  /// depth) from the nearest keyframe. Yes counts as offered.
-  [[nodiscard]] bool wants(int found, double distance);
+  /// depth) from the nearest keyframe. Yes counts as offered. `is_new_area`: whether the map knows little of
+  /// what the frame shows; asked only where the answer depends on it.
+  [[nodiscard]] bool wants(int found, double distance, const std::function<bool()>& is_new_area);
 
  private:
+  [[nodiscard]] bool is_due(int found, double distance, const std::function<bool()>& is_new_area) const;
+
   TrackerOptions options_;
   int since_ = 0;       ///< frames since the last offer
   int most_found_ = 0;  ///< in a frame since then

@@ -14,10 +14,11 @@ class KeyframePolicyTest : public ::testing::Test {
   int frames_until_offer(int found, double distance, int most = 200) {
     for (int frame = 1; frame <= most; ++frame) {
       policy_.next_frame();
-      if (policy_.wants(found, distance)) return frame;
+      if (policy_.wants(found, distance, [this] { return is_new_area_; })) return frame;
     }
     return most + 1;
   }
+  bool is_new_area_ = true;
   const TrackerOptions options_{};
   const double soon_ = options_.keyframe_distance * options_.need_distance;  // enough in need
   KeyframePolicy policy_{options_};
@@ -30,7 +31,14 @@ TEST_F(KeyframePolicyTest, AViewThatIsKnownWellIsOfferedFromTheFullDistanceOn) {
 }
 
 TEST_F(KeyframePolicyTest, WhereTheMapRunsOutLessDistanceIsEnough) {
-  ASSERT_FALSE(policy_.wants(kMany, 0));
+  ASSERT_FALSE(policy_.wants(kMany, 0, [] { return true; }));
+  EXPECT_GT(frames_until_offer(static_cast<int>(0.91 * kMany), soon_), 200);
+  EXPECT_LE(frames_until_offer(static_cast<int>(0.89 * kMany), soon_), 1);
+}
+
+TEST_F(KeyframePolicyTest, WhatTheMapKnowsIsOfferedOnceFewPointsAreLeft) {
+  is_new_area_ = false;
+  ASSERT_FALSE(policy_.wants(kMany, 0, [] { return false; }));
   EXPECT_GT(frames_until_offer(static_cast<int>(0.71 * kMany), soon_), 200);
   EXPECT_LE(frames_until_offer(static_cast<int>(0.69 * kMany), soon_), 1);
 }

@@ -16,6 +16,7 @@
 #include "client/tracking/trail_pose.h"
 #include "client/tracking/trails.h"
 #include "common/image/frame_images.h"
+#include "common/image/known_area.h"
 
 namespace cairn {
 namespace {
@@ -115,6 +116,7 @@ struct Tracker::State {
   void miss(Timestamp time, std::string why);
   void publish(const Attempt& found);
   void propose_keyframe();
+  [[nodiscard]] bool shows_new_area();
   void report_search();
   void learn_still();
 };
@@ -381,13 +383,28 @@ void Tracker::State::publish(const Attempt& found) {
 
 void Tracker::State::propose_keyframe() {
   if (map->find(latest.reference) == nullptr) return;
-  if (!keyframes.wants(finder.found(), latest.camera_from_reference.center().norm() / mean_depth)) return;
+  const double distance = latest.camera_from_reference.center().norm() / mean_depth;
+  if (!keyframes.wants(finder.found(), distance, [this] { return shows_new_area(); })) return;
   KeyframeProposal proposal{
       map->map, map->epoch, map->revision, latest.reference, latest.camera_from_reference, {}};
   for (const VisiblePoint& p : finder.points()) {
     if (p.found) proposal.measurements.push_back({p.id, p.level, p.pixel});
   }
   result.keyframe = std::move(proposal);
+}
+
+/// As the map maker judges it.
+bool Tracker::State::shows_new_area() {
+  const ScopedStage stage(probe, Stage::kCorners);
+  constexpr int kLevel = 1;
+  const GrayView& image = now().pyramid.level(kLevel);
+  KnownArea area(image.width, image.height);
+  for (const Candidate& c : find_candidates(image, now().corners(kLevel)))
+    area.add_corner(c.corner.x, c.corner.y);
+  for (const VisiblePoint& p : finder.points()) {
+    if (p.found) area.add_measurement(to_level(p.pixel.x(), kLevel), to_level(p.pixel.y(), kLevel));
+  }
+  return area.unknown_fraction() >= KnownArea::kNewAreaFraction;
 }
 
 void Tracker::State::report_search() {

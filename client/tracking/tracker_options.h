@@ -17,8 +17,9 @@ struct TrackerOptions {
   int frames_between_keyframes = 20;
   double keyframe_distance =
       0.1;  ///< to the nearest keyframe, over the mean depth (PTAM: 0.1 m over the first depth)
-  float running_out =
-      0.7F;  ///< of the points found at best since the last keyframe: below, one is needed soon
+  float running_out = 0.9F;    ///< of the points found at best since the last keyframe: below, one is needed
+                               ///< soon if the frame shows what the map does not know
+  float few_left = 0.7F;       ///< of those points: below, one is needed soon whatever the frame shows
   int scarce_points = 120;     ///< found: fewer are soon too few to build upon, whatever was found before
   double need_distance = 0.1;  ///< of keyframe_distance, which is enough then
   int trail_count = 1000;      ///< trails begun in the first frame

@@ -2,7 +2,6 @@
 #include "server/mapping/integrate.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
@@ -10,6 +9,7 @@
 
 #include "common/geometry/pose.h"
 #include "common/geometry/scene_depth.h"
+#include "common/image/known_area.h"
 #include "server/mapping/patch_view.h"
 #include "server/mapping/refind.h"
 
@@ -20,11 +20,7 @@ constexpr size_t kMinMeasurements = 20;  ///< good ones
 constexpr double kSameDirection =
     0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
 constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
-constexpr double kNewAreaFraction = 0.5;  ///< of the textured cells of the image: without a measurement
-constexpr double kFewKnown = 0.6;  ///< of the reference keyframe's measurements: fewer count as new area
-constexpr int kCellsX = 8;
-constexpr int kCellsY = 6;
-constexpr int kTexturedCorners = 3;     ///< candidates that make a cell textured
+constexpr double kFewKnown = 0.6;       ///< of the reference keyframe's measurements: fewer count as new area
 constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker's measurement
 
 struct Judged {
@@ -94,28 +90,13 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
   return nearest;
 }
 
-/// Share of the image cells with texture in which no point of the map was measured.
 double unknown_fraction(const KeyframeImages& images, const std::vector<PointMeasurement>& measured) {
   constexpr int kLevel = 1;
-  const GrayView image = images.level(kLevel);
-  std::array<int, kCellsX * kCellsY> texture{};
-  std::array<bool, kCellsX * kCellsY> known{};
-  const auto cell = [&image](float x, float y) {
-    const int i = std::clamp(static_cast<int>(x) * kCellsX / image.width, 0, kCellsX - 1);
-    const int j = std::clamp(static_cast<int>(y) * kCellsY / image.height, 0, kCellsY - 1);
-    return static_cast<size_t>(j * kCellsX + i);
-  };
-  for (const Candidate& c : point_candidates(images, kLevel)) ++texture[cell(c.corner.x, c.corner.y)];
+  KnownArea area(images.level(kLevel).width, images.level(kLevel).height);
+  for (const Candidate& c : point_candidates(images, kLevel)) area.add_corner(c.corner.x, c.corner.y);
   for (const PointMeasurement& m : measured)
-    known[cell(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel))] = true;
-  int textured = 0;
-  int unknown = 0;
-  for (size_t i = 0; i < texture.size(); ++i) {
-    if (texture[i] < kTexturedCorners) continue;
-    ++textured;
-    if (!known[i]) ++unknown;
-  }
-  return textured == 0 ? 0.0 : static_cast<double>(unknown) / textured;
+    area.add_measurement(to_level(m.pixel.x(), kLevel), to_level(m.pixel.y(), kLevel));
+  return area.unknown_fraction();
 }
 
 std::string describe_distance(double distance, double needed) {
@@ -200,7 +181,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
       static_cast<double>(judged->inliers.size()) <
       kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
   if (nearest.same_direction < needed && !knows_little &&
-      unknown_fraction(*images, judged->inliers) < kNewAreaFraction) {
+      unknown_fraction(*images, judged->inliers) < KnownArea::kNewAreaFraction) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
   }
 
