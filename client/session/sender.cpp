@@ -151,6 +151,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.time = sendable.item->time;
   message.image = encode_image(*sendable.item->image, encoding_);
   message.measurements = proposal.measurements;
+  message.candidates = proposal.candidates;
   return message;
 }
 

@@ -36,6 +36,7 @@ struct KeyframeProposal {
   KeyframeId reference;
   SE3 camera_from_reference;
   std::vector<PointMeasurement> measurements;
+  std::vector<PointCandidate> candidates;
 };
 
 /// The server's yes to a seed.

@@ -27,6 +27,7 @@ using Epoch = CounterId<struct EpochTag>;  ///< of a map; block layouts and revi
 using SessionId = CounterId<struct SessionTag>;  ///< random, one per run of a client (kept with its spool)
 using LabelId = CounterId<struct LabelTag>;      ///< unique within a map, from 1
 using TrailId = CounterId<struct TrailTag>;      ///< a trail of the two-view start, unique within a client
+using CandidateId = CounterId<struct CandidateTag>;  ///< of a PointCandidate, unique within a session
 
 /// A global identity of 16 bytes, printed as 32 hex digits. All zero means "none".
 template <typename Tag>

@@ -15,6 +15,9 @@ inline constexpr size_t kMaxKeyframeBlocks = 512;
 /// Of a two-view start: the answer names a point for each, and stays below 64 kB.
 inline constexpr size_t kMaxTrails = 4000;
 
+/// Corners without a point of the map that come with an offered keyframe.
+inline constexpr size_t kMaxCandidates = 256;
+
 /// Cameras that are found out in a map and named by its revisions; more are not told.
 inline constexpr size_t kMaxCamerasFoundOut = 64;
 

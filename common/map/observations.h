@@ -31,4 +31,13 @@ struct PointMeasurement {
   Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px (distorted, as seen)
 };
 
+/// A corner that the map has no point of, followed by a tracker with known poses until its depth was known.
+struct PointCandidate {
+  CandidateId id;  ///< stays the same from frame to frame
+  uint8_t level = 0;
+  Eigen::Vector2f pixel = Eigen::Vector2f::Zero();  ///< level-0 px (distorted, as seen)
+  float inverse_depth = 0;                          ///< along the unit ray of the pixel [1 / map unit]
+  float sigma = 0;                                  ///< of the inverse depth
+};
+
 }  // namespace cairn

@@ -145,10 +145,13 @@ TEST(Validation, MapSeed) {
   seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
   seed.refuses("name that is no UTF-8", [](auto& m) { m.map_name = std::string("K\xfc"); });
   seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
+  seed.refuses("mask of another image", [](auto& m) { m.still_mask.assign(20000, 0); });
 }
 
 TEST(Validation, KeyframeOffer) {
-  const Spoiler<KeyframeOffer> offer([](const auto& m) { return !m.measurements.empty(); });
+  const Spoiler<KeyframeOffer> offer([](const auto& m) {
+    return !m.measurements.empty() && !m.candidates.empty() && m.still_mask.size() > 1;
+  });
   refuse_bad_images(
       [&](const char* what, const auto& spoil) { offer.refuses(what, [&](auto& m) { spoil(m.image); }); });
   offer.refuses("no number", [](auto& m) { m.command.seq = 0; });
@@ -158,6 +161,18 @@ TEST(Validation, KeyframeOffer) {
   offer.refuses("unknown level", [](auto& m) { m.measurements[0].level = 4; });
   offer.refuses("infinite pixel", [](auto& m) { m.measurements[0].pixel.x() = kInfinity; });
   offer.refuses("too many measurements", [](auto& m) { m.measurements.resize(8193, m.measurements[0]); });
+  offer.refuses("too many candidates",
+                [](auto& m) { m.candidates.resize(kMaxCandidates + 1, m.candidates[0]); });
+  offer.refuses("unknown level of a candidate", [](auto& m) { m.candidates[0].level = kPyramidLevels; });
+  offer.refuses("NaN pixel of a candidate", [](auto& m) { m.candidates[0].pixel.y() = kNan; });
+  offer.refuses("infinite inverse depth", [](auto& m) { m.candidates[0].inverse_depth = kInfinity; });
+  offer.refuses("behind the camera", [](auto& m) { m.candidates[0].inverse_depth = -0.5F; });
+  offer.refuses("no depth", [](auto& m) { m.candidates[0].inverse_depth = 0; });
+  offer.refuses("NaN sigma", [](auto& m) { m.candidates[0].sigma = kNan; });
+  offer.refuses("no sigma", [](auto& m) { m.candidates[0].sigma = 0; });
+  offer.refuses("refers to itself", [](auto& m) { m.reference_command = m.command.seq; });
+  offer.refuses("mask too short", [](auto& m) { m.still_mask.pop_back(); });
+  offer.refuses("mask too long", [](auto& m) { m.still_mask.push_back(0); });
 }
 
 TEST(Validation, Quaternions) {

@@ -65,6 +65,9 @@ struct MapSeed {
   std::vector<Trail> trails;  ///< at most kMaxTrails
   SE3 second_from_first;  ///< |translation| = 1; the server checks it on the images, and searches no other
   std::string map_name;   ///< wished for; empty = the server names it
+  /// What stands still in the camera's images (StillMask): a bit for each cell, row by row, the lowest bit of
+  /// a byte first. Empty: nothing does.
+  std::vector<uint8_t> still_mask;
 };
 
 /// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.
@@ -82,6 +85,11 @@ struct KeyframeOffer {
   Timestamp time;
   ImageMessage image;
   std::vector<PointMeasurement> measurements;
+  std::vector<PointCandidate> candidates;  ///< at most kMaxCandidates
+  /// 0: `reference` is a keyframe of the map. Else the number of an earlier offer of this session, and the
+  /// keyframe that came of it is meant.
+  uint64_t reference_command = 0;
+  std::vector<uint8_t> still_mask;  ///< as MapSeed's
 };
 
 /// Topic RelocQuery: query, keyed by client. A newer one replaces one that has not been taken.

@@ -31,8 +31,9 @@ CAIRN_MEMBERS(KeyframeBlock, a, b, c, d)
 CAIRN_MEMBERS(BlockVersion, a, b, c)
 CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
-CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l)
-CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m)
+CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l, m)
+CAIRN_MEMBERS(PointCandidate, a, b, c, d, e)
+CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p)
 CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
@@ -123,6 +124,11 @@ class RandomMessages {
     for (uint8_t& byte : made.bytes) byte = static_cast<uint8_t>(random_());
     return made;
   }
+  std::vector<uint8_t> still_mask(uint32_t width, uint32_t height) {
+    if (coin()) return {};
+    return std::vector<uint8_t>((size_t{width / 8} * (height / 8) + 7) / 8,
+                                static_cast<uint8_t>(number(0, 255)));
+  }
   uint64_t live(size_t slots) {
     return number(0) & (slots >= kBlockSlots ? ~uint64_t{0} : (uint64_t{1} << slots) - 1);
   }
@@ -169,8 +175,20 @@ template <>
 inline MapSeed RandomMessages::make() {
   const auto width = static_cast<uint32_t>(number(1, 320));
   const auto height = static_cast<uint32_t>(number(1, 240));
-  MapSeed made{id<ClientId>(), command(), 1,  2,  coin(), {static_cast<int64_t>(number(0, 1'000'000))},
-               {12345},        {},        {}, {}, pose(), text(40)};
+  MapSeed made{id<ClientId>(),
+               command(),
+               1,
+               2,
+               coin(),
+               {static_cast<int64_t>(number(0, 1'000'000))},
+               {12345},
+               {},
+               {},
+               {},
+               pose(),
+               text(40),
+               {}};
+  made.still_mask = still_mask(width, height);
   made.first_image = image(width, height);
   made.second_image = image(width, height);
   for (uint64_t i = 0, n = number(0, 300); i < n; ++i) made.trails.push_back({{number()}, pixel(), pixel()});
@@ -179,8 +197,14 @@ inline MapSeed RandomMessages::make() {
 template <>
 inline KeyframeOffer RandomMessages::make() {
   KeyframeOffer made{id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3, 4,
-                     coin(),         {-7},      {},          {}};
+                     coin(),         {-7},      {},          {},         {},         0,          {}};
   made.image = image(static_cast<uint32_t>(number(1, 320)), static_cast<uint32_t>(number(1, 240)));
+  made.still_mask = still_mask(made.image.width, made.image.height);
+  made.reference_command = number(0, made.command.seq - 1);
+  for (uint64_t i = 0, n = number(0, kMaxCandidates); i < n; ++i) {
+    made.candidates.push_back(
+        {{number()}, static_cast<uint8_t>(number(0, 3)), pixel(), uniform(0.01F, 9), uniform(0.01F, 9)});
+  }
   for (uint64_t i = 0, n = number(0, 300); i < n; ++i) {
     made.measurements.push_back({{number()}, static_cast<uint8_t>(number(0, 3)), pixel()});
   }

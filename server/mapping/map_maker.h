@@ -72,6 +72,7 @@ struct KeyframeInput {
   KeyframeId reference;
   SE3 camera_from_reference;
   std::vector<PointMeasurement> measurements;
+  std::vector<PointCandidate> candidates = {};
   /// As SeedInput's; what the map knows of the camera already counts more.
   std::optional<CameraDoubt> doubt = {};
 };

@@ -166,6 +166,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.input.reference = message.reference;
   job.input.camera_from_reference = message.camera_from_reference;
   job.input.measurements = std::move(message.measurements);
+  job.input.candidates = std::move(message.candidates);
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;

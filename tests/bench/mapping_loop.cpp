@@ -99,9 +99,9 @@ void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
 
 void MappingLoop::offer(const KeyframeProposal& proposal, const Frame& frame) {
   const double before = thread_cpu_ms();
-  const KeyframeDecision decision =
-      maker_->add_keyframe({camera_, frame.time, frame.image, proposal.reference,
-                            proposal.camera_from_reference, proposal.measurements, options_.doubt});
+  const KeyframeDecision decision = maker_->add_keyframe(
+      {camera_, frame.time, frame.image, proposal.reference, proposal.camera_from_reference,
+       proposal.measurements, proposal.candidates, options_.doubt});
   observer_.on_keyframe(frame, decision, thread_cpu_ms() - before);
   if (decision.verdict == KeyframeVerdict::kAccepted) work();
 }

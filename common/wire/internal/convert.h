@@ -20,6 +20,7 @@ namespace cairn::wire::internal {
 constexpr double kMaxLength = 1e6;     ///< [map unit] of coordinates and distances
 constexpr size_t kMaxNameBytes = 128;  ///< of a map's name
 constexpr size_t kMaxReasonBytes = 1024;
+constexpr size_t kMaxMeasurements = 8192;  ///< of a frame
 
 /// Memory for the array elements of one encoded sample; keeps it while the sample is written.
 class Scratch {

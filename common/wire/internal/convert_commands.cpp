@@ -7,12 +7,7 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr size_t kMaxCameraValues = 32;
-constexpr size_t kMaxMeasurements = 8192;
 constexpr size_t kMaxOutcomes = 16;
-constexpr uint32_t kMaxPointsInView = kMaxBlocks * kBlockSlots;
-constexpr size_t kMaxPlaceCorners = 1024;
-constexpr size_t kMaxPlaceCandidates = 16;
-constexpr uint32_t kMaxSmallSide = kMaxImageSide >> (kPyramidLevels - 1);
 
 /// Camera and CameraEstimate say the same of a camera.
 template <typename Sample, typename Message>
@@ -142,6 +137,7 @@ cairn_MapSeed encode(const MapSeed& message, Scratch* scratch) {
   });
   sample.second_from_first = encode_pose(message.second_from_first);
   sample.map_name = borrow(message.map_name);
+  borrow_sequence(message.still_mask, &sample.still_mask);
   return sample;
 }
 
@@ -165,6 +161,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
   check.count(sample.trails, kMaxTrails);
   check.pose(sample.second_from_first);
   check.text(sample.map_name, kMaxNameBytes);
+  check.still_mask(sample.still_mask, sample.first_image);
   if (!check.passed()) return unfit(check.what());
   MapSeed message = decode_key<MapSeed>(sample);
   message.command = decode_command(sample.command);
@@ -184,6 +181,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
   }
   message.second_from_first = decode_pose(sample.second_from_first);
   message.map_name = get_text(sample.map_name);
+  message.still_mask = get_sequence<uint8_t>(sample.still_mask);
   return checked_message(check, std::move(message));
 }
 
@@ -191,7 +189,7 @@ template <>
 size_t payload_bytes<MapSeed>(const cairn_MapSeed& sample) {
   return sizeof(sample) + sequence_bytes(sample.first_image.bytes) +
          sequence_bytes(sample.second_image.bytes) + sequence_bytes(sample.trails) +
-         text_bytes(sample.map_name);
+         text_bytes(sample.map_name) + sequence_bytes(sample.still_mask);
 }
 
 // ---- KeyframeOffer
@@ -218,6 +216,17 @@ cairn_KeyframeOffer encode(const KeyframeOffer& message, Scratch* scratch) {
                   out.level = message.measurements[i].level;
                   put_vector(message.measurements[i].pixel, out.pixel);
                 });
+  fill_sequence(message.candidates.size(), scratch, &sample.candidates,
+                [&](size_t i, cairn_PointCandidate& out) {
+                  const PointCandidate& candidate = message.candidates[i];
+                  out.id = candidate.id.value;
+                  put_vector(candidate.pixel, out.pixel);
+                  out.inverse_depth = candidate.inverse_depth;
+                  out.sigma = candidate.sigma;
+                  out.level = candidate.level;
+                });
+  sample.reference_command = message.reference_command;
+  borrow_sequence(message.still_mask, &sample.still_mask);
   return sample;
 }
 
@@ -236,6 +245,9 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
   check.pose(sample.camera_from_reference);
   check.image(sample.picture);
   check.count(sample.measurements, kMaxMeasurements);
+  check.count(sample.candidates, kMaxCandidates);
+  check.require(sample.reference_command < sample.command.seq, "refers to an offer that is not earlier");
+  check.still_mask(sample.still_mask, sample.picture);
   if (!check.passed()) return unfit(check.what());
   KeyframeOffer message = decode_key<KeyframeOffer>(sample);
   message.command = decode_command(sample.command);
@@ -256,12 +268,29 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
     check.require(found.level < kPyramidLevels, "unknown pyramid level");
     message.measurements.push_back({{found.id}, found.level, get_vector(found.pixel)});
   }
+  message.candidates.reserve(sample.candidates._length);
+  for (uint32_t i = 0; i < sample.candidates._length; ++i) {
+    const cairn_PointCandidate& candidate = sample.candidates._buffer[i];
+    check.pixel(candidate.pixel);
+    check.require(candidate.level < kPyramidLevels, "unknown pyramid level");
+    check.distance(candidate.inverse_depth);
+    check.distance(candidate.sigma);
+    check.require(candidate.inverse_depth > 0 && candidate.sigma > 0, "a candidate without depth or sigma");
+    message.candidates.push_back({{candidate.id},
+                                  candidate.level,
+                                  get_vector(candidate.pixel),
+                                  candidate.inverse_depth,
+                                  candidate.sigma});
+  }
+  message.reference_command = sample.reference_command;
+  message.still_mask = get_sequence<uint8_t>(sample.still_mask);
   return checked_message(check, std::move(message));
 }
 
 template <>
 size_t payload_bytes<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
-  return sizeof(sample) + sequence_bytes(sample.picture.bytes) + sequence_bytes(sample.measurements);
+  return sizeof(sample) + sequence_bytes(sample.picture.bytes) + sequence_bytes(sample.measurements) +
+         sequence_bytes(sample.candidates) + sequence_bytes(sample.still_mask);
 }
 
 // ---- TrackerState
@@ -435,159 +464,6 @@ template <>
 size_t payload_bytes<OfferVerdict>(const cairn_OfferVerdict& sample) {
   size_t bytes = sizeof(sample) + sequence_bytes(sample.recent);
   for (uint32_t i = 0; i < sample.recent._length; ++i) bytes += text_bytes(sample.recent._buffer[i].reason);
-  return bytes;
-}
-
-// ---- RelocQuery
-// -------------------------------------------------------------------------------------------------------------
-
-template <>
-cairn_RelocQuery encode(const RelocQuery& message, Scratch* scratch) {
-  cairn_RelocQuery sample{};
-  put_id(message.client.bytes, sample.client_id);
-  sample.schema_version = kSchemaVersion;
-  sample.command = {message.command.session.value, message.command.seq};
-  put_id(message.map_hint.bytes, sample.map_hint);
-  sample.camera_id = message.camera;
-  sample.camera_version = message.camera_version;
-  sample.lockstep = message.lockstep;
-  sample.time = message.time.nanoseconds;
-  sample.small_image = encode_image(message.small_image);
-  fill_sequence(message.corners.size(), scratch, &sample.corners, [&](size_t i, cairn_PlaceCorner& out) {
-    const PlaceCorner& corner = message.corners[i];
-    std::copy(corner.descriptor.begin(), corner.descriptor.end(), out.descriptor);
-    put_vector(corner.pixel, out.pixel);
-    out.level = corner.level;
-  });
-  return sample;
-}
-
-template <>
-RelocQuery decode_key<RelocQuery>(const cairn_RelocQuery& sample) {
-  RelocQuery message;
-  message.client = get_id<ClientId>(sample.client_id);
-  return message;
-}
-
-template <>
-Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
-  Check check;
-  check.schema(sample.schema_version);
-  check.command(sample.command);
-  check.image(sample.small_image);
-  const cairn_Image& small = sample.small_image;
-  check.require(small.encoding == static_cast<uint8_t>(ImageEncoding::kRaw) && small.width <= kMaxSmallSide &&
-                    small.height <= kMaxSmallSide,
-                "not a small raw image");
-  check.count(sample.corners, kMaxPlaceCorners);
-  if (!check.passed()) return unfit(check.what());
-  RelocQuery message = decode_key<RelocQuery>(sample);
-  message.command = decode_command(sample.command);
-  message.map_hint = get_id<MapId>(sample.map_hint);
-  message.camera = sample.camera_id;
-  message.camera_version = sample.camera_version;
-  message.lockstep = sample.lockstep;
-  message.time = {sample.time};
-  message.small_image = decode_image(small);
-  message.corners.resize(sample.corners._length);
-  for (uint32_t i = 0; i < sample.corners._length; ++i) {
-    const cairn_PlaceCorner& corner = sample.corners._buffer[i];
-    check.pixel(corner.pixel);
-    check.require(corner.level < kPyramidLevels, "unknown pyramid level");
-    PlaceCorner& out = message.corners[i];
-    std::copy(std::begin(corner.descriptor), std::end(corner.descriptor), out.descriptor.begin());
-    out.pixel = get_vector(corner.pixel);
-    out.level = corner.level;
-  }
-  return checked_message(check, std::move(message));
-}
-
-template <>
-size_t payload_bytes<RelocQuery>(const cairn_RelocQuery& sample) {
-  return sizeof(sample) + sequence_bytes(sample.small_image.bytes) + sequence_bytes(sample.corners);
-}
-
-// ---- RelocAnswer
-// ------------------------------------------------------------------------------------------------------------
-
-template <>
-cairn_RelocAnswer encode(const RelocAnswer& message, Scratch* scratch) {
-  cairn_RelocAnswer sample{};
-  put_id(message.client.bytes, sample.client_id);
-  sample.schema_version = kSchemaVersion;
-  sample.command = {message.command.session.value, message.command.seq};
-  sample.verdict = static_cast<uint8_t>(message.answer.verdict);
-  sample.reason = borrow(message.answer.reason);
-  const auto& candidates = message.answer.candidates;
-  fill_sequence(candidates.size(), scratch, &sample.candidates, [&](size_t i, cairn_PlaceCandidate& out) {
-    const PlaceCandidate& candidate = candidates[i];
-    put_id(candidate.map.bytes, out.map_id);
-    out.epoch = candidate.epoch.value;
-    out.revision = candidate.revision.value;
-    out.keyframe = candidate.keyframe.value;
-    out.camera_from_keyframe = encode_pose(candidate.camera_from_keyframe);
-    out.score = candidate.score;
-    out.matches = static_cast<uint32_t>(candidate.matches);
-    out.inliers = static_cast<uint32_t>(candidate.inliers);
-    out.expected = static_cast<uint32_t>(candidate.expected);
-    out.confirmed = candidate.confirmed;
-    out.reason = borrow(candidate.reason);
-  });
-  return sample;
-}
-
-template <>
-RelocAnswer decode_key<RelocAnswer>(const cairn_RelocAnswer& sample) {
-  RelocAnswer message;
-  message.client = get_id<ClientId>(sample.client_id);
-  return message;
-}
-
-template <>
-Result<RelocAnswer> decode<RelocAnswer>(const cairn_RelocAnswer& sample) {
-  Check check;
-  check.schema(sample.schema_version);
-  check.command(sample.command);
-  check.require(sample.verdict <= static_cast<uint8_t>(PlaceVerdict::kNotThere), "unknown verdict");
-  check.text(sample.reason, kMaxReasonBytes);
-  check.count(sample.candidates, kMaxPlaceCandidates);
-  if (!check.passed()) return unfit(check.what());
-  RelocAnswer message = decode_key<RelocAnswer>(sample);
-  message.command = decode_command(sample.command);
-  message.answer.verdict = static_cast<PlaceVerdict>(sample.verdict);
-  message.answer.reason = get_text(sample.reason);
-  check.require(!has_place(message.answer.verdict) || sample.candidates._length > 0,
-                "a place without a candidate");
-  for (uint32_t i = 0; i < sample.candidates._length; ++i) {
-    const cairn_PlaceCandidate& candidate = sample.candidates._buffer[i];
-    check.pose(candidate.camera_from_keyframe);
-    check.length(candidate.score);
-    check.require(candidate.matches <= kMaxMeasurements && candidate.inliers <= kMaxMeasurements &&
-                      candidate.expected <= kMaxPointsInView,
-                  "count out of range");
-    check.text(candidate.reason, kMaxReasonBytes);
-    if (!check.passed()) break;
-    message.answer.candidates.push_back({get_id<MapId>(candidate.map_id),
-                                         {candidate.epoch},
-                                         {candidate.revision},
-                                         {candidate.keyframe},
-                                         decode_pose(candidate.camera_from_keyframe),
-                                         candidate.score,
-                                         static_cast<int>(candidate.matches),
-                                         static_cast<int>(candidate.inliers),
-                                         static_cast<int>(candidate.expected),
-                                         candidate.confirmed,
-                                         get_text(candidate.reason)});
-  }
-  return checked_message(check, std::move(message));
-}
-
-template <>
-size_t payload_bytes<RelocAnswer>(const cairn_RelocAnswer& sample) {
-  size_t bytes = sizeof(sample) + text_bytes(sample.reason) + sequence_bytes(sample.candidates);
-  for (uint32_t i = 0; i < sample.candidates._length; ++i) {
-    bytes += text_bytes(sample.candidates._buffer[i].reason);
-  }
   return bytes;
 }
 

@@ -2,6 +2,7 @@
 #include "common/wire/internal/convert_common.h"
 
 #include "common/base/utf8.h"
+#include "common/image/pyramid.h"
 
 namespace cairn::wire::internal {
 namespace {
@@ -76,6 +77,12 @@ void Check::image(const cairn_Image& image) {
 
 void Check::pixel(const float (&pixel)[2]) {
   for (const float value : pixel) require(std::abs(value) <= kMaxPixel, "pixel out of range");
+}
+
+void Check::still_mask(const dds_sequence_octet& bits, const cairn_Image& image) {
+  const size_t cells =
+      size_t{image.width >> (kPyramidLevels - 1)} * size_t{image.height >> (kPyramidLevels - 1)};
+  require(bits._length == 0 || bits._length == (cells + 7) / 8, "still mask of the wrong size");
 }
 
 void Check::command(const cairn_CommandNumber& number) {

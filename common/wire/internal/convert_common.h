@@ -78,6 +78,8 @@ class Check {
   void pose(const cairn_Pose& pose);
   void image(const cairn_Image& image);
   void pixel(const float (&pixel)[2]);
+  /// Empty, or of the size of the mask of such an image.
+  void still_mask(const dds_sequence_octet& bits, const cairn_Image& image);
   /// A command is numbered from 1 within a session.
   void command(const cairn_CommandNumber& number);
   /// No live bits at or beyond `slots`.
