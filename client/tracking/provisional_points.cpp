@@ -38,6 +38,9 @@ constexpr double kNewsDistance = 0.003;
 constexpr double kFreePosition = 1;     // over the mean depth: what is not measured is singular without
 constexpr double kTurnedOnly = 1e-3;    // over the depth: the camera turns and leaves its place
 constexpr double kLeastInverse = 1e-6;  // over the prior's: in front of the camera, however far
+// Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of a
+// wall alike.
+constexpr double kKnownDepth = 0.2;
 
 }  // namespace
 
@@ -65,13 +68,10 @@ void ProvisionalPoints::clear() {
 
 ProvisionalPoints::Followed ProvisionalPoints::at(size_t i) const {
   const Point& p = points_[i];
-  return {anchors_[p.anchor].anchor_from_map,
-          p.bearing,
-          p.inverse_depth,
-          p.variance,
-          p.pixel,
-          p.level,
-          p.found,
+  return {p.id,        anchors_[p.anchor].anchor_from_map,
+          p.bearing,   p.inverse_depth,
+          p.variance,  p.pixel,
+          p.level,     p.found,
           p.innovation};
 }
 
@@ -344,6 +344,7 @@ bool ProvisionalPoints::begin_point(const FrameImages& now, const KnownPose& pos
   const auto beside = [&](const Eigen::Vector3d& other) -> Eigen::Vector3d {
     return other / other.dot(point.bearing) - point.bearing;
   };
+  point.id = {++last_id_.value};
   point.anchor = anchor;
   point.bearing = ray(0, 0);
   point.right = beside(ray(1, 0));
@@ -392,6 +393,23 @@ void ProvisionalPoints::begin(const FrameImages& now, const KnownPose& pose, con
   if (!anchor) return;
   frames_unbegun_ = 0;
   for (int level = kCoarsestLevel; level >= kFinestLevel; --level) begin_level(now, pose, level, *anchor);
+}
+
+std::vector<PointCandidate> ProvisionalPoints::candidates(const SE3& camera_from_map) const {
+  std::vector<PointCandidate> known;
+  for (const Point& p : points_) {
+    if (!p.found || p.refused > 0) continue;
+    const SE3 camera_from_anchor = camera_from_map * anchors_[p.anchor].anchor_from_map.inverse();
+    const Eigen::Vector3d bearing = camera_from_anchor.rotation() * p.bearing;
+    const Eigen::Vector3d direction = bearing + p.inverse_depth * camera_from_anchor.translation();
+    const double length = direction.norm();
+    const double inverse_depth = p.inverse_depth / length;
+    const double by_inverse_depth = bearing.dot(direction) / (length * length * length);
+    const double sigma = std::abs(by_inverse_depth) * std::sqrt(p.variance);
+    if (sigma > kKnownDepth * inverse_depth) continue;
+    known.push_back({p.id, p.level, p.pixel, static_cast<float>(inverse_depth), static_cast<float>(sigma)});
+  }
+  return known;
 }
 
 void ProvisionalPoints::update(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map,

@@ -15,6 +15,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/frame_images.h"
 #include "common/image/patch.h"
+#include "common/map/observations.h"
 #include "common/map/snapshot.h"
 
 namespace cairn {
@@ -66,8 +67,13 @@ class ProvisionalPoints {
   void update(const FrameImages& now, const KnownPose& pose, const MapSnapshot& map,
               std::span<const VisiblePoint> map_points);
 
-  /// One of them, for tests and for those who offer it to others.
+  /// Those that were found in the frame of the latest update() and whose depths are known there, in its
+  /// camera: what a map maker can make points of. At most kMostPoints.
+  [[nodiscard]] std::vector<PointCandidate> candidates(const SE3& camera_from_map) const;
+
+  /// One of them, for tests.
   struct Followed {
+    CandidateId id;
     SE3 anchor_from_map;                                 ///< the camera that saw it first
     Eigen::Vector3d bearing = Eigen::Vector3d::UnitZ();  ///< unit, in that camera
     double inverse_depth = 0;                            ///< along it [1 / map unit]
@@ -94,6 +100,7 @@ class ProvisionalPoints {
     Eigen::Vector3d measured_from = Eigen::Vector3d::Zero();  ///< where depths were measured last, in it
   };
   struct Point {
+    CandidateId id;
     size_t anchor = 0;
     Eigen::Vector3d bearing;
     Eigen::Vector3d right;  ///< from the bearing to the next pixel of the level, and
@@ -142,6 +149,7 @@ class ProvisionalPoints {
   std::array<Anchor, kMostAnchors> anchors_;
   std::array<int, size_t{kColumns} * kRows> cells_{};  ///< points in each
   int frames_unbegun_ = 0;                             ///< since corners were begun last
+  CandidateId last_id_;
   std::vector<BearingObservation> observations_;
   std::vector<PointObservation> of_map_;
   PoseWorkspace workspace_;

@@ -385,8 +385,13 @@ void Tracker::State::propose_keyframe() {
   if (map->find(latest.reference) == nullptr) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
   if (!keyframes.wants(finder.found(), distance, [this] { return shows_new_area(); })) return;
-  KeyframeProposal proposal{
-      map->map, map->epoch, map->revision, latest.reference, latest.camera_from_reference, {}, {}};
+  KeyframeProposal proposal{map->map,
+                            map->epoch,
+                            map->revision,
+                            latest.reference,
+                            latest.camera_from_reference,
+                            {},
+                            provisional.candidates(model.last())};
   for (const VisiblePoint& p : finder.points()) {
     if (p.found) proposal.measurements.push_back({p.id, p.level, p.pixel});
   }

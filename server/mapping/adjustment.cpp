@@ -24,6 +24,8 @@ std::vector<int> index_by_id(const std::vector<Id>& ids, size_t count) {
 /// The problem of the given points as seen by all their observers.
 MapProblem cut_problem(const MapState& map, std::vector<PointId> points, const std::vector<bool>& moves) {
   MapProblem problem;
+  // Of one view alone nothing says how far it is: it stays with its keyframe.
+  std::erase_if(points, [&](PointId id) { return map.point(id).observers.size() < 2; });
   std::vector<int> pose_index(map.keyframes().size(), -1);
   for (const PointId id : points) {
     for (const KeyframeId observer : map.point(id).observers) pose_index[observer.value - 1] = 0;
@@ -165,6 +167,14 @@ void write_poses(const MapProblem& solved, MapState* map) {
 
 /// A local problem moves nothing but its own keyframes and points.
 void write_local(const MapProblem& solved, MapState* map) {
+  for (size_t i = 0; i < solved.keyframes.size(); ++i) {
+    const MapKeyframe& k = map->keyframe(solved.keyframes[i]);
+    const SE3 new_from_old = solved.bundle.poses[i].camera_from_map.inverse() * k.camera_from_map;
+    for (const Measurement& m : k.measurements) {
+      MapPoint& p = map->point(m.point);
+      if (p.observers.size() < 2) p.position = new_from_old * p.position;
+    }
+  }
   for (size_t i = 0; i < solved.keyframes.size(); ++i) {
     map->keyframe(solved.keyframes[i]).camera_from_map = solved.bundle.poses[i].camera_from_map;
   }

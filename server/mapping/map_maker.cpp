@@ -7,6 +7,7 @@
 #include <deque>
 
 #include "server/mapping/adjustment.h"
+#include "server/mapping/candidate_points.h"
 #include "server/mapping/find_cameras.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
@@ -51,6 +52,8 @@ struct MapMaker::State {
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
   KeyframeDecision integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt);
+  /// How many points came of them.
+  int take_candidates(KeyframeId keyframe, const std::vector<PointCandidate>& candidates);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
@@ -223,6 +226,14 @@ KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input,
   return decision;
 }
 
+int MapMaker::State::take_candidates(KeyframeId keyframe, const std::vector<PointCandidate>& candidates) {
+  const std::vector<PointId> made = make_candidate_points(&map, keyframe, candidates);
+  if (made.empty()) return 0;
+  wanting_observers.insert(wanting_observers.end(), made.begin(), made.end());
+  map.update_depths(keyframe);
+  return static_cast<int>(made.size());
+}
+
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
@@ -230,7 +241,8 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
       input.doubt ? s.integrate_doubtful(input, *input.doubt) : integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
-  s.wanting_points.push_back({decision.keyframe});
+  s.wanting_points.push_back(
+      {decision.keyframe, 0, 0, s.take_candidates(decision.keyframe, input.candidates)});
   s.local_adjustment_due = true;
   s.upkeep_due = true;
   s.global_adjustment_due = true;

@@ -157,8 +157,9 @@ class MapMaker {
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
 
-  /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe and
-  /// measurements of known points are in the map on return, the rest is work for step(). A few milliseconds.
+  /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe,
+  /// measurements of known points and points of its candidates are in the map on return, the rest is work
+  /// for step(). Candidates that come while images are let go are passed over. A few milliseconds.
   /// Refused as kFull while there is still room for the points of all keyframes taken before.
   [[nodiscard]] KeyframeDecision add_keyframe(const KeyframeInput& input);
 

@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "server/mapping/map_state.h"
 
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
 namespace cairn {
+
+/// The other keyframes that would see points [map frame] of a keyframe, best first: many of them, at a useful
+/// parallax of at least so much [rad] in the median.
+[[nodiscard]] std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& keyframe,
+                                                    std::span<const Eigen::Vector3d> points,
+                                                    double min_parallax, size_t count);
 
 /// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
 [[nodiscard]] std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe, size_t count);

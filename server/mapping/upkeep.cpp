@@ -37,7 +37,9 @@ bool is_redundant(const MapState& map, const MapKeyframe& keyframe) {
 int cull_points(MapState* map) {
   int culled = 0;
   for (const MapPoint& p : map->points()) {
-    if (!p.live || p.attempts < kMinAttempts || p.found >= kMinFoundFraction * p.attempts) continue;
+    // Nothing but a tracker's word speaks for a point of one view: the first that should show it decides.
+    const int enough = p.observers.size() < 2 ? 1 : kMinAttempts;
+    if (!p.live || p.attempts < enough || p.found >= kMinFoundFraction * p.attempts) continue;
     map->remove_point(p.id);
     ++culled;
   }
