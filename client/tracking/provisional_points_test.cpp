@@ -141,6 +141,32 @@ TEST_F(ProvisionalPointsTest, DepthsComeWithParallaxAndTheirVarianceIsHonest) {
   EXPECT_GE(within_share, 0.97 * known);
 }
 
+/// What is offered to a map maker is in the frame's own camera, honest, and keeps its name.
+TEST_F(ProvisionalPointsTest, CandidatesAreThoseFoundWhoseDepthsAreKnown) {
+  for (int i = 0; i < 4; ++i) with_map(looking(0, {0, 0, 0}));
+  EXPECT_TRUE(points_.candidates(last_).empty()) << "nothing has been seen from two places";
+  std::vector<PointCandidate> before;
+  for (int i = 1; i <= 30; ++i) {
+    before = points_.candidates(last_);
+    with_map(looking(0.1, {0.02 * i, 0, 0.01 * i}));
+  }
+  const std::vector<PointCandidate> known = points_.candidates(last_);
+  ASSERT_GT(known.size(), 50U);
+  EXPECT_LE(known.size(), ProvisionalPoints::kMostPoints);
+  size_t honest = 0;
+  size_t again = 0;
+  for (const PointCandidate& c : known) {
+    const double truth = 1 / room_.distance(last_, camera_->unproject(c.pixel.cast<double>()));
+    EXPECT_LE(c.sigma, 0.2 * c.inverse_depth * 1.001);
+    honest += std::abs(c.inverse_depth - truth) < 3 * c.sigma ? 1 : 0;
+    again += std::any_of(before.begin(), before.end(), [&](const PointCandidate& b) {
+      return b.id == c.id && (b.pixel - c.pixel).norm() < 15;
+    });
+  }
+  EXPECT_GE(honest, known.size() * 97 / 100);
+  EXPECT_GE(again, known.size() * 3 / 4);
+}
+
 /// Depths that are known hold the position, too; who only turns learns none.
 TEST_F(ProvisionalPointsTest, KnownDepthsHoldThePosition) {
   for (int i = 0; i <= 20; ++i) with_map(looking(0, {0.03 * i, 0, 0}));
