@@ -24,6 +24,9 @@ class TrackerAdapter final : public TrackingEngine {
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
     return tracker_.place_answered(suggestion);
   }
+  void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) override {
+    tracker_.keyframe_answered(number, keyframe);
+  }
   void place_left_open() override { tracker_.place_left_open(); }
   void start_over(NewMap wish) override { tracker_.start_over(wish); }
   void use_camera(const CameraPtr& camera) override { tracker_.use_camera(camera); }

@@ -137,6 +137,8 @@ void FrameLoop::deliver_replies() {
   }
   if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
+  for (const OfferReply& reply : replies)
+    tracker_.keyframe_answered(reply.number, reply.accepted ? std::optional(reply.keyframe) : std::nullopt);
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
 }
 
@@ -191,8 +193,13 @@ void FrameLoop::observe_status(const SessionStatus& status) {
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
   // A server that does not know the map would refuse each keyframe of it.
-  if (result.keyframe && (!last_status_ || last_status_->map_known))
-    link_.send_offer(*result.keyframe, frame.image, frame.time);
+  if (result.keyframe) {
+    if (!last_status_ || last_status_->map_known) {
+      link_.send_offer(*result.keyframe, frame.image, frame.time);
+    } else {
+      tracker_.keyframe_answered(result.keyframe->number, std::nullopt);
+    }
+  }
   if (result.place_question) {
     link_.send_question(result.place_question, frame.time);
     asked_ = frame.time;

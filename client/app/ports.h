@@ -22,6 +22,7 @@ class TrackingEngine {
   virtual void seed_refused(const std::string& reason) = 0;
   [[nodiscard]] virtual PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;
   virtual void place_left_open() = 0;
+  virtual void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) = 0;
   virtual void start_over(NewMap wish) = 0;
   virtual void use_camera(const CameraPtr& camera) = 0;
 };

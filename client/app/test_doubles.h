@@ -89,6 +89,7 @@ class ScriptedTracker final : public TrackingEngine {
                                                : "try a place, unconfirmed");
     return suggestion ? use_of_places : PlaceUse::kNotKnown;
   }
+  void keyframe_answered(uint64_t /*number*/, std::optional<KeyframeId> /*keyframe*/) override {}
   void place_left_open() override { words.emplace_back("left open"); }
   void start_over(NewMap wish) override {
     words.emplace_back(wish == NewMap::kInAnyCase ? "start a new map" : "start over");

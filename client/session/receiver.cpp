@@ -143,6 +143,7 @@ void Receiver::act_on(LinkMonitor::Event event) {
     log_->warn("the server has been started anew");
     state_.restarted = true;
     state_.session_id = random_session();
+    state_.commands.clear();
     state_.seed.restart(state_.session_id);
     state_.question.restart(state_.session_id);
     for (RequestReply& reply : state_.requests.restart(state_.session_id, kRestartedText)) {

@@ -104,13 +104,14 @@ void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now
                              ? state_.requests.next(now)
                              : std::nullopt;
     if (!question && !seed && !offer && !request) return;
+    const uint64_t reference = offer ? state_.sent(offer->item->proposal, offer->command.seq) : 0;
     lock.unlock();
     if (question) {
       report(writers_.questions.write(make_message(*question)), "RelocQuery");
     } else if (seed) {
       report(writers_.seeds.write(make_message(*seed)), "MapSeed");
     } else if (offer) {
-      report(writers_.offers.write(make_message(*offer)), "KeyframeOffer");
+      report(writers_.offers.write(make_message(*offer, reference)), "KeyframeOffer");
     } else {
       report(writers_.requests.write(make_message(*request)), "ClientRequest");
     }
@@ -135,7 +136,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   return message;
 }
 
-wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const {
+wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable, uint64_t reference) const {
   const KeyframeProposal& proposal = sendable.item->proposal;
   wire::KeyframeOffer message;
   message.client = state_.client;
@@ -152,6 +153,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable) const 
   message.image = encode_image(*sendable.item->image, encoding_);
   message.measurements = proposal.measurements;
   message.candidates = proposal.candidates;
+  message.reference_command = reference;
   return message;
 }
 

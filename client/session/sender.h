@@ -41,7 +41,7 @@ class Sender {
   void send_tracker_state(std::unique_lock<std::mutex>& lock, MonotonicTime now);
   void send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now);
   [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable) const;
-  [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable) const;
+  [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable, uint64_t reference) const;
   [[nodiscard]] wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable) const;
   [[nodiscard]] wire::ClientRequest make_message(const RequestSpool::Sendable& sendable) const;
   void report(const Status& written, const char* what);

@@ -125,7 +125,7 @@ void Session::send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestam
   SessionState& shared = state_->shared;
   const std::scoped_lock lock(shared.mutex);
   if (!shared.is_map_known()) {
-    shared.offer_replies.push_back({0, false, kRestartedText});
+    shared.offer_replies.push_back({0, false, kRestartedText, {}, time, proposal.number});
     return;
   }
   auto lost = shared.spool.push({std::move(proposal), std::move(image), time});
@@ -166,7 +166,7 @@ void Session::send_request(wire::ClientRequest request) {
   const std::scoped_lock lock(shared.mutex);
   if (shared.options.reads_only || !shared.is_map_known()) {
     const char* why = shared.options.reads_only ? "a reader changes no labels" : kRestartedText;
-    shared.request_replies.push_back(RequestTopic::reply(0, false, why));
+    shared.request_replies.push_back(RequestTopic::reply({}, 0, false, why));
     return;
   }
   auto lost = shared.requests.push(std::move(request));

@@ -35,10 +35,10 @@ struct SessionOptions {
   std::string name;     ///< [a-z0-9-]{1,32}
   std::string wearer;   ///< who wears the camera, [a-z0-9-]{1,32}; empty: nobody in particular
   bool lockstep = false;
-  size_t spool_limit = 32;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
-  size_t recent_maps = 4;   ///< received at the same time: switching back to one of them takes no time
-  bool reads_only = false;  ///< asks for no change of a map
-  std::string only_map;     ///< the name of the one map to be used; empty: any
+  size_t spool_limit = 256;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
+  size_t recent_maps = 4;    ///< received at the same time: switching back to one of them takes no time
+  bool reads_only = false;   ///< asks for no change of a map
+  std::string only_map;      ///< the name of the one map to be used; empty: any
   /// Of each value of the camera's parameters: it is found out by the maps that it helps to make. Empty:
   /// exact.
   std::vector<double> camera_sigma;
@@ -86,6 +86,7 @@ struct OfferReply {
   std::string reason;
   KeyframeId keyframe = {};  ///< what it has become
   Timestamp time = {};       ///< of the frame
+  uint64_t number = 0;       ///< of the proposal
 };
 
 /// The server's word on something that was asked for.

@@ -60,6 +60,7 @@ struct SessionState {
   std::string refusal;     ///< why the server does not serve us; empty: it does
 
   Spool spool;
+  std::map<uint64_t, uint64_t> commands;  ///< by number of proposal: those sent last in this session
   SeedSlot seed;
   std::optional<SeedReply> seed_reply;
   std::vector<OfferReply> offer_replies;
@@ -104,6 +105,13 @@ struct SessionState {
   MapSnapshotPtr snapshot;  ///< of the map in use or, until its first revision is there, of the one before
   std::optional<RequiredRevision> required;
 
+  /// An offer goes out as this command. Returns the one that it is relative to; 0: none, or it is not known.
+  uint64_t sent(const KeyframeProposal& proposal, uint64_t command) {
+    commands[proposal.number] = command;
+    if (commands.size() > 2 * options.spool_limit) commands.erase(commands.begin());
+    const auto reference = commands.find(proposal.reference_number);
+    return proposal.reference_number == 0 || reference == commands.end() ? 0 : reference->second;
+  }
   void choose_map(MapId map) {
     if (map_in_use == map) return;
     map_in_use = map;

@@ -15,16 +15,17 @@ void ResendTimer::send_at_once() {
   *this = ResendTimer();
 }
 
-OfferReply OfferTopic::reply(uint64_t seq, bool done, std::string reason) {
-  return {seq, done, std::move(reason), {}, {}};
+OfferReply OfferTopic::reply(const Item& item, uint64_t seq, bool done, std::string reason) {
+  return {seq, done, std::move(reason), {}, {}, item.proposal.number};
 }
 
 OfferReply OfferTopic::reply(const Item& item, const wire::OfferOutcome& outcome) {
-  return {outcome.seq, outcome.decision == wire::OfferDecision::kAccepted, outcome.reason, outcome.keyframe,
-          item.time};
+  return {outcome.seq,    outcome.decision == wire::OfferDecision::kAccepted,
+          outcome.reason, outcome.keyframe,
+          item.time,      item.proposal.number};
 }
 
-RequestReply RequestTopic::reply(uint64_t seq, bool done, std::string reason) {
+RequestReply RequestTopic::reply(const Item& /*item*/, uint64_t seq, bool done, std::string reason) {
   return {seq, done, std::move(reason), {}, {}};
 }
 
@@ -40,8 +41,8 @@ std::optional<typename Topic::Reply> CommandSpool<Topic>::push(Item item) {
     const auto unsent =
         std::find_if(entries_.begin(), entries_.end(), [](const Entry& e) { return e.seq == 0; });
     if (unsent == entries_.end())
-      return Topic::reply(0, false, "spool full, all of it under way: the newest was dropped");
-    lost = Topic::reply(0, false, "spool full: the oldest not yet sent was dropped");
+      return Topic::reply(item, 0, false, "spool full, all of it under way: the newest was dropped");
+    lost = Topic::reply(*unsent->item, 0, false, "spool full: the oldest not yet sent was dropped");
     entries_.erase(unsent);
   }
   entries_.push_back({0, std::make_shared<const Item>(std::move(item)), {}});
@@ -73,9 +74,9 @@ std::vector<typename Topic::Reply> CommandSpool<Topic>::apply(const typename Top
     const uint64_t seq = entries_.front().seq;
     const auto outcome = std::find_if(verdict.recent.begin(), verdict.recent.end(),
                                       [seq](const auto& o) { return o.seq == seq; });
-    replies.push_back(outcome != verdict.recent.end()
-                          ? Topic::reply(*entries_.front().item, *outcome)
-                          : Topic::reply(seq, false, "decided; the reason was missed"));
+    replies.push_back(outcome != verdict.recent.end() ? Topic::reply(*entries_.front().item, *outcome)
+                                                      : Topic::reply(*entries_.front().item, seq, false,
+                                                                     "decided; the reason was missed"));
     entries_.pop_front();
   }
   return replies;
@@ -90,7 +91,7 @@ template <typename Topic>
 std::vector<typename Topic::Reply> CommandSpool<Topic>::restart(SessionId session,
                                                                 const std::string& reason) {
   std::vector<Reply> replies;
-  for (const Entry& entry : entries_) replies.push_back(Topic::reply(entry.seq, false, reason));
+  for (const Entry& entry : entries_) replies.push_back(Topic::reply(*entry.item, entry.seq, false, reason));
   *this = CommandSpool(limit_, session);
   return replies;
 }

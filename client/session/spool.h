@@ -45,7 +45,7 @@ struct OfferTopic {
   using Item = SpooledOffer;
   using Verdict = wire::OfferVerdict;
   using Reply = OfferReply;
-  [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
+  [[nodiscard]] static Reply reply(const Item& item, uint64_t seq, bool done, std::string reason);
   [[nodiscard]] static Reply reply(const Item& item, const wire::OfferOutcome& outcome);
 };
 /// What people ask for in a CommandSpool.
@@ -53,7 +53,7 @@ struct RequestTopic {
   using Item = wire::ClientRequest;  ///< but for client and command
   using Verdict = wire::ClientReply;
   using Reply = RequestReply;
-  [[nodiscard]] static Reply reply(uint64_t seq, bool done, std::string reason);
+  [[nodiscard]] static Reply reply(const Item& item, uint64_t seq, bool done, std::string reason);
   [[nodiscard]] static Reply reply(const Item& item, const wire::RequestOutcome& outcome);
 };
 

@@ -33,10 +33,13 @@ struct KeyframeProposal {
   MapId map;
   Epoch epoch;
   Revision revision;
-  KeyframeId reference;
+  KeyframeId reference;  ///< none: the proposal `reference_number`
   SE3 camera_from_reference;
   std::vector<PointMeasurement> measurements;
   std::vector<PointCandidate> candidates;
+  uint64_t number = 0;  ///< of the tracker's proposals, from 1: the answer names it
+  /// The proposal that it was tracked against, which has not been answered; 0: none, `reference` was.
+  uint64_t reference_number = 0;
 };
 
 /// The server's yes to a seed.

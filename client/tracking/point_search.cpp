@@ -111,8 +111,9 @@ bool PointSearch::reproject(const SE3& camera_from_map, VisiblePoint* point) con
 
 const PatchTemplate* PointSearch::template_of(const VisiblePoint& point) {
   auto& block = templates_[static_cast<size_t>(point.slot.block)];
-  if (!block) block = std::make_unique<CachedBlock>();
-  CachedTemplate& cached = (*block)[static_cast<size_t>(point.slot.slot)];
+  const PointId first = map_->point_blocks[static_cast<size_t>(point.slot.block)]->ids[0];
+  if (!block || block->first != first) block = std::make_unique<CachedBlock>(CachedBlock{first, {}});
+  CachedTemplate& cached = block->templates[static_cast<size_t>(point.slot.slot)];
   const float limit = kTemplateChange * static_cast<float>(1 << point.level);
   if (cached.valid && cached.patch.level == point.level &&
       (cached.warp - point.level0_from_source).colwise().norm().maxCoeff() <= limit) {

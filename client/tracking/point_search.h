@@ -72,7 +72,10 @@ class PointSearch {
     Warp warp = Warp::Zero();
     bool valid = false;
   };
-  using CachedBlock = std::array<CachedTemplate, kBlockSlots>;
+  struct CachedBlock {
+    PointId first;  ///< whose block it is: the tracker's own are not always in the same place
+    std::array<CachedTemplate, kBlockSlots> templates;
+  };
 
   /// A point that may be in view; the least ranks are looked for.
   struct Candidate {

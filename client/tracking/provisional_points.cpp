@@ -37,6 +37,7 @@ constexpr double kGate = 9.21;          // squared innovation of 2 degrees of fr
 constexpr double kNewsDistance = 0.003;
 constexpr double kFreePosition = 1;     // over the mean depth: what is not measured is singular without
 constexpr double kTurnedOnly = 1e-3;    // over the depth: the camera turns and leaves its place
+constexpr double kPointDepth = 0.05;    // its standard deviation over itself, of what becomes a point
 constexpr double kLeastInverse = 1e-6;  // over the prior's: in front of the camera, however far
 // Sigma of a depth that is known, over the depth: above, the prior speaks, and it errs for all corners of a
 // wall alike.
@@ -73,6 +74,28 @@ ProvisionalPoints::Followed ProvisionalPoints::at(size_t i) const {
           p.variance,  p.pixel,
           p.level,     p.found,
           p.innovation};
+}
+
+void ProvisionalPoints::known(std::vector<LocalPoint>* out) const {
+  for (const Point& p : points_) {
+    if (!p.found || p.variance > kPointDepth * kPointDepth * p.inverse_depth * p.inverse_depth) continue;
+    const SE3 map_from_anchor = anchors_[p.anchor].anchor_from_map.inverse();
+    const double distance = 1 / p.inverse_depth;
+    LocalPoint& point = out->emplace_back();
+    point.number = p.id.value;
+    point.level = p.level;
+    point.position = map_from_anchor * (distance * p.bearing);
+    point.seen_from = map_from_anchor.translation();
+    point.right = map_from_anchor.rotation() * (distance * p.right);
+    point.down = map_from_anchor.rotation() * (distance * p.down);
+    point.pixels = p.source;
+  }
+}
+
+void ProvisionalPoints::forget(std::span<const uint64_t> numbers) {
+  for (size_t i = points_.size(); i-- > 0;) {
+    if (std::find(numbers.begin(), numbers.end(), points_[i].id.value) != numbers.end()) drop(i);
+  }
 }
 
 void ProvisionalPoints::drop(size_t i) {
@@ -291,9 +314,9 @@ size_t ProvisionalPoints::cell_of(const Eigen::Vector2f& pixel) const {
 
 void ProvisionalPoints::fill_cells(std::span<const VisiblePoint> map_points) {
   cells_.fill(0);
-  // One point of the map holds its cell.
+  // One point of the server's map holds its cell.
   for (const VisiblePoint& p : map_points) {
-    if (p.found) cells_[cell_of(p.pixel)] = kCellLimit;
+    if (p.found) cells_[cell_of(p.pixel)] += is_local(p.id) ? 1 : kCellLimit;
   }
   for (const Point& p : points_) {
     if (p.in_view) ++cells_[cell_of(p.found ? p.pixel : p.expected)];

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "client/tracking/local_map.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/pose_judgement.h"
 #include "common/geometry/camera.h"
@@ -85,6 +86,12 @@ class ProvisionalPoints {
   };
   [[nodiscard]] size_t size() const { return points_.size(); }
   [[nodiscard]] Followed at(size_t i) const;
+
+  /// Appends those found in the latest frame whose depth is known to a twentieth, as points of the map that
+  /// the tracker makes for itself; here they stay.
+  void known(std::vector<LocalPoint>* out) const;
+  /// Those that have become points elsewhere leave.
+  void forget(std::span<const uint64_t> numbers);
 
  private:
   static constexpr size_t kMostAnchors = 64;

@@ -9,6 +9,7 @@
 #include "client/tracking/evidence.h"
 #include "client/tracking/flow_prior.h"
 #include "client/tracking/keyframe_policy.h"
+#include "client/tracking/local_map.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/pose_finder.h"
 #include "client/tracking/provisional_points.h"
@@ -60,6 +61,10 @@ struct Tracker::State {
   ProvisionalPoints provisional;
   int frames_held = 0;  ///< by what is provisional alone, since the map was seen last
   KeyframePolicy keyframes;
+  LocalMap local;
+  std::vector<LocalPoint> known;  ///< of the frame
+  std::vector<uint64_t> counted;  ///< points of the local map since the frame before
+  uint64_t proposals = 0;
   MotionModel model;
   StillRegions still;
   int frames_unlearnt = 0;  ///< since it learnt last
@@ -70,7 +75,7 @@ struct Tracker::State {
   TinyMotion seen;      ///< how the tiny image moved since the previous frame
   bool is_cut = false;  ///< it has nothing in common with it
 
-  MapSnapshotPtr map;
+  MapSnapshotPtr map;   ///< the server's, with what the tracker has added
   AnchoredPose latest;  ///< the last pose measured
   double mean_depth = 1;
   FrameResult result;
@@ -89,9 +94,9 @@ struct Tracker::State {
 
   void clear_result();
   void follow_trails(const GrayImagePtr& image, Timestamp time);
-  void enter_map(const MapSnapshotPtr& snapshot);
+  void enter_map(const MapSnapshotPtr& snapshot, Timestamp time);
   void begin_map(const MapSnapshotPtr& snapshot, Timestamp time);
-  void adopt_revision(const MapSnapshotPtr& snapshot);
+  void adopt_revision(const MapSnapshotPtr& server_map, Timestamp time);
 
   /// What a search of the frame found, and how far it is to be believed.
   struct Attempt {
@@ -114,8 +119,8 @@ struct Tracker::State {
   void measured(const SE3& camera_from_map, Timestamp time);
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
-  void publish(const Attempt& found);
-  void propose_keyframe();
+  void publish(const Attempt& found, Timestamp time);
+  void propose_keyframe(Timestamp time);
   [[nodiscard]] bool shows_new_area();
   void report_search();
   void learn_still();
@@ -154,7 +159,7 @@ void Tracker::State::start(const GrayImagePtr& image, Timestamp time, const MapS
   if (trails.awaited() && snapshot->map == trails.awaited()->map) {
     begin_map(snapshot, time);
   } else if (may_enter() && !recovery.insists()) {
-    enter_map(snapshot);
+    enter_map(snapshot, time);
   }
 }
 
@@ -173,8 +178,8 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
 }
 
 /// Nothing is known yet of where the camera is in it.
-void Tracker::State::enter_map(const MapSnapshotPtr& snapshot) {
-  adopt_revision(snapshot);
+void Tracker::State::enter_map(const MapSnapshotPtr& snapshot, Timestamp time) {
+  adopt_revision(snapshot, time);
   recovery.enter_map();
   keyframes.enter_map();
   trails.restart();
@@ -186,7 +191,7 @@ void Tracker::State::enter_map(const MapSnapshotPtr& snapshot) {
 void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   const SeedAnswer seed = *trails.awaited();
   const auto pose = pose_from_trails(*camera, *snapshot, seed, trails.live(), options.seed);
-  enter_map(snapshot);
+  enter_map(snapshot, time);
   if (const KeyframePose* second = map->find(seed.second_keyframe)) {
     const SE3 camera_from_map = pose.value_or(second->camera_from_map);
     latest = {map->map, second->id, camera_from_map * second->camera_from_map.inverse()};
@@ -197,7 +202,11 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   seen = TinyMotion{};  // the trails' pose is of this frame already
 }
 
-void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
+void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp time) {
+  counted.clear();
+  local.advance(time, &counted);
+  provisional.forget(counted);
+  const MapSnapshotPtr snapshot = local.extend(server_map);
   if (map == snapshot) return;
   const bool is_other_map = map && map->map != snapshot->map;
   const bool same = map && !is_other_map;  // keyframes keep their ids when a server comes back with the map
@@ -215,7 +224,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& snapshot) {
 }
 
 void Tracker::State::locate(Timestamp time, const MapSnapshotPtr& snapshot) {
-  adopt_revision(snapshot);
+  adopt_revision(snapshot, time);
   recovery.begin_frame();
   if (recovery.is_lost()) {
     const ScopedStage stage(probe, Stage::kRecover);
@@ -343,6 +352,7 @@ bool Tracker::State::hold(Timestamp time) {
   result.state = is_known ? TrackingState::kPoor : TrackingState::kRotation;
   result.pose_measured = is_known;
   result.mean_depth = mean_depth;
+  if (is_known && local.is_overdue()) propose_keyframe(time);
   result.note = is_known ? "" : "turned away from what the map shows";
   return true;
 }
@@ -360,7 +370,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
   flow.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
   if (recovery.confirm(found.evidence.quality, latest, time)) {
-    publish(found);
+    publish(found, time);
     return;
   }
   result.state = TrackingState::kLost;
@@ -368,7 +378,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
   result.note = "proving a pose that was found";
 }
 
-void Tracker::State::publish(const Attempt& found) {
+void Tracker::State::publish(const Attempt& found, Timestamp time) {
   result.state = found.verdict == PoseVerdict::kGood ? TrackingState::kTracking : TrackingState::kPoor;
   result.note.clear();
   result.pose_measured = true;
@@ -378,11 +388,12 @@ void Tracker::State::publish(const Attempt& found) {
                      finder.points());
   if (!is_sound(found.evidence, found.verdict, options)) return;
   recovery.remember(now(), *map, {latest.reference, latest.camera_from_reference, mean_depth}, flow.seen());
-  if (options.make_keyframes) propose_keyframe();
+  propose_keyframe(time);
 }
 
-void Tracker::State::propose_keyframe() {
-  if (map->find(latest.reference) == nullptr) return;
+void Tracker::State::propose_keyframe(Timestamp time) {
+  const KeyframePose* reference = map->find(latest.reference);
+  if (!options.make_keyframes || reference == nullptr || !local.has_room(time)) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
   if (!keyframes.wants(finder.found(), distance, [this] { return shows_new_area(); })) return;
   KeyframeProposal proposal{map->map,
@@ -392,8 +403,17 @@ void Tracker::State::propose_keyframe() {
                             latest.camera_from_reference,
                             {},
                             provisional.candidates(model.last())};
+  proposal.number = ++proposals;
   for (const VisiblePoint& p : finder.points()) {
-    if (p.found) proposal.measurements.push_back({p.id, p.level, p.pixel});
+    if (p.found && !is_local(p.id)) proposal.measurements.push_back({p.id, p.level, p.pixel});
+  }
+  known.clear();
+  provisional.known(&known);
+  local.propose(proposal, latest.camera_from_reference * reference->camera_from_map,
+                static_cast<float>(mean_depth), time, known);
+  if (is_local(latest.reference)) {
+    proposal.reference = {};
+    proposal.reference_number = LocalMap::number_of(latest.reference);
   }
   result.keyframe = std::move(proposal);
 }
@@ -478,6 +498,10 @@ void Tracker::seed_refused(const std::string& reason) {
   state_->trails.refused(reason);
 }
 
+void Tracker::keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) {
+  state_->local.answered(number, keyframe);
+}
+
 PlaceUse Tracker::place_answered(const std::optional<PoseSuggestion>& suggestion) {
   const State& s = *state_;
   const auto in_use = s.map ? std::optional(s.map->map) : std::nullopt;
@@ -492,6 +516,7 @@ void Tracker::start_over(NewMap wish) {
   State& s = *state_;
   s.recovery.start_over(wish == NewMap::kInAnyCase && s.options.make_maps);
   s.trails.restart();
+  s.local.clear();
   s.map.reset();
   s.latest = {};
 }

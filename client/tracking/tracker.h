@@ -44,6 +44,9 @@ class Tracker {
   void seed_accepted(const SeedAnswer& answer);
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);
+  /// The server's word on the keyframe proposed under this number: what it has become, or that it was
+  /// refused. Until then the tracker maps on by itself.
+  void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe);
   /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
   /// of which no seed is proposed. A place that is tried has its poses published when three frames in a row
   /// have proven it; one that was tried in vain again and again counts as not known for a while.

@@ -21,6 +21,7 @@ constexpr double kSameDirection =
     0.9;  ///< cosine between optical axes of keyframes that look the same way (26 degrees)
 constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
 constexpr double kFewKnown = 0.6;       ///< of the reference keyframe's measurements: fewer count as new area
+constexpr float kChainedRadius = 8;     ///< [search-level px] a step of a chain is off by less
 constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker's measurement
 
 struct Judged {
@@ -99,6 +100,22 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
   return area.unknown_fraction();
 }
 
+/// A frame that was tracked while the map could not grow was not measured in what the map has become since.
+void add_what_is_expected(const MapState& map, KeyframeInput* input) {
+  MapKeyframe frame;
+  frame.camera = input->camera;
+  frame.camera_from_map = input->camera_from_reference * map.keyframe(input->reference).camera_from_map;
+  frame.images = prepare_images(input->image->view());
+  for (const PointId id : map.live_point_ids()) {
+    const MapPoint& point = map.point(id);
+    if (!should_see(map, point, frame.camera_from_map.center())) continue;
+    const auto view = view_point(map, point, frame);
+    if (!view) continue;
+    const auto found = find_near_corner(*point.source, *view, *frame.images, kChainedRadius);
+    if (found) input->measurements.push_back({id, found->level, found->pixel});
+  }
+}
+
 std::string describe_distance(double distance, double needed) {
   char text[96];
   std::snprintf(text, sizeof(text), "%.3f from the nearest keyframe, %.3f needed at this depth", distance,
@@ -160,11 +177,13 @@ KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_me
   return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
 }
 
-KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& input,
+KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                     const KeyframeSpacing& spacing) {
+  KeyframeInput input = offered;
   if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
   if (!map->is_live(input.reference))
     return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+  if (input.is_chained) add_what_is_expected(*map, &input);
   const auto judged = reoptimize(*map, input);
   if (!judged || judged->inliers.size() < kMinMeasurements) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +

@@ -75,6 +75,9 @@ struct KeyframeInput {
   std::vector<PointCandidate> candidates = {};
   /// As SeedInput's; what the map knows of the camera already counts more.
   std::optional<CameraDoubt> doubt = {};
+  /// It was tracked against a frame that was no keyframe yet, so points of the map that were made since then
+  /// are looked for in it.
+  bool is_chained = false;
 };
 
 enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged, kFull };

@@ -164,6 +164,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.input.doubt = camera->doubt_of({client.id, message.camera, message.camera_version});
   job.input.time = message.time;
   job.input.reference = message.reference;
+  job.reference_command = message.reference_command;
   job.input.camera_from_reference = message.camera_from_reference;
   job.input.measurements = std::move(message.measurements);
   job.input.candidates = std::move(message.candidates);

@@ -177,7 +177,7 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done), arrival]() mutable {
     --self->waiting_offers_;
     const bool lockstep = job.lockstep;
-    const JobOrigin origin = std::move(job.origin);
+    const JobOrigin origin = job.origin;
     OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
     self->guarded([&] { judgement = self->judge(std::move(job), arrival); });
     const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
@@ -209,6 +209,17 @@ void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, 
   done(std::move(judgement));
 }
 
+/// Where it was tracked while the client was cut off: false when the frame before it is not in the map.
+bool MapRunner::refer_to_earlier(OfferJob* job) const {
+  const OfferChain::Link* link =
+      chain_.find(job->origin.client, job->origin.command.session, job->reference_command);
+  if (link == nullptr || job->epoch != published_->epoch) return false;
+  job->input.reference = link->keyframe;
+  job->input.camera_from_reference = job->input.camera_from_reference * link->camera_from_keyframe;
+  job->input.is_chained = true;
+  return true;
+}
+
 OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   using wire::OfferDecision;
   if (deleted_) return {OfferDecision::kUnknownMap, kDeleted, {}, {}};
@@ -216,6 +227,9 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
   if (!carry_over(epochs_, job.epoch, published_->epoch, &job.input)) {
     return {OfferDecision::kStale, "the map has entered another epoch since the frame was taken", {}, {}};
+  }
+  if (job.reference_command != 0 && !refer_to_earlier(&job)) {
+    return {OfferDecision::kStale, "the offer that its pose is relative to is not in this map", {}, {}};
   }
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
@@ -229,7 +243,14 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   job.input.image = std::move(*image);
   const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
-  if (decision.verdict == KeyframeVerdict::kAccepted) ++changes_;
+  const JobOrigin& origin = job.origin;
+  if (decision.verdict == KeyframeVerdict::kAccepted) {
+    ++changes_;
+    chain_.put(origin.client, origin.command.session, origin.command.seq, {decision.keyframe, SE3()});
+  } else if (decision.verdict == KeyframeVerdict::kTooClose) {
+    chain_.put(origin.client, origin.command.session, origin.command.seq,
+               {job.input.reference, job.input.camera_from_reference});
+  }
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);
     if (decision.verdict == KeyframeVerdict::kAccepted) {

@@ -15,6 +15,7 @@
 #include "common/wire/messages.h"
 #include "server/mapping/map_maker.h"
 #include "server/service/map_persistence.h"
+#include "server/service/offer_chain.h"
 #include "server/service/serial_queue.h"
 #include "server/service/work_times.h"
 #include "server/service/worker_pool.h"
@@ -38,7 +39,8 @@ struct SeedJob {
 
 struct OfferJob {
   JobOrigin origin;
-  KeyframeInput input;  ///< without image
+  KeyframeInput input;             ///< without image
+  uint64_t reference_command = 0;  ///< not 0: its pose is relative to the frame of this earlier offer
   Epoch epoch;
   wire::ImageMessage image;
   bool lockstep = false;
@@ -129,6 +131,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
  private:
   static constexpr const char* kDeleted = "the map was deleted";
   [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
+  [[nodiscard]] bool refer_to_earlier(OfferJob* job) const;
   [[nodiscard]] OfferJudgement judge(OfferJob job, MonotonicTime arrival);
   /// MapMaker::step(), counted.
   StepReport step(const std::function<bool()>& should_yield);
@@ -186,6 +189,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   std::atomic<bool> stopping_{false};
   std::atomic<bool> deleted_{false};
   std::atomic<int> waiting_offers_{0};
+  OfferChain chain_;                      ///< used on the queue
   std::atomic<bool> update_lost_{false};  ///< the store lacks changes that were taken
   std::atomic<int> saves_failed_{0};      ///< one after another, for reasons of this map's own
 

@@ -59,6 +59,7 @@ struct Arguments {
   size_t after_start = SIZE_MAX;
   bool local_only = false;
   std::vector<size_t> hidden;  ///< pairs: frame, count; something passes in front of the camera
+  std::vector<double> cut;     ///< [s] from, to: the map maker hears nothing meanwhile
   bool ask = true;             ///< a lost tracker may ask the relocalizer
   bool verbose = false;
 };
@@ -96,6 +97,10 @@ MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraD
   options.local_only = arguments.local_only;
   options.doubt = std::move(doubt);
   options.ask = arguments.ask;
+  if (arguments.cut.size() == 2) {
+    options.cut_from = arguments.cut[0];
+    options.cut_to = arguments.cut[1];
+  }
   options.probe = probe;
   options.observer = observer;
   return options;
@@ -391,6 +396,11 @@ int main(int argc, char** argv) {
                  "the last map's global adjustment is written here, for cairn-ba-bench");
   app.add_flag("--ceres", arguments.ceres, "bundle adjustment by Ceres");
   app.add_option("--hide", arguments.hidden, "frame and count, and so on: the camera sees nothing there");
+  app.add_option(
+         "--cut", arguments.cut,
+         "seconds of the recording: from the first on the map maker hears nothing, and at the second all "
+         "of it in order")
+      ->expected(2);
   app.add_flag("!--alone", arguments.ask, "a lost tracker asks nobody");
   app.add_flag("-v,--verbose", arguments.verbose, "a line per frame");
   CLI11_PARSE(app, argc, argv);

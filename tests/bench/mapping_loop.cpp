@@ -49,14 +49,27 @@ MappingLoop::MappingLoop(CameraPtr camera, const MappingOptions& options)
   maker_options_.adjuster = options.adjuster;
 }
 
+bool MappingLoop::is_cut(Timestamp time) const {
+  const double second = seconds_between(time, *began_);
+  return second >= options_.cut_from && second < options_.cut_to;
+}
+
 void MappingLoop::frame(const Frame& frame) {
+  if (!began_) began_ = frame.time;
+  if (!is_cut(frame.time)) {
+    for (const auto& [proposal, from] : std::exchange(held_back_, {})) take_in(proposal, from);
+  }
   const double before = thread_cpu_ms();
   const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, options_.probe);
   observer_.on_frame(frame, result, thread_cpu_ms() - before);
+  if (is_cut(frame.time)) {
+    if (result.keyframe) held_back_.emplace_back(*result.keyframe, frame);
+    return;
+  }
   // Alone, a tracker is told no more than that there is no map yet.
   if (result.place_question && (options_.ask || !snapshot_)) answer(*result.place_question);
   if (result.seed) seed(*result.seed, frame);
-  if (result.keyframe) offer(*result.keyframe, frame);
+  if (result.keyframe) take_in(*result.keyframe, frame);
 }
 
 MapRecord MappingLoop::record() {
@@ -97,13 +110,34 @@ void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
                            started->second.second_keyframe, started->second.points});
 }
 
-void MappingLoop::offer(const KeyframeProposal& proposal, const Frame& frame) {
+void MappingLoop::take_in(const KeyframeProposal& proposal, const Frame& frame) {
+  KeyframeInput input{camera_,
+                      frame.time,
+                      frame.image,
+                      proposal.reference,
+                      proposal.camera_from_reference,
+                      proposal.measurements,
+                      proposal.candidates,
+                      options_.doubt};
+  if (proposal.reference_number != 0) {
+    const auto earlier = chain_.find(proposal.reference_number);
+    if (earlier == chain_.end()) return tracker_->keyframe_answered(proposal.number, std::nullopt);
+    input.reference = earlier->second.keyframe;
+    input.camera_from_reference = input.camera_from_reference * earlier->second.camera_from_keyframe;
+    input.is_chained = true;
+  }
   const double before = thread_cpu_ms();
-  const KeyframeDecision decision = maker_->add_keyframe(
-      {camera_, frame.time, frame.image, proposal.reference, proposal.camera_from_reference,
-       proposal.measurements, proposal.candidates, options_.doubt});
+  const KeyframeDecision decision = maker_->add_keyframe(input);
   observer_.on_keyframe(frame, decision, thread_cpu_ms() - before);
-  if (decision.verdict == KeyframeVerdict::kAccepted) work();
+  if (decision.verdict == KeyframeVerdict::kAccepted) {
+    chain_[proposal.number] = {decision.keyframe, SE3()};
+    work();
+    tracker_->keyframe_answered(proposal.number, decision.keyframe);
+  } else {
+    if (decision.verdict == KeyframeVerdict::kTooClose)
+      chain_[proposal.number] = {input.reference, input.camera_from_reference};
+    tracker_->keyframe_answered(proposal.number, std::nullopt);
+  }
 }
 
 void MappingLoop::work() {

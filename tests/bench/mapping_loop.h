@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <map>
 #include <memory>
 #include <optional>
+#include <utility>
+#include <vector>
 
 #include "client/capture/frame_source.h"
 #include "client/tracking/tracker.h"
@@ -40,6 +43,8 @@ struct MappingOptions {
   Adjuster adjuster = Adjuster::kOwn;
   bool local_only = false;              ///< no global adjustment
   std::optional<CameraDoubt> doubt;     ///< about the camera; none: it is known
+  double cut_from = 0;                  ///< [s] of the recording: from then on the map maker hears nothing,
+  double cut_to = 0;                    ///< [s] and here all that it was to hear, in order
   bool ask = true;                      ///< a tracker that is lost in the map may ask the relocalizer
   StageProbe* probe = nullptr;          ///< outlives the loop, as does
   MappingObserver* observer = nullptr;  ///< none
@@ -66,7 +71,8 @@ class MappingLoop {
  private:
   void answer(const PlaceView& view);
   void seed(const SeedProposal& proposal, const Frame& frame);
-  void offer(const KeyframeProposal& proposal, const Frame& frame);
+  void take_in(const KeyframeProposal& proposal, const Frame& frame);
+  [[nodiscard]] bool is_cut(Timestamp time) const;
   void work();
   void use(const CameraEstimate& estimate);
 
@@ -78,7 +84,15 @@ class MappingLoop {
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr snapshot_;
-  PlaceIndex index_;  ///< of this map alone
+  std::optional<Timestamp> began_;  ///< the recording
+  std::vector<std::pair<KeyframeProposal, Frame>> held_back_;
+  /// Where a proposal is in the map.
+  struct Link {
+    KeyframeId keyframe;
+    SE3 camera_from_keyframe;
+  };
+  std::map<uint64_t, Link> chain_;  ///< by number
+  PlaceIndex index_;                ///< of this map alone
 };
 
 }  // namespace cairn

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/local_map.h"
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+// A server that is there and not overloaded has answered by then.
+constexpr std::chrono::milliseconds kAnswerAwaited{300};
+// The server's map shows a keyframe before it has its new points.
+constexpr std::chrono::milliseconds kTakenOver{1000};
+constexpr std::chrono::milliseconds kSpacing{250};
+
+PointSource source_of(const LocalPoint& point, PointId id, KeyframeId keyframe, const SE3& camera_from_map) {
+  const Eigen::Quaterniond& rotation = camera_from_map.rotation();
+  const Eigen::Vector3d center = camera_from_map * point.position;
+  PointSource source;
+  source.id = id;
+  source.keyframe = keyframe;
+  source.level = point.level;
+  source.ray_center = center.normalized().cast<float>();
+  source.ray_right = (center + rotation * point.right).normalized().cast<float>();
+  source.ray_down = (center + rotation * point.down).normalized().cast<float>();
+  source.normal = (rotation * (point.seen_from - point.position).normalized()).cast<float>();
+  source.pixels = point.pixels;
+  return source;
+}
+
+/// Seen from these two places and nowhere else.
+PointVisibility visibility_of(const Eigen::Vector3d& to_one, const Eigen::Vector3d& to_other) {
+  const Eigen::Vector3d mean = (to_one.normalized() + to_other.normalized()).normalized();
+  PointVisibility seen;
+  seen.mean_direction = mean.cast<float>();
+  seen.min_cosine = static_cast<float>(std::min(1.0, mean.dot(to_one.normalized())));
+  seen.min_distance = static_cast<float>(std::min(to_one.norm(), to_other.norm()));
+  seen.max_distance = static_cast<float>(std::max(to_one.norm(), to_other.norm()));
+  return seen;
+}
+
+}  // namespace
+
+void LocalMap::clear() {
+  keyframes_.clear();
+  base_.reset();
+  extended_.reset();
+}
+
+LocalMap::Keyframe* LocalMap::find(KeyframeId id) {
+  const auto found = std::lower_bound(keyframes_.begin(), keyframes_.end(), id,
+                                      [](const Keyframe& k, KeyframeId wanted) { return k.id < wanted; });
+  return found != keyframes_.end() && found->id == id ? &*found : nullptr;
+}
+
+bool LocalMap::has_point(uint64_t number) const {
+  return std::any_of(keyframes_.begin(), keyframes_.end(), [number](const Keyframe& k) {
+    return std::any_of(k.blocks.begin(), k.blocks.end(), [number](const Block& block) {
+      return std::find(block.numbers.begin(), block.numbers.end(), number) != block.numbers.end();
+    });
+  });
+}
+
+bool LocalMap::is_overdue() const {
+  return std::any_of(keyframes_.begin(), keyframes_.end(),
+                     [&](const Keyframe& k) { return !k.is_answered && now_ - k.time >= kAnswerAwaited; });
+}
+
+bool LocalMap::has_room(Timestamp time) const {
+  if (keyframes_.empty()) return true;
+  return keyframes_.size() < kMostKeyframes && (!is_overdue() || time - keyframes_.back().time >= kSpacing);
+}
+
+size_t LocalMap::point_count() const {
+  size_t count = 0;
+  for (const Keyframe& k : keyframes_) {
+    for (const Block& block : k.blocks) count += block.numbers.size();
+  }
+  return count;
+}
+
+void LocalMap::propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth,
+                       Timestamp time, std::span<const LocalPoint> points) {
+  if (keyframes_.size() >= kMostKeyframes) return;
+  Keyframe k;
+  k.id = KeyframeId{kLocalBit | proposal.number};
+  k.reference = proposal.reference;
+  k.camera_from_reference = proposal.camera_from_reference;
+  k.mean_depth = mean_depth;
+  k.time = time;
+  add_points(camera_from_map, points, &k);
+  keyframes_.push_back(std::move(k));
+  drop_points_beyond_limit();
+}
+
+void LocalMap::add_points(const SE3& camera_from_map, std::span<const LocalPoint> points,
+                          Keyframe* keyframe) {
+  std::shared_ptr<PatchBlock> patches;
+  for (const LocalPoint& p : points) {
+    if (has_point(p.number)) continue;
+    if (!patches || patches->points.size() == kBlockSlots) {
+      patches = std::make_shared<PatchBlock>();
+      keyframe->blocks.emplace_back().patches = patches;
+    }
+    const PointId id{kLocalBit | ++points_made_};
+    patches->points.push_back(source_of(p, id, keyframe->id, camera_from_map));
+    Block& block = keyframe->blocks.back();
+    block.numbers.push_back(p.number);
+    block.positions.push_back(camera_from_map * p.position);
+    block.seen_from.push_back(camera_from_map * p.seen_from);
+  }
+}
+
+/// Those seen longest ago go first; the keyframe stays, others hang on it.
+void LocalMap::drop_points_beyond_limit() {
+  size_t count = point_count();
+  for (Keyframe& k : keyframes_) {
+    if (count <= kMostPoints) return;
+    for (const Block& block : k.blocks) count -= block.numbers.size();
+    k.blocks.clear();
+    extended_.reset();
+  }
+}
+
+void LocalMap::answered(uint64_t number, std::optional<KeyframeId> keyframe) {
+  Keyframe* k = find(KeyframeId{kLocalBit | number});
+  if (k == nullptr || k->is_answered) return;
+  k->is_answered = true;
+  k->became = keyframe.value_or(KeyframeId{});
+  if (!k->counts) drop(static_cast<size_t>(k - keyframes_.data()));
+}
+
+/// What hung on it hangs on what it has become, or on what it hung on.
+void LocalMap::drop(size_t i) {
+  const Keyframe gone = std::move(keyframes_[i]);
+  keyframes_.erase(keyframes_.begin() + static_cast<ptrdiff_t>(i));
+  for (Keyframe& k : keyframes_) {
+    if (k.reference != gone.id) continue;
+    k.reference = gone.became ? gone.became : gone.reference;
+    if (!gone.became) k.camera_from_reference = k.camera_from_reference * gone.camera_from_reference;
+  }
+  if (gone.counts) extended_.reset();
+}
+
+void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
+  now_ = time;
+  for (size_t i = keyframes_.size(); i-- > 0;) {
+    if (keyframes_[i].shown && time - *keyframes_[i].shown >= kTakenOver) drop(i);
+  }
+  for (Keyframe& k : keyframes_) {
+    if (k.counts || k.is_answered || time - k.time < kAnswerAwaited) continue;
+    k.counts = true;
+    extended_.reset();
+    for (const Block& block : k.blocks)
+      counted->insert(counted->end(), block.numbers.begin(), block.numbers.end());
+  }
+}
+
+/// Where they are in this revision. What hangs on nothing that is left is left out.
+void LocalMap::aim(const MapSnapshot& map) {
+  for (Keyframe& k : keyframes_) {
+    const KeyframePose* became = k.became ? map.find(k.became) : nullptr;
+    if (!k.shown && (became != nullptr || (k.is_answered && !k.became))) k.shown = now_;
+    k.has_pose = true;
+    if (became != nullptr) {
+      k.camera_from_map = became->camera_from_map;
+    } else if (const Keyframe* local = find(k.reference); local != nullptr && local->has_pose) {
+      k.camera_from_map = k.camera_from_reference * local->camera_from_map;
+    } else if (const KeyframePose* reference = map.find(k.reference)) {
+      k.camera_from_map = k.camera_from_reference * reference->camera_from_map;
+    } else {
+      k.has_pose = false;
+    }
+  }
+}
+
+void LocalMap::put_points(MapSnapshot* map) const {
+  for (const Keyframe& k : keyframes_) {
+    if (!k.counts || !k.has_pose) continue;
+    const SE3 map_from_camera = k.camera_from_map.inverse();
+    for (const Block& block : k.blocks) {
+      auto placed = std::make_shared<PositionBlock>();
+      placed->live = ~uint64_t{0} >> (kBlockSlots - block.positions.size());
+      for (size_t i = 0; i < block.positions.size(); ++i) {
+        const Eigen::Vector3d position = map_from_camera * block.positions[i];
+        placed->positions.emplace_back(position.cast<float>());
+        placed->visibility.push_back(visibility_of(map_from_camera.translation() - position,
+                                                   map_from_camera * block.seen_from[i] - position));
+      }
+      map->point_blocks.push_back(make_point_block(block.patches, std::move(placed), map->keyframe_blocks));
+    }
+  }
+}
+
+MapSnapshotPtr LocalMap::extend(const MapSnapshotPtr& map) {
+  if (base_ && (base_->map != map->map || base_->epoch != map->epoch)) clear();
+  if (base_ != map) extended_.reset();
+  base_ = map;
+  if (extended_) return extended_;
+  aim(*map);
+  auto extended = std::make_shared<MapSnapshot>(*map);
+  std::shared_ptr<KeyframeBlock> block;
+  for (const Keyframe& k : keyframes_) {
+    if (!k.counts || !k.has_pose) continue;
+    if (!block || block->keyframes.size() == kBlockSlots) {
+      block = std::make_shared<KeyframeBlock>();
+      extended->keyframe_blocks.push_back(block);
+    }
+    block->live |= uint64_t{1} << block->keyframes.size();
+    block->keyframes.push_back({k.id, k.camera_from_map, k.mean_depth});
+  }
+  if (!block) return extended_ = map;
+  put_points(extended.get());
+  return extended_ = std::move(extended);
+}
+
+}  // namespace cairn

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "client/tracking/frame_result.h"
+#include "common/base/time.h"
+#include "common/geometry/se3.h"
+#include "common/image/patch.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// Ids of a tracker's own keyframes and points have this bit; the server's count up from 1.
+inline constexpr uint64_t kLocalBit = uint64_t{1} << 62;
+[[nodiscard]] constexpr bool is_local(PointId id) {
+  return (id.value & kLocalBit) != 0;
+}
+[[nodiscard]] constexpr bool is_local(KeyframeId id) {
+  return (id.value & kLocalBit) != 0;
+}
+
+/// A point whose depth the tracker has found out by itself, in the frame of the map.
+struct LocalPoint {
+  uint64_t number = 0;  ///< the tracker's, unique
+  uint8_t level = 0;    ///< pyramid level of the patch
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d seen_from = Eigen::Vector3d::Zero();  ///< camera centre whose image gave the patch
+  /// One pixel of the level to the right of the patch's centre, and one down, on its surface.
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Eigen::Vector3d down = Eigen::Vector3d::Zero();
+  SourcePatch pixels{};
+};
+
+/// What a tracker maps by itself while the server does not answer: the keyframes that it has proposed and
+/// points of its own, each seen from one of them. A keyframe hangs on the one that it was proposed against,
+/// so all of them ride on adjustments of the server's map. A keyframe counts once its answer is overdue; soon
+/// after the server has taken it in, or refused it, the server's map serves in its place. Pure; bounded in
+/// number; one thread; equal inputs give equal bytes.
+class LocalMap {
+ public:
+  /// A keyframe each quarter of a second for a minute.
+  static constexpr size_t kMostKeyframes = 240;
+  static constexpr size_t kMostPoints = 6000;
+
+  void clear();
+
+  /// A frame was proposed as a keyframe: these points are known in it, some of them maybe already from an
+  /// earlier one.
+  void propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth, Timestamp time,
+               std::span<const LocalPoint> points);
+  /// The server's word: what keyframe it has become, or that it was refused.
+  void answered(uint64_t number, std::optional<KeyframeId> keyframe);
+
+  /// Lets time pass until a frame. The numbers of the points that have come to count are appended.
+  void advance(Timestamp time, std::vector<uint64_t>* counted);
+  /// The server's map together with what counts; the server's own where nothing does. The same revision
+  /// and the same keyframes give the same object.
+  [[nodiscard]] MapSnapshotPtr extend(const MapSnapshotPtr& map);
+
+  /// Whether answers are overdue.
+  [[nodiscard]] bool is_overdue() const;
+  /// Whether a frame of this time may be proposed: a minute's keyframes fit.
+  [[nodiscard]] bool has_room(Timestamp time) const;
+  /// The number of the proposal that a keyframe of its own was; 0: of the server's map.
+  [[nodiscard]] static uint64_t number_of(KeyframeId id) { return is_local(id) ? id.value & ~kLocalBit : 0; }
+
+  [[nodiscard]] size_t keyframe_count() const { return keyframes_.size(); }
+  [[nodiscard]] size_t point_count() const;
+
+ private:
+  /// Up to 64 points of a keyframe.
+  struct Block {
+    std::shared_ptr<const PatchBlock> patches;
+    std::vector<uint64_t> numbers;
+    std::vector<Eigen::Vector3d> positions;  ///< in the keyframe's frame, as
+    std::vector<Eigen::Vector3d> seen_from;  ///< where the patches were seen from
+  };
+  struct Keyframe {
+    KeyframeId id;
+    KeyframeId reference;  ///< of the server's map, or one of these
+    SE3 camera_from_reference;
+    float mean_depth = 0;
+    Timestamp time;
+    bool counts = false;
+    bool is_answered = false;
+    KeyframeId became;               ///< none: refused
+    std::optional<Timestamp> shown;  ///< since when the server's map serves in its place
+    std::vector<Block> blocks;
+    SE3 camera_from_map;    ///< in the revision extended last
+    bool has_pose = false;  ///< in it
+  };
+
+  [[nodiscard]] Keyframe* find(KeyframeId id);
+  [[nodiscard]] bool has_point(uint64_t number) const;
+  void add_points(const SE3& camera_from_map, std::span<const LocalPoint> points, Keyframe* keyframe);
+  void drop(size_t i);
+  void drop_points_beyond_limit();
+  void aim(const MapSnapshot& map);
+  void put_points(MapSnapshot* map) const;
+
+  std::vector<Keyframe> keyframes_;  ///< in order of their numbers
+  uint64_t points_made_ = 0;         ///< ever
+  Timestamp now_;
+  MapId map_;
+  Epoch epoch_;
+  MapSnapshotPtr base_;      ///< extended last
+  MapSnapshotPtr extended_;  ///< from it; null: to be made anew
+};
+
+}  // namespace cairn

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/offer_chain.h"
+
+namespace cairn {
+
+void OfferChain::put(const std::string& client, SessionId session, uint64_t command, const Link& link) {
+  if (clients_.size() >= kMostClients && !clients_.contains(client)) clients_.erase(clients_.begin());
+  Session& known = clients_[client];
+  if (known.session != session) known = {session, {}};
+  known.links.insert_or_assign(command, link);
+  if (known.links.size() > kRemembered) known.links.erase(known.links.begin());
+}
+
+const OfferChain::Link* OfferChain::find(const std::string& client, SessionId session,
+                                         uint64_t command) const {
+  const auto known = clients_.find(client);
+  if (known == clients_.end() || known->second.session != session) return nullptr;
+  const auto link = known->second.links.find(command);
+  return link == known->second.links.end() ? nullptr : &link->second;
+}
+
+}  // namespace cairn

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+
+#include "common/geometry/se3.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// Where the frames that clients offered to a map are in it: a client that was cut off offers frames each of
+/// which was tracked against the one before. Remembers so many of the last of a session of a client. Pure;
+/// used from one thread.
+class OfferChain {
+ public:
+  static constexpr size_t kRemembered = 256;  ///< offers of a client
+  static constexpr size_t kMostClients = 64;
+
+  struct Link {
+    KeyframeId keyframe;
+    SE3 camera_from_keyframe;
+  };
+
+  /// The offer has become this keyframe, or was not wanted because this one serves in its place.
+  void put(const std::string& client, SessionId session, uint64_t command, const Link& link);
+  /// Null: the map knows nothing of the offer, or has refused it.
+  [[nodiscard]] const Link* find(const std::string& client, SessionId session, uint64_t command) const;
+
+ private:
+  struct Session {
+    SessionId session;
+    std::map<uint64_t, Link> links;  ///< by command
+  };
+  std::map<std::string, Session> clients_;
+};
+
+}  // namespace cairn
