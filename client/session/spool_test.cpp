@@ -122,6 +122,28 @@ TEST(Spool, SendsAgainTheSameOfferWithTheSameNumberUntilDecided) {
   EXPECT_FALSE(spool.next(now + std::chrono::hours(1))) << "never after the decision";
 }
 
+/// The tracker waits for each answer by the number of its proposal, whatever became of the offer.
+TEST(Spool, EveryReplyNamesTheProposal) {
+  Spool spool(2, kSession);
+  for (uint64_t number = 11; number <= 13; ++number) {
+    SpooledOffer offer = offer_at(1);
+    offer.proposal.number = number;
+    const auto lost = spool.push(std::move(offer));
+    if (number == 13) {
+      ASSERT_TRUE(lost.has_value());
+      EXPECT_EQ(lost->number, 11U);
+    }
+  }
+  (void)spool.apply(verdict(0, 2));
+  (void)drain(&spool, {});
+  const auto decided = spool.apply(verdict(1, 2));
+  ASSERT_EQ(decided.size(), 1U);
+  EXPECT_EQ(decided[0].number, 12U) << "also when the reason was missed";
+  const auto lost = spool.restart(SessionId{1}, "gone");
+  ASSERT_EQ(lost.size(), 1U);
+  EXPECT_EQ(lost[0].number, 13U);
+}
+
 TEST(Spool, WhenFullTheOldestUnsentGoes) {
   Spool spool(3, kSession);
   for (int i = 1; i <= 3; ++i) EXPECT_FALSE(spool.push(offer_at(i)));

@@ -199,10 +199,12 @@ MapSnapshotPtr LocalMap::extend(const MapSnapshotPtr& map) {
   base_ = map;
   if (extended_) return extended_;
   aim(*map);
+  const auto is_part = [](const Keyframe& k) { return k.counts && k.has_pose; };
+  if (std::none_of(keyframes_.begin(), keyframes_.end(), is_part)) return extended_ = map;
   auto extended = std::make_shared<MapSnapshot>(*map);
   std::shared_ptr<KeyframeBlock> block;
   for (const Keyframe& k : keyframes_) {
-    if (!k.counts || !k.has_pose) continue;
+    if (!is_part(k)) continue;
     if (!block || block->keyframes.size() == kBlockSlots) {
       block = std::make_shared<KeyframeBlock>();
       extended->keyframe_blocks.push_back(block);
@@ -210,7 +212,6 @@ MapSnapshotPtr LocalMap::extend(const MapSnapshotPtr& map) {
     block->live |= uint64_t{1} << block->keyframes.size();
     block->keyframes.push_back({k.id, k.camera_from_map, k.mean_depth});
   }
-  if (!block) return extended_ = map;
   put_points(extended.get());
   return extended_ = std::move(extended);
 }

@@ -108,8 +108,6 @@ class LocalMap {
   std::vector<Keyframe> keyframes_;  ///< in order of their numbers
   uint64_t points_made_ = 0;         ///< ever
   Timestamp now_;
-  MapId map_;
-  Epoch epoch_;
   MapSnapshotPtr base_;      ///< extended last
   MapSnapshotPtr extended_;  ///< from it; null: to be made anew
 };

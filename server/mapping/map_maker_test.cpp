@@ -187,6 +187,26 @@ TEST_F(MapMakerTest, AFrameOfWhichNothingAgreesWithTheMapIsRefusedWhateverItsPos
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
 }
 
+/// A client that was cut off has measured nothing of what the map has become since.
+TEST_F(MapMakerTest, AFrameOfAChainIsPlacedByWhatTheMapExpectsInIt) {
+  start();
+  const auto before = maker_->snapshot();
+  KeyframeInput unmeasured = make_offer(scene_, *before, 5);
+  unmeasured.measurements.clear();
+  EXPECT_EQ(maker_->add_keyframe(unmeasured).verdict, KeyframeVerdict::kTooFewPoints);
+  KeyframeInput chained = unmeasured;
+  chained.is_chained = true;
+  KeyframeInput wrong = chained;
+  wrong.camera_from_reference =
+      SE3(so3_exp({0, 0.1, 0}), Eigen::Vector3d(0.1, 0.2, -0.1)) * chained.camera_from_reference;
+  EXPECT_EQ(maker_->add_keyframe(wrong).verdict, KeyframeVerdict::kTooFewPoints);
+  KeyframeInput damaged = chained;
+  damaged.image = std::make_shared<GrayImage>(64, 48);
+  EXPECT_EQ(maker_->add_keyframe(damaged).verdict, KeyframeVerdict::kDamaged);
+  EXPECT_EQ(maker_->snapshot(), before) << "what is refused harms nothing";
+  EXPECT_EQ(maker_->add_keyframe(chained).verdict, KeyframeVerdict::kAccepted);
+}
+
 TEST_F(MapMakerTest, APointThatIsMeasuredTwiceCountsOnce) {
   start();
   KeyframeInput input = make_offer(scene_, *maker_->snapshot(), 5);

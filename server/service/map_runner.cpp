@@ -213,7 +213,7 @@ void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, 
 bool MapRunner::refer_to_earlier(OfferJob* job) const {
   const OfferChain::Link* link =
       chain_.find(job->origin.client, job->origin.command.session, job->reference_command);
-  if (link == nullptr || job->epoch != published_->epoch) return false;
+  if (link == nullptr) return false;
   job->input.reference = link->keyframe;
   job->input.camera_from_reference = job->input.camera_from_reference * link->camera_from_keyframe;
   job->input.is_chained = true;

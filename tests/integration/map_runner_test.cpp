@@ -66,6 +66,10 @@ class MapRunnerTest : public ::testing::Test {
   OfferJudgement offer(const MapSnapshot& map, int step) { return value_of(send_offer(map, step, true)); }
 
   std::future<OfferJudgement> send_offer(const MapSnapshot& map, int step, bool lockstep) {
+    return send(job_of(map, step, lockstep));
+  }
+
+  OfferJob job_of(const MapSnapshot& map, int step, bool lockstep) {
     const testing::Frame frame = testing::make_offer(scene_, map, step);
     OfferJob job;
     job.input.camera = scene_.camera();
@@ -75,6 +79,10 @@ class MapRunnerTest : public ::testing::Test {
     job.epoch = map.epoch;
     job.image = encode_image(*frame.image, wire::ImageEncoding::kRaw);
     job.lockstep = lockstep;
+    return job;
+  }
+
+  std::future<OfferJudgement> send(OfferJob job) {
     auto answered = std::make_shared<std::promise<OfferJudgement>>();
     auto answer = answered->get_future();
     runner_->offer(std::move(job),
@@ -131,6 +139,36 @@ TEST_F(MapRunnerTest, WhatIsDoneIsCounted) {
   EXPECT_GE(count("local_adjustment_cpu_ms"), 1);
   EXPECT_GE(count("global_adjustment_observations"), 1);
   EXPECT_EQ(count("offer_to_points_ms"), 1);
+}
+
+/// Offers of a client that was cut off: the second was tracked against the first, and measures nothing that
+/// the map had before.
+TEST_F(MapRunnerTest, AnOfferMayReferToAnEarlierOneOfItsSession) {
+  const auto [result, snapshot] = start();
+  ASSERT_TRUE(result) << result.error().message;
+  const auto chained = [&, map = snapshot](uint64_t session, uint64_t reference, int step,
+                                           int reference_step) {
+    OfferJob job = job_of(*map, step, true);
+    const OfferJob earlier = job_of(*map, reference_step, true);
+    const SE3 camera_from_map =
+        job.input.camera_from_reference * map->find(job.input.reference)->camera_from_map;
+    const SE3 earlier_from_map =
+        earlier.input.camera_from_reference * map->find(earlier.input.reference)->camera_from_map;
+    job.origin = {"anna", {SessionId{session}, reference + 1}};
+    job.input.reference = {};
+    job.input.camera_from_reference = camera_from_map * earlier_from_map.inverse();
+    job.input.measurements.clear();
+    job.reference_command = reference;
+    return job;
+  };
+  OfferJob first = job_of(*snapshot, 4, true);
+  first.origin = {"anna", {SessionId{5}, 1}};
+  ASSERT_EQ(value_of(send(std::move(first))).decision, wire::OfferDecision::kAccepted);
+  EXPECT_EQ(value_of(send(chained(6, 1, 6, 4))).decision, wire::OfferDecision::kStale) << "another session's";
+  EXPECT_EQ(value_of(send(chained(5, 7, 6, 4))).decision, wire::OfferDecision::kStale) << "never seen";
+  const OfferJudgement second = value_of(send(chained(5, 1, 6, 4)));
+  EXPECT_EQ(second.decision, wire::OfferDecision::kAccepted) << second.reason;
+  EXPECT_EQ(value_of(send(chained(5, 2, 8, 6))).decision, wire::OfferDecision::kAccepted);
 }
 
 TEST_F(MapRunnerTest, WhatWaitsWhenTheMapIsDeletedIsAnsweredWithThat) {

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/local_map.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+
+#include "client/tracking/plane_scene.h"
+#include "client/tracking/tracker.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+SE3 shifted(double x) {
+  return {Eigen::Quaterniond::Identity(), Eigen::Vector3d(x, 0, 0)};
+}
+
+MapSnapshotPtr map_with(std::vector<KeyframePose> keyframes) {
+  auto map = std::make_shared<MapSnapshot>();
+  auto block = std::make_shared<KeyframeBlock>();
+  block->live = ~uint64_t{0} >> (kBlockSlots - keyframes.size());
+  block->keyframes = std::move(keyframes);
+  map->keyframe_blocks.push_back(std::move(block));
+  return map;
+}
+
+LocalPoint point(uint64_t number, const Eigen::Vector3d& position) {
+  LocalPoint made;
+  made.number = number;
+  made.position = position;
+  made.right = {0.01, 0, 0};
+  made.down = {0, 0.01, 0};
+  return made;
+}
+
+KeyframeProposal proposal(uint64_t number, KeyframeId reference, const SE3& camera_from_reference) {
+  KeyframeProposal made;
+  made.number = number;
+  made.reference = reference;
+  made.camera_from_reference = camera_from_reference;
+  return made;
+}
+
+constexpr KeyframeId kFirst{kLocalBit | 1};
+constexpr KeyframeId kSecond{kLocalBit | 2};
+
+class LocalMapTest : public ::testing::Test {
+ protected:
+  Timestamp at(int ms) const { return Timestamp{} + milliseconds(ms); }
+  void advance(int ms) {
+    counted_.clear();
+    local_.advance(at(ms), &counted_);
+  }
+  MapSnapshotPtr map_ = map_with({{KeyframeId{1}, SE3(), 1}});
+  LocalMap local_;
+  std::vector<uint64_t> counted_;
+};
+
+TEST_F(LocalMapTest, AKeyframeCountsOnceItsAnswerIsOverdue) {
+  const std::vector<LocalPoint> points{point(7, {0, 0, 2})};
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), points);
+  advance(100);
+  EXPECT_EQ(local_.extend(map_), map_) << "the server may still answer";
+  EXPECT_TRUE(counted_.empty());
+  advance(400);
+  EXPECT_EQ(counted_, std::vector<uint64_t>{7});
+  const MapSnapshotPtr extended = local_.extend(map_);
+  EXPECT_EQ(local_.extend(map_), extended) << "nothing has changed";
+  ASSERT_NE(extended->find(kFirst), nullptr);
+  ASSERT_EQ(extended->point_count(), 1U);
+  const PointBlock& block = *extended->point_blocks.back();
+  EXPECT_TRUE(is_local(block.ids[0]));
+  EXPECT_LT((block.position(0) - Eigen::Vector3d(0, 0, 2)).norm(), 1e-6);
+  EXPECT_LT((block.right[0] - Eigen::Vector3f(0.01F, 0, 0)).norm(), 1e-6F);
+}
+
+TEST_F(LocalMapTest, WhatIsAnsweredInTimeNeverCounts) {
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {});
+  local_.answered(1, KeyframeId{2});
+  advance(1000);
+  EXPECT_EQ(local_.extend(map_), map_);
+  EXPECT_FALSE(local_.is_overdue());
+  EXPECT_EQ(local_.keyframe_count(), 0U);
+}
+
+TEST_F(LocalMapTest, AChainRidesOnAdjustmentsAndHandsOverToTheServersMap) {
+  const std::vector<LocalPoint> points{point(7, {0, 0, 2})};
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {});
+  local_.propose(proposal(2, kFirst, shifted(-0.1)), shifted(-0.2), 2, at(300), points);
+  advance(700);
+  const auto adjusted = map_with({{KeyframeId{1}, shifted(0.5), 1}});
+  EXPECT_NEAR(local_.extend(adjusted)->find(kSecond)->camera_from_map.translation().x(), 0.3, 1e-12);
+
+  local_.answered(1, KeyframeId{2});
+  const auto grown = map_with({{KeyframeId{1}, SE3(), 1}, {KeyframeId{2}, shifted(-0.12), 1}});
+  const MapSnapshotPtr both = local_.extend(grown);
+  EXPECT_NEAR(both->find(kSecond)->camera_from_map.translation().x(), -0.22, 1e-12)
+      << "the rest goes with it";
+  EXPECT_NEAR(both->point_blocks.back()->position(0).x(), 0.02, 1e-6);
+  advance(1800);
+  EXPECT_EQ(local_.extend(grown)->find(kFirst), nullptr) << "the server's serves in its place";
+  EXPECT_NEAR(local_.extend(grown)->find(kSecond)->camera_from_map.translation().x(), -0.22, 1e-12);
+
+  local_.answered(2, std::nullopt);
+  advance(1900);
+  (void)local_.extend(map_with({{KeyframeId{1}, SE3(), 1}, {KeyframeId{2}, shifted(-0.12), 1}}));
+  advance(3000);
+  EXPECT_EQ(local_.extend(grown), grown) << "all is answered: one map";
+  EXPECT_EQ(local_.keyframe_count(), 0U);
+}
+
+TEST_F(LocalMapTest, IsBounded) {
+  uint64_t points_made = 0;
+  for (uint64_t number = 1; number <= 2 * LocalMap::kMostKeyframes; ++number) {
+    std::vector<LocalPoint> points;
+    for (int i = 0; i < 100; ++i) points.push_back(point(++points_made, {0, 0, 2}));
+    local_.propose(proposal(number, KeyframeId{1}, SE3()), SE3(), 2, at(300 * static_cast<int>(number)),
+                   points);
+  }
+  EXPECT_EQ(local_.keyframe_count(), LocalMap::kMostKeyframes);
+  EXPECT_LE(local_.point_count(), LocalMap::kMostPoints);
+  EXPECT_GT(local_.point_count(), LocalMap::kMostPoints / 2);
+}
+
+/// A tracker whose server never answers, on a map of one view of a plane.
+TEST(LocalMapTracker, ACameraThatExploresWithoutAServerIsTrackedForAMinute) {
+  const auto camera =
+      *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
+  const test::PlaneScene scene(3, camera);
+  const Eigen::Quaterniond down(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitX()));
+  const auto over = [&](double x, double y) { return SE3(down, -(down * Eigen::Vector3d(x, y, 1))); };
+  const MapSnapshotPtr map = scene.make_map(over(0, 0));
+  TrackerOptions options;
+  options.make_maps = false;
+  Tracker tracker(camera, options);
+  SeedAnswer answer;
+  answer.map = map->map;
+  answer.second_keyframe = KeyframeId{1};
+  tracker.seed_accepted(answer);
+  constexpr int kFrames = 150;
+  constexpr double kStep = 0.4;  // [s]
+  constexpr double kCircle = 0.4;
+  const double path = 2 * M_PI * kCircle;  // [m]
+  uint64_t last = 0;
+  double worst = 0;
+  for (int i = -5; i < kFrames; ++i) {
+    const double angle = 2 * M_PI * std::max(0, i) / kFrames;
+    const SE3 truth = over(kCircle * std::sin(angle), kCircle - kCircle * std::cos(angle));
+    const FrameResult& result =
+        tracker.track(scene.render(truth), Timestamp::from_seconds(100 + kStep * i), map);
+    if (result.place_question) tracker.place_answered(std::nullopt);
+    if (i < 0) continue;
+    ASSERT_TRUE(result.pose_measured) << "frame " << i << ": " << result.note;
+    worst = std::max(worst, (result.camera_from_map.center() - truth.center()).norm());
+    if (!result.keyframe) continue;
+    EXPECT_EQ(result.keyframe->number, last + 1) << "in order";
+    EXPECT_LE(result.keyframe->reference_number, last) << "an earlier one";
+    last = result.keyframe->number;
+  }
+  EXPECT_LT(worst, 0.01 * path);
+  EXPECT_GT(last, 5U);
+}
+
+}  // namespace
+}  // namespace cairn
