@@ -12,6 +12,8 @@ namespace {
 constexpr std::chrono::milliseconds kAnswerAwaited{300};
 // The server's map shows a keyframe before it has its new points.
 constexpr std::chrono::milliseconds kTakenOver{1000};
+// What has not been seen in the server's map by then was removed from it again.
+constexpr std::chrono::milliseconds kOvertaken{10000};
 constexpr std::chrono::milliseconds kSpacing{250};
 
 PointSource source_of(const LocalPoint& point, PointId id, KeyframeId keyframe, const SE3& camera_from_map) {
@@ -64,7 +66,7 @@ bool LocalMap::has_point(uint64_t number) const {
 
 bool LocalMap::is_overdue() const {
   return std::any_of(keyframes_.begin(), keyframes_.end(),
-                     [&](const Keyframe& k) { return !k.is_answered && now_ - k.time >= kAnswerAwaited; });
+                     [&](const Keyframe& k) { return !k.answered && now_ - k.time >= kAnswerAwaited; });
 }
 
 bool LocalMap::has_room(Timestamp time) const {
@@ -125,9 +127,10 @@ void LocalMap::drop_points_beyond_limit() {
 
 void LocalMap::answered(uint64_t number, std::optional<KeyframeId> keyframe) {
   Keyframe* k = find(KeyframeId{kLocalBit | number});
-  if (k == nullptr || k->is_answered) return;
-  k->is_answered = true;
+  if (k == nullptr || k->answered) return;
+  k->answered = now_;
   k->became = keyframe.value_or(KeyframeId{});
+  if (!keyframe) k->shown = now_;
   if (!k->counts) drop(static_cast<size_t>(k - keyframes_.data()));
 }
 
@@ -146,10 +149,12 @@ void LocalMap::drop(size_t i) {
 void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
   now_ = time;
   for (size_t i = keyframes_.size(); i-- > 0;) {
-    if (keyframes_[i].shown && time - *keyframes_[i].shown >= kTakenOver) drop(i);
+    const Keyframe& k = keyframes_[i];
+    const bool is_overtaken = k.answered && time - *k.answered >= kOvertaken;
+    if (is_overtaken || (k.shown && time - *k.shown >= kTakenOver)) drop(i);
   }
   for (Keyframe& k : keyframes_) {
-    if (k.counts || k.is_answered || time - k.time < kAnswerAwaited) continue;
+    if (k.counts || k.answered || time - k.time < kAnswerAwaited) continue;
     k.counts = true;
     extended_.reset();
     for (const Block& block : k.blocks)
@@ -161,7 +166,7 @@ void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
 void LocalMap::aim(const MapSnapshot& map) {
   for (Keyframe& k : keyframes_) {
     const KeyframePose* became = k.became ? map.find(k.became) : nullptr;
-    if (!k.shown && (became != nullptr || (k.is_answered && !k.became))) k.shown = now_;
+    if (!k.shown && became != nullptr) k.shown = now_;
     k.has_pose = true;
     if (became != nullptr) {
       k.camera_from_map = became->camera_from_map;

@@ -89,7 +89,7 @@ class LocalMap {
     float mean_depth = 0;
     Timestamp time;
     bool counts = false;
-    bool is_answered = false;
+    std::optional<Timestamp> answered;
     KeyframeId became;               ///< none: refused
     std::optional<Timestamp> shown;  ///< since when the server's map serves in its place
     std::vector<Block> blocks;
