@@ -460,6 +460,7 @@ TEST_F(OnMap, KeyframesAreProposedFarFromOthersAndNotInARow) {
     last = frame;
     EXPECT_EQ(result.keyframe->reference, KeyframeId{1});
     EXPECT_GE(static_cast<int>(result.keyframe->measurements.size()), result.found);
+    tracker.keyframe_answered(result.keyframe->number, std::nullopt);
   }
   EXPECT_GE(proposed, 1);
 }
