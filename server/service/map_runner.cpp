@@ -15,6 +15,7 @@ namespace {
 /// Rounds of "upkeep, then global adjustment" after which a lockstep job is answered even if the map maker
 /// wants more: the same number on every run, so the answer is still reproducible.
 constexpr int kMaxLockstepRounds = 8;
+constexpr int kStepsOnly = kMaxLockstepRounds + 1;  // no global adjustment
 
 constexpr const char* kInternalError = "internal error; the server's log says more";
 
@@ -176,21 +177,30 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
   const MonotonicTime arrival = std::chrono::steady_clock::now();
   auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done), arrival]() mutable {
     --self->waiting_offers_;
-    const bool lockstep = job.lockstep;
-    const JobOrigin origin = job.origin;
-    OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
-    self->guarded([&] { judgement = self->judge(std::move(job), arrival); });
-    const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
-    if (!accepted || !lockstep) {
-      self->answer_offer(origin, std::move(judgement), std::move(done));
-      if (accepted) self->schedule_upkeep();
-      return;
-    }
-    self->finish_all_work(0, [self, origin, judgement = std::move(judgement), done = std::move(done)] {
-      self->answer_offer(origin, judgement, done);
+    if (job.reference_command == 0 || self->maker_ == nullptr || self->deleted_ || self->frozen_)
+      return self->decide(std::move(job), arrival, std::move(done));
+    // It was tracked on what the frame before it brought: the points of that one come first.
+    auto waiting = std::make_shared<OfferJob>(std::move(job));
+    self->finish_all_work(kStepsOnly, [self, waiting, arrival, done = std::move(done)] {
+      self->decide(std::move(*waiting), arrival, done);
     });
   };
   queue_.post(std::move(take), Urgency::kUrgent);
+}
+
+void MapRunner::decide(OfferJob job, MonotonicTime arrival, OfferDone done) {
+  const bool lockstep = job.lockstep;
+  const JobOrigin origin = job.origin;
+  OfferJudgement judgement{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
+  guarded([&] { judgement = judge(std::move(job), arrival); });
+  const bool accepted = judgement.decision == wire::OfferDecision::kAccepted;
+  if (!accepted || !lockstep) {
+    answer_offer(origin, std::move(judgement), std::move(done));
+    if (accepted) schedule_upkeep();
+    return;
+  }
+  finish_all_work(0, [self = shared_from_this(), origin, judgement = std::move(judgement),
+                      done = std::move(done)] { self->answer_offer(origin, judgement, done); });
 }
 
 void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
@@ -247,7 +257,9 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   if (decision.verdict == KeyframeVerdict::kAccepted) {
     ++changes_;
     chain_.put(origin.client, origin.command.session, origin.command.seq, {decision.keyframe, SE3()});
-  } else if (decision.verdict == KeyframeVerdict::kTooClose) {
+  } else if (decision.verdict == KeyframeVerdict::kTooClose ||
+             decision.verdict == KeyframeVerdict::kTooFewPoints) {
+    // Whether its pose is right or not, the next frame of the chain is judged by what it shows.
     chain_.put(origin.client, origin.command.session, origin.command.seq,
                {job.input.reference, job.input.camera_from_reference});
   }
@@ -339,7 +351,7 @@ void MapRunner::finish_all_work(int adjustments, std::function<void()> then) {
 }
 
 void MapRunner::adjust_in_lockstep(int adjustments, std::function<void()> then) {
-  if (frozen_ || stopping_ || !maker_->wants_global_adjustment()) return then();
+  if (frozen_ || stopping_ || adjustments == kStepsOnly || !maker_->wants_global_adjustment()) return then();
   if (adjustments == kMaxLockstepRounds) {
     log_->debug("lockstep: the map maker still wants a global adjustment after {}", adjustments);
     return then();

@@ -165,6 +165,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
                                       const Continuations& waiting);
   [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
   void end_reading(const Continuations& waiting);
+  void decide(OfferJob job, MonotonicTime arrival, OfferDone done);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
   void publish();

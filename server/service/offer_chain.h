@@ -24,9 +24,9 @@ class OfferChain {
     SE3 camera_from_keyframe;
   };
 
-  /// The offer has become this keyframe, or was not wanted because this one serves in its place.
+  /// The offer has become this keyframe, or was seen from there and not taken.
   void put(const std::string& client, SessionId session, uint64_t command, const Link& link);
-  /// Null: the map knows nothing of the offer, or has refused it.
+  /// Null: the map knows nothing of the offer, or it was damaged.
   [[nodiscard]] const Link* find(const std::string& client, SessionId session, uint64_t command) const;
 
  private:
