@@ -106,8 +106,11 @@ TEST_F(WireTest, CommandsKeepTheirOrder) {
   constexpr uint64_t kOffers = 16;
   auto offer = random_.make<KeyframeOffer>();
   offer.image = random_.image(640, 480);
+  offer.candidates.clear();  // of the picture that was there
+  offer.still_mask.clear();
   for (uint64_t seq = 1; seq <= kOffers; ++seq) {
     offer.command.seq = seq;
+    offer.reference_command = seq - 1;
     ASSERT_TRUE(offers.write(offer));
   }
   const auto samples = collect(&received, kOffers);
@@ -207,8 +210,11 @@ TEST_F(WireTest, EverythingArrivesThroughHeavyLoss) {
   }
   auto offer = random_.make<KeyframeOffer>();
   offer.image = random_.image(320, 240);
+  offer.candidates.clear();  // of the picture that was there
+  offer.still_mask.clear();
   for (uint64_t seq = 1; seq <= kOffers; ++seq) {
     offer.command.seq = seq;
+    offer.reference_command = seq - 1;
     ASSERT_TRUE(offers.write(offer));
   }
   EXPECT_EQ(collect(&at_client, kBlocks).size(), kBlocks);

@@ -22,6 +22,7 @@ constexpr double kSameDirection =
 constexpr double kNewAreaDistance = 0.3;  ///< of the spacing: what a keyframe that shows new area needs
 constexpr double kFewKnown = 0.6;       ///< of the reference keyframe's measurements: fewer count as new area
 constexpr float kChainedRadius = 8;     ///< [search-level px] a step of a chain is off by less
+constexpr double kChainedShare = 0.3;   ///< of the points in sight: a good frame, as the tracker has it
 constexpr float kMaxRefinement = 1.5F;  ///< [search-level px] from the tracker's measurement
 
 struct Judged {
@@ -101,19 +102,23 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
 }
 
 /// A frame that was tracked while the map could not grow was not measured in what the map has become since.
-void add_what_is_expected(const MapState& map, KeyframeInput* input) {
+/// How many points the map expects in it.
+size_t add_what_is_expected(const MapState& map, KeyframeInput* input) {
   MapKeyframe frame;
   frame.camera = input->camera;
   frame.camera_from_map = input->camera_from_reference * map.keyframe(input->reference).camera_from_map;
   frame.images = prepare_images(input->image->view());
+  size_t expected = 0;
   for (const PointId id : map.live_point_ids()) {
     const MapPoint& point = map.point(id);
     if (!should_see(map, point, frame.camera_from_map.center())) continue;
     const auto view = view_point(map, point, frame);
     if (!view) continue;
+    ++expected;
     const auto found = find_near_corner(*point.source, *view, *frame.images, kChainedRadius);
     if (found) input->measurements.push_back({id, found->level, found->pixel});
   }
+  return expected;
 }
 
 std::string describe_distance(double distance, double needed) {
@@ -183,12 +188,17 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
   if (!map->is_live(input.reference))
     return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
-  if (input.is_chained) add_what_is_expected(*map, &input);
+  const size_t expected = input.is_chained ? add_what_is_expected(*map, &input) : 0;
   const auto judged = reoptimize(*map, input);
   if (!judged || judged->inliers.size() < kMinMeasurements) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
                                                       " good measurements of map points, " +
                                                       std::to_string(kMinMeasurements) + " needed");
+  }
+  if (static_cast<double>(judged->inliers.size()) < kChainedShare * static_cast<double>(expected)) {
+    return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged->inliers.size()) + " of the " +
+                                                      std::to_string(expected) +
+                                                      " points that the map expects in it were found");
   }
   const double needed = spacing.min_distance_over_depth * judged->mean_depth;
   const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);
