@@ -10,6 +10,9 @@ namespace {
 
 constexpr std::string_view kPictureStem = "keyframe-";
 
+/// What a tracker measured alone, and no second keyframe shows yet, is left out: others triangulate.
+constexpr size_t kFewestViews = 2;
+
 /// What a scene is made of, by id.
 struct Parts {
   explicit Parts(const MapRecord& record) {
@@ -21,11 +24,16 @@ struct Parts {
     for (const SourcesRecord& block : record.sources) {
       for (const PointSource& source : block.points) sources[source.id] = &source;
     }
+    for (const auto& [id, measured] : measurements) {
+      if (!keyframes.contains(id)) continue;
+      for (const Measurement& m : measured->measurements) ++views[m.point];
+    }
   }
   std::map<KeyframeId, const KeyframeRecord*> keyframes;
   std::map<KeyframeId, const MeasurementsRecord*> measurements;
   std::map<KeyframeId, GrayImagePtr> images;
   std::map<PointId, const PointSource*> sources;
+  std::map<PointId, size_t> views;  ///< that show it
 };
 
 std::string picture_name(KeyframeId id) {
@@ -75,7 +83,10 @@ ExportedScene make_scene(const MapRecord& record) {
   for (const PositionsRecord& block : record.positions) {
     for (size_t slot = 0; slot < block.points.size(); ++slot) {
       const PointId id{uint64_t{block.block} * kBlockSlots + slot + 1};
-      if (block.points[slot].live) points[id] = make_point(id, block.points[slot].position, parts);
+      if (!block.points[slot].live) continue;
+      const auto views = parts.views.find(id);
+      if (views != parts.views.end() && views->second >= kFewestViews)
+        points[id] = make_point(id, block.points[slot].position, parts);
     }
   }
   for (const auto& [id, keyframe] : parts.keyframes) {
@@ -100,7 +111,7 @@ ExportedScene make_scene(const MapRecord& record) {
     scene.pictures.push_back(std::move(picture));
   }
   for (auto& [id, point] : points) {
-    if (point.track.empty()) continue;
+    if (point.track.size() < kFewestViews) continue;
     point.error /= static_cast<double>(point.track.size());
     scene.points.push_back(std::move(point));
   }

@@ -36,7 +36,7 @@ struct ExportedPoint {
 struct ExportedScene {
   std::map<uint32_t, CameraParameters> cameras;
   std::vector<ExportedPicture> pictures;  ///< ascending by id
-  std::vector<ExportedPoint> points;      ///< ascending by id; each is seen at least once
+  std::vector<ExportedPoint> points;      ///< ascending by id; of two views or more, as others want them
   bool rgb = false;  ///< pictures are written with three equal channels; the map's are grey
 };
 

@@ -179,13 +179,20 @@ void MapRunner::offer(OfferJob job, OfferDone done) {
     --self->waiting_offers_;
     if (job.reference_command == 0 || self->maker_ == nullptr || self->deleted_ || self->frozen_)
       return self->decide(std::move(job), arrival, std::move(done));
-    // It was tracked on what the frame before it brought: the points of that one come first.
-    auto waiting = std::make_shared<OfferJob>(std::move(job));
-    self->finish_all_work(kStepsOnly, [self, waiting, arrival, done = std::move(done)] {
-      self->decide(std::move(*waiting), arrival, done);
-    });
+    self->chained_.push_back({std::move(job), arrival, std::move(done)});
+    if (self->chained_.size() == 1) self->take_next_of_chain();
   };
   queue_.post(std::move(take), Urgency::kUrgent);
+}
+
+/// One after the other: each was tracked on what the one before it brought, whose points come first.
+void MapRunner::take_next_of_chain() {
+  finish_all_work(kStepsOnly, [self = shared_from_this()] {
+    WaitingOffer next = std::move(self->chained_.front());
+    self->decide(std::move(next.job), next.arrival, std::move(next.done));
+    self->chained_.pop_front();
+    if (!self->chained_.empty()) self->take_next_of_chain();
+  });
 }
 
 void MapRunner::decide(OfferJob job, MonotonicTime arrival, OfferDone done) {

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -165,6 +166,13 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
                                       const Continuations& waiting);
   [[nodiscard]] bool try_later(const Continuations& waiting, const std::string& why);
   void end_reading(const Continuations& waiting);
+  /// An offer of a chain, until those before it are in the map.
+  struct WaitingOffer {
+    OfferJob job;
+    MonotonicTime arrival;
+    OfferDone done;
+  };
+  void take_next_of_chain();
   void decide(OfferJob job, MonotonicTime arrival, OfferDone done);
   void answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done);
   void answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done);
@@ -191,6 +199,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   std::atomic<bool> deleted_{false};
   std::atomic<int> waiting_offers_{0};
   OfferChain chain_;                      ///< used on the queue
+  std::deque<WaitingOffer> chained_;      ///< used on the queue
   std::atomic<bool> update_lost_{false};  ///< the store lacks changes that were taken
   std::atomic<int> saves_failed_{0};      ///< one after another, for reasons of this map's own
 
