@@ -6,14 +6,19 @@
 namespace cairn {
 
 bool KeyframePolicy::wants(int found, double distance, const std::function<bool()>& is_new_area) {
-  most_found_ = std::max(most_found_, found);
+  if (found > most_found_) forget_found(found);  // the map grew, or the camera came back to it
   if (!is_due(found, distance, is_new_area)) return false;
   since_ = 0;
-  most_found_ = found;
+  forget_found(found);
   return true;
 }
 
-bool KeyframePolicy::is_due(int found, double distance, const std::function<bool()>& is_new_area) const {
+void KeyframePolicy::forget_found(int found) {
+  most_found_ = found;
+  found_in_known_area_.reset();
+}
+
+bool KeyframePolicy::is_due(int found, double distance, const std::function<bool()>& is_new_area) {
   // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
   constexpr double kShortestWait = 0.1;
   const auto has_waited = [&](double wait) { return since_ >= wait * options_.frames_between_keyframes; };
@@ -26,7 +31,14 @@ bool KeyframePolicy::is_due(int found, double distance, const std::function<bool
     return false;
   const auto at_best = static_cast<float>(most_found_);
   if (found < options_.scarce_points || static_cast<float>(found) < options_.few_left * at_best) return true;
-  return static_cast<float>(found) < options_.running_out * at_best && is_new_area();
+  return static_cast<float>(found) < options_.running_out * at_best && shows_new_area(found, is_new_area);
+}
+
+bool KeyframePolicy::shows_new_area(int found, const std::function<bool()>& is_new_area) {
+  if (found_in_known_area_ && found >= *found_in_known_area_) return false;
+  if (is_new_area()) return true;
+  found_in_known_area_ = found;
+  return false;
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 
 #include "client/tracking/tracker_options.h"
 
@@ -16,18 +17,22 @@ class KeyframePolicy {
   /// Another frame has come, tracked or not.
   void next_frame() { ++since_; }
   /// Another map: what was found in the one before means nothing here.
-  void enter_map() { most_found_ = 0; }
+  void enter_map() { forget_found(0); }
   /// Whether to offer a well tracked frame with `found` points whose camera is `distance` (over the mean
   /// depth) from the nearest keyframe. Yes counts as offered. `is_new_area`: whether the map knows little of
-  /// what the frame shows; asked only where the answer depends on it.
+  /// what the frame shows. That costs time: it is asked only where the answer depends on it, and after a no
+  /// only once fewer points are found than then.
   [[nodiscard]] bool wants(int found, double distance, const std::function<bool()>& is_new_area);
 
  private:
-  [[nodiscard]] bool is_due(int found, double distance, const std::function<bool()>& is_new_area) const;
+  [[nodiscard]] bool is_due(int found, double distance, const std::function<bool()>& is_new_area);
+  [[nodiscard]] bool shows_new_area(int found, const std::function<bool()>& is_new_area);
+  void forget_found(int found);
 
   TrackerOptions options_;
-  int since_ = 0;       ///< frames since the last offer
-  int most_found_ = 0;  ///< in a frame since then
+  int since_ = 0;                           ///< frames since the last offer
+  int most_found_ = 0;                      ///< in a frame since then
+  std::optional<int> found_in_known_area_;  ///< in the last frame that was looked at and showed nothing new
 };
 
 }  // namespace cairn

@@ -43,6 +43,31 @@ TEST_F(KeyframePolicyTest, WhatTheMapKnowsIsOfferedOnceFewPointsAreLeft) {
   EXPECT_LE(frames_until_offer(static_cast<int>(0.69 * kMany), soon_), 1);
 }
 
+// The answer costs half a millisecond, and in a view that stays as it is it is the same in each frame.
+TEST_F(KeyframePolicyTest, AfterANoTheAreaIsLookedAtAgainOnlyWhereFewerPointsAreFound) {
+  int looks = 0;
+  const auto is_offered = [&](int found) {
+    policy_.next_frame();
+    return policy_.wants(found, soon_, [&] { return ++looks, is_new_area_; });
+  };
+  is_new_area_ = false;
+  ASSERT_FALSE(is_offered(kMany));
+  const int in_need = static_cast<int>(0.85 * kMany);
+  for (int frame = 0; frame < 20; ++frame) EXPECT_FALSE(is_offered(in_need + frame % 2));
+  EXPECT_EQ(looks, 1);
+  EXPECT_FALSE(is_offered(in_need - 1));
+  EXPECT_EQ(looks, 2);
+  // What the map gained is lost again: another view than the one that was looked at.
+  EXPECT_FALSE(is_offered(2 * kMany));
+  is_new_area_ = true;
+  EXPECT_TRUE(is_offered(static_cast<int>(0.85 * 2 * kMany)));
+  EXPECT_EQ(looks, 3);
+  // An offer may be refused: what was looked at before it says nothing of a later frame.
+  int frames = 0;
+  while (frames < 20 && !is_offered(static_cast<int>(0.7 * 2 * kMany))) ++frames;
+  EXPECT_LT(frames, 20);
+}
+
 // An offer may be refused: what was found at best before it is forgotten, and the next few points lost would
 // make a frame too poor to build upon.
 TEST_F(KeyframePolicyTest, WherePointsAreScarceItIsOfferedSoonWhateverWasFoundBefore) {
