@@ -174,4 +174,11 @@ void find_alike(const PatchTemplate& patch, const GrayView& level_image, const W
   kernels::find_alike(patch, level_image, sums, runs, ratio, limit, out, best_simd());
 }
 
+void find_alike(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
+                float ratio, int* limit, std::vector<PatchMatch>* out) {
+  Alike alike{ratio, *limit, out};
+  find_one_by_one(patch, level_image, runs, best_simd(), &alike);
+  *limit = alike.limit;
+}
+
 }  // namespace cairn

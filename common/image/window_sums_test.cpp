@@ -124,6 +124,11 @@ TEST(FindAlikeTest, WhatIsFoundLowersTheLimitToAShareOfIt) {
       ASSERT_NO_FATAL_FAILURE(expect_equal(found, expected));
       for (const PatchMatch& m : found) ASSERT_LE(limit, std::ceil(m.zmssd / kRatio));
     }
+    std::vector<PatchMatch> without_sums;
+    int limit = first_limit;
+    find_alike(patch, image.view(), runs, kRatio, &limit, &without_sums);
+    ASSERT_NO_FATAL_FAILURE(expect_equal(without_sums, expected));
+    for (const PatchMatch& m : without_sums) ASSERT_LE(limit, std::ceil(m.zmssd / kRatio));
   }
   EXPECT_GT(kept, 100U);
   EXPECT_LT(kept, 50U * 90);

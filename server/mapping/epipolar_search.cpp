@@ -16,6 +16,7 @@ constexpr int kTemplateMargin = 5;   ///< [level px] of a template's window from
 constexpr double kSegmentLength =
     24;  ///< [source-level px] of the line that shares one warp and counts as straight
 constexpr int kMaxSegments = 16;
+constexpr int kPixelsPerWindow = 4;          ///< whose sums cost what one window costs more without them
 constexpr double kMaxSquaredResidual = 1.0;  ///< of a new point in its two views, units of sigma
 constexpr float kUniqueDistance = 3.0F;      ///< [level px] a rival is a corner farther away than this
 constexpr float kUniqueRatio = 0.7F;         ///< best ZMSSD over the best rival's
@@ -121,17 +122,25 @@ void EpipolarSearch::search_segment(const PointSource& source, double inverse_de
   mark_strip({to_level(begin.x(), level), to_level(begin.y(), level)},
              {to_level(end.x(), level), to_level(end.y(), level)}, image, &runs_);
   alike_.clear();
-  find_alike(patch_, image, sums_at(level), runs_, kUniqueRatio, &limit_, &alike_);
+  if (const WindowSums* sums = sums_at(level)) {
+    find_alike(patch_, image, *sums, runs_, kUniqueRatio, &limit_, &alike_);
+  } else {
+    find_alike(patch_, image, runs_, kUniqueRatio, &limit_, &alike_);
+  }
   for (const PatchMatch& m : alike_) {
     const Eigen::Vector2f pixel(from_level(m.corner.x, level), from_level(m.corner.y, level));
     matches_.push_back({m.zmssd, level, pixel, inverse_depth});
   }
 }
 
-const WindowSums& EpipolarSearch::sums_at(int level) {
-  auto& sums = sums_[static_cast<size_t>(level)];
-  if (!sums) sums.emplace(partner_.images->level(level));
-  return *sums;
+/// Null until so many windows of the level were looked at that its sums are worth their time.
+const WindowSums* EpipolarSearch::sums_at(int level) {
+  auto& [windows, sums] = levels_[static_cast<size_t>(level)];
+  if (sums) return &*sums;
+  for (const PixelRun& run : runs_) windows += std::max(0, run.last - run.first + 1);
+  const GrayView image = partner_.images->level(level);
+  if (windows < image.width * image.height / kPixelsPerWindow) return nullptr;
+  return &sums.emplace(image);
 }
 
 const EpipolarSearch::LineMatch* EpipolarSearch::unique_best() const {

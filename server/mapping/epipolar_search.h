@@ -50,10 +50,15 @@ class EpipolarSearch {
     double inverse_depth = 0;                         ///< of the hypothesis whose warp was used
   };
 
+  struct SearchedLevel {
+    int windows = 0;  ///< looked at, of `runs_`
+    std::optional<WindowSums> sums;
+  };
+
   void collect_matches(const PointSource& source, const InverseDepths& depths);
   void search_segment(const PointSource& source, double inverse_depth, const Eigen::Vector2f& begin,
                       const Eigen::Vector2f& end);
-  const WindowSums& sums_at(int level);
+  const WindowSums* sums_at(int level);
   [[nodiscard]] const LineMatch* unique_best() const;
   [[nodiscard]] std::optional<NewPoint> triangulate_match(const PointSource& source,
                                                           const PatchFound& found) const;
@@ -61,8 +66,8 @@ class EpipolarSearch {
   const MapKeyframe& partner_;
   const Camera& source_camera_;
   SE3 partner_from_source_;
-  InverseDepths seen_;                                            ///< by the keyframe
-  std::array<std::optional<WindowSums>, kPyramidLevels> sums_{};  ///< of the partner's levels, once needed
+  InverseDepths seen_;                                  ///< by the keyframe
+  std::array<SearchedLevel, kPyramidLevels> levels_{};  ///< of the partner
   // Of the point that is looked for:
   PatchTemplate patch_;
   std::vector<PixelRun> runs_;
