@@ -69,20 +69,27 @@ class Attachment {
   [[nodiscard]] virtual int attach(int descriptor) = 0;
 };
 
+bool set_option(int descriptor, int level, int option, const void* value, size_t size) {
+  return setsockopt(descriptor, level, option, value, static_cast<socklen_t>(size)) == 0;
+}
+
 class CanInterface final : public Attachment {
  public:
-  explicit CanInterface(std::string name) : name_(std::move(name)) {}
+  CanInterface(std::string name, const std::vector<CanFilter>& filters) : name_(std::move(name)) {
+    for (const CanFilter& filter : filters) filters_.push_back(to_kernel(filter));
+    if (filters.empty()) filters_.push_back({0, 0});  // passes all
+  }
 
   int attach(int descriptor) override {
     const unsigned index = if_nametoindex(name_.c_str());
     if (index == 0) return ENXIO;
-    sockaddr_can address{};
-    socklen_t size = sizeof address;
-    const bool is_bound =
-        getsockname(descriptor, reinterpret_cast<sockaddr*>(&address), &size) == 0 &&  // NOLINT: POSIX
-        address.can_ifindex == static_cast<int>(index);
-    if (!is_bound) {
-      address = {};
+    if (static_cast<int>(index) != bound_index(descriptor)) {
+      // With its interface a socket loses its filters.
+      if (!set_option(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, filters_.data(),
+                      filters_.size() * sizeof(can_filter))) {
+        return errno;
+      }
+      sockaddr_can address{};
       address.can_family = AF_CAN;
       address.can_ifindex = static_cast<int>(index);
       if (bind(descriptor, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) return errno;
@@ -94,7 +101,16 @@ class CanInterface final : public Attachment {
   }
 
  private:
+  /// 0: to none.
+  static int bound_index(int descriptor) {
+    sockaddr_can address{};
+    socklen_t size = sizeof address;
+    const bool known = getsockname(descriptor, reinterpret_cast<sockaddr*>(&address), &size) == 0;
+    return known ? address.can_ifindex : 0;
+  }
+
   std::string name_;
+  std::vector<can_filter> filters_;
 };
 
 /// The other end of a pair never comes back.
@@ -170,25 +186,17 @@ class SocketBus final : public CanBus {
   StampClock clock_{StampClock::read()};
 };
 
-bool set_option(int descriptor, int level, int option, const void* value, size_t size) {
-  return setsockopt(descriptor, level, option, value, static_cast<socklen_t>(size)) == 0;
-}
-
 bool stamps_frames(int descriptor) {
   const int on = 1;
   return set_option(descriptor, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
 }
 
-bool set_can_options(int descriptor, const std::vector<CanFilter>& filters) {
+bool set_can_options(int descriptor) {
   const int on = 1;
   const can_err_mask_t all_errors = CAN_ERR_MASK;
-  std::vector<can_filter> kernel_filters;
-  for (const CanFilter& filter : filters) kernel_filters.push_back(to_kernel(filter));
   return stamps_frames(descriptor) && set_option(descriptor, SOL_SOCKET, SO_RXQ_OVFL, &on, sizeof on) &&
          set_option(descriptor, SOL_CAN_RAW, CAN_RAW_FD_FRAMES, &on, sizeof on) &&
-         set_option(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors) &&
-         (filters.empty() || set_option(descriptor, SOL_CAN_RAW, CAN_RAW_FILTER, kernel_filters.data(),
-                                        kernel_filters.size() * sizeof(can_filter)));
+         set_option(descriptor, SOL_CAN_RAW, CAN_RAW_ERR_FILTER, &all_errors, sizeof all_errors);
 }
 
 Error refusal(const std::string& interface_name, int error) {
@@ -225,10 +233,10 @@ Result<std::unique_ptr<CanBus>> open_can_bus(const std::string& interface_name,
                                        " filters; the kernel takes " + std::to_string(CAN_RAW_FILTER_MAX));
   }
   Descriptor socket(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
-  if (socket.get() < 0 || !set_can_options(socket.get(), filters)) {
+  if (socket.get() < 0 || !set_can_options(socket.get())) {
     return tl::unexpected(refusal(interface_name, errno));
   }
-  auto interface = std::make_unique<CanInterface>(interface_name);
+  auto interface = std::make_unique<CanInterface>(interface_name, filters);
   const int error = interface->attach(socket.get());
   if (error != 0 && error != ENETDOWN) return tl::unexpected(refusal(interface_name, error));
   auto bus = std::make_unique<SocketBus>(std::move(socket), std::move(interface), std::vector<CanFilter>());

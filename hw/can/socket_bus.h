@@ -14,7 +14,8 @@ namespace cairn {
 /// A raw SocketCAN socket on that interface, which gives the frames that a filter passes; without filters,
 /// all. The interface must be there; it may be down. Errors: kUsage for a name or number of filters that
 /// cannot be, kConfiguration for an interface that is none or a kernel without CAN, kIo for what else the
-/// system refuses.
+/// system refuses. The first bus of a machine that is opened may stamp its first frames when they are read:
+/// the kernel takes some milliseconds to begin with stamps.
 [[nodiscard]] Result<std::unique_ptr<CanBus>> open_can_bus(const std::string& interface_name,
                                                            const std::vector<CanFilter>& filters = {});
 

@@ -19,6 +19,7 @@ class StampClock {
     int64_t wall = 0;
     int64_t monotonic = 0;
   };
+  /// Now. Who is interrupted between the two clocks reads them again, so that they hold for one time.
   [[nodiscard]] static Reading read();
 
   explicit StampClock(Reading start) : epoch_from_monotonic_(start.wall - start.monotonic) {}
