@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// CanBus on the kernel's CAN. As root, on a kernel that has it: tests/can-guest/run-in-can-guest --kvaser
-// can_socket_test
+// CanBus on the kernel's CAN. As root, on a kernel that has it: tests/can-guest/run-in-can-guest.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <linux/can/error.h>
@@ -15,26 +14,21 @@
 #include "hw/can/kernel_frame.h"
 #include "hw/can/socket_bus.h"
 #include "hw/can/stamp_clock.h"
+#include "hw/can/test_frames.h"
 
 namespace cairn {
 namespace {
 
 using std::chrono::milliseconds;
-using std::chrono::seconds;
 using std::chrono::steady_clock;
-using testing::HasSubstr;
-
-CanFrame frame(uint32_t id, uint8_t byte = 0) {
-  return {.id = {id, false}, .length = 1, .data = {byte}};
-}
-
-MonotonicTime soon() {
-  return steady_clock::now() + seconds(20);
-}
+using testing::expect_next;
+using testing::frame;
+using ::testing::HasSubstr;
+using testing::soon;
 
 void run(const std::string& command) {
   ASSERT_EQ(std::system(("exec " + command).c_str()), 0) << command;
-}  // NOLINT: a test's own words
+}
 
 std::unique_ptr<CanBus> opened(const std::string& interface_name,
                                const std::vector<CanFilter>& filters = {}) {
@@ -55,15 +49,8 @@ template <typename Condition>
   return ::testing::AssertionSuccess();
 }
 
-/// The next frame that `bus` receives is `expected`.
-void expect_next(CanBus& bus, const CanFrame& expected) {
-  const auto got = receive_until(bus, soon());
-  ASSERT_TRUE(got) << to_string(expected) << " did not come; " << describe(bus.health(), "the bus");
-  EXPECT_EQ(got->frame, expected) << to_string(got->frame) << " came";
-}
-
 /// With a virtual interface of its own, of CAN FD.
-class Vcan : public testing::Test {
+class Vcan : public ::testing::Test {
  protected:
   void SetUp() override { make(); }
   void TearDown() override {
@@ -244,7 +231,7 @@ TEST_F(Vcan, AnInterfaceThatIsDeletedIsUsedAgainWhenItIsMadeAnewWithItsFilters) 
 
 TEST_F(Vcan, AFullTransmitQueueWithholdsAndPasses) {
   // A virtual bus has no queue of its own; this one holds two frames, for 200 ms each.
-  if (std::system("tc qdisc add dev cantest root netem delay 200ms limit 2 2>/dev/null") != 0) {  // NOLINT
+  if (std::system("tc qdisc add dev cantest root netem delay 200ms limit 2 2>/dev/null") != 0) {
     GTEST_SKIP() << "this kernel has no netem";
   }
   const auto bus = opened(kName);

@@ -76,6 +76,7 @@ bool set_option(int descriptor, int level, int option, const void* value, size_t
 class CanInterface final : public Attachment {
  public:
   CanInterface(std::string name, const std::vector<CanFilter>& filters) : name_(std::move(name)) {
+    filters_.reserve(filters.size() + 1);
     for (const CanFilter& filter : filters) filters_.push_back(to_kernel(filter));
     if (filters.empty()) filters_.push_back({0, 0});  // passes all
   }

@@ -11,22 +11,17 @@
 #include "common/base/cpu_time.h"
 #include "hw/can/kernel_frame.h"
 #include "hw/can/stamp_clock.h"
+#include "hw/can/test_frames.h"
 
 // CanBus on a pair of sockets. On the kernel's CAN: can_socket_test.
 namespace cairn {
 namespace {
 
-using std::chrono::seconds;
 using std::chrono::steady_clock;
-using testing::HasSubstr;
-
-CanFrame frame(uint32_t id, uint8_t byte = 0) {
-  return {.id = {id, false}, .length = 1, .data = {byte}};
-}
-
-MonotonicTime soon() {
-  return steady_clock::now() + seconds(30);
-}
+using testing::expect_next;
+using testing::frame;
+using ::testing::HasSubstr;
+using testing::soon;
 
 /// The two ends of a bus.
 struct Pair {
@@ -57,9 +52,7 @@ TEST(BusPair, CarriesFramesBothWaysInOrderWithTheTimeThatTheyWereSent) {
   const CanFrame long_one{
       .id = {0x1234567, true}, .fd = true, .fast_data = true, .length = 64, .data = {1, 2, 3}};
   ASSERT_EQ(bus.device->send(long_one), SendOutcome::kQueued);
-  const auto got = receive_until(*bus.host, soon());
-  ASSERT_TRUE(got);
-  EXPECT_EQ(got->frame, long_one);
+  expect_next(*bus.host, long_one);
   EXPECT_EQ(bus.host->health().sent, 100U);
   EXPECT_EQ(bus.device->health().received, 100U);
 }
@@ -68,8 +61,8 @@ TEST(BusPair, GivesOnlyWhatAFilterPasses) {
   Pair bus = make_pair({CanFilter::only({0x201, false})});
   for (const uint32_t id : {0x200U, 0x201U, 0x202U, 0x201U})
     ASSERT_EQ(bus.device->send(frame(id)), SendOutcome::kQueued);
-  EXPECT_EQ(bus.host->receive()->frame.id.value, 0x201U);
-  EXPECT_EQ(bus.host->receive()->frame.id.value, 0x201U);
+  expect_next(*bus.host, frame(0x201));
+  expect_next(*bus.host, frame(0x201));
   EXPECT_FALSE(bus.host->receive());
   EXPECT_EQ(bus.host->health().received, 2U);
 }
@@ -94,7 +87,7 @@ TEST(BusPair, AFullQueueWithholdsFramesAndPassesWhenTheyAreTaken) {
     ASSERT_LT(steady_clock::now(), deadline);
     std::this_thread::yield();
   }
-  EXPECT_EQ(bus.device->receive()->frame.id.value, 0x201U);
+  expect_next(*bus.device, frame(0x201));
   EXPECT_EQ(bus.host->health().condition, BusCondition::kUp);
 }
 
@@ -124,7 +117,7 @@ TEST(BusPair, WhileBusOffOnlyAnUrgentFrameIsTried) {
   EXPECT_EQ(bus.host->health().condition, BusCondition::kBusOff);
   EXPECT_EQ(bus.host->send(frame(0x200)), SendOutcome::kWithheld);
   EXPECT_EQ(bus.host->send(frame(0x201), Urgency::kUrgent), SendOutcome::kQueued);
-  EXPECT_EQ(bus.device->receive()->frame.id.value, 0x201U);
+  expect_next(*bus.device, frame(0x201));
   report_error(*bus.device, CAN_ERR_RESTARTED);
   EXPECT_FALSE(bus.host->receive());
   EXPECT_EQ(bus.host->health().condition, BusCondition::kUp);
@@ -135,7 +128,7 @@ TEST(BusPair, BytesThatAreNoFrameAreLeftOut) {
   Pair bus = make_pair();
   ASSERT_EQ(send(bus.device->descriptor(), "abc", 3, 0), 3);
   ASSERT_EQ(bus.device->send(frame(0x200)), SendOutcome::kQueued);
-  EXPECT_EQ(bus.host->receive()->frame, frame(0x200));
+  expect_next(*bus.host, frame(0x200));
 }
 
 TEST(BusPair, AThousandFramesASecondCostLessThanATenthOfACore) {
@@ -168,8 +161,8 @@ TEST(OpenCanBus, AnInterfaceThatIsNoneIsAnErrorThatSaysWhatHelps) {
   ASSERT_FALSE(bus);
   if (bus.error().code == ErrorCode::kIo) GTEST_SKIP() << bus.error().message;  // no right to any such socket
   EXPECT_EQ(bus.error().code, ErrorCode::kConfiguration);
-  EXPECT_THAT(bus.error().message, testing::AnyOf(HasSubstr("nocan7: no such interface; `ip"),
-                                                  HasSubstr("nocan7: this kernel has no CAN")));
+  EXPECT_THAT(bus.error().message, ::testing::AnyOf(HasSubstr("nocan7: no such interface; `ip"),
+                                                    HasSubstr("nocan7: this kernel has no CAN")));
 }
 
 }  // namespace

@@ -135,6 +135,7 @@ Decoded<Message> decode(const CanFrame& frame, const Ids& ids) {
 
 std::vector<CanFilter> filters_of(const Ids& ids) {
   std::vector<CanFilter> filters;
+  filters.reserve(kKinds.size());
   for (const Kind& kind : kKinds) filters.push_back(CanFilter::only({ids.*kind.id, false}));
   return filters;
 }
