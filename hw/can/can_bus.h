@@ -51,7 +51,7 @@ enum class [[nodiscard]] SendOutcome : uint8_t{
 
 enum class Urgency : uint8_t {
   kRoutine,  ///< withheld without a try while the bus backs off
-  kUrgent,   ///< tried in any case: an emergency stop
+  kUrgent,   ///< tried in any case: an emergency stop, repeated until it is queued
 };
 
 /// A CAN bus as one node sees it. Nothing of it blocks, and no fault of the bus ends it: it backs off, tries

@@ -221,7 +221,9 @@ TEST_F(Vcan, AnInterfaceThatIsDeletedIsUsedAgainWhenItIsMadeAnewWithItsFilters) 
     EXPECT_THAT(describe(bus->health(), kName), HasSubstr("cantest: there is no such interface any more"));
     EXPECT_EQ(bus->send(frame(1), Urgency::kUrgent), SendOutcome::kWithheld);
     make();
-    ASSERT_TRUE(becomes(*bus, [&] { return bus->health().condition == BusCondition::kUp; }));
+    // Who wants to stop the drives all the time does not keep the interface from being found.
+    ASSERT_TRUE(becomes(*bus, [&] { return bus->send(frame(1), Urgency::kUrgent) == SendOutcome::kQueued; }));
+    EXPECT_EQ(bus->health().condition, BusCondition::kUp);
     EXPECT_EQ(bus->health().restored, times);
     EXPECT_EQ(bus->descriptor(), descriptor);
     const auto other = opened(kName);

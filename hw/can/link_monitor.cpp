@@ -14,6 +14,7 @@ constexpr std::chrono::seconds kPassiveMemory{1};
 }  // namespace
 
 void Backoff::failed(MonotonicTime now) {
+  if (retry_at_ && now < *retry_at_) return;
   retry_at_ = now + next_;
   next_ = std::min(2 * next_, longest_);
 }
@@ -66,7 +67,11 @@ void LinkMonitor::noticed(const BusErrors& errors, MonotonicTime now) {
 
 void LinkMonitor::send_failed(int error, MonotonicTime now) {
   withheld();
-  if (error != ENOBUFS && error != EAGAIN) return link_failed(error, now);
+  if (error != ENOBUFS && error != EAGAIN) {
+    // Whoever sends all the time must not put off the next look at the interface.
+    if (link_ == BusCondition::kUp) link_backoff_.failed(now);
+    return note_link_error(error);
+  }
   // A driver whose controller is bus-off takes nothing either: that is no full queue.
   if (controller_ != Controller::kBusOff) {
     queue_full_ = true;
@@ -76,6 +81,11 @@ void LinkMonitor::send_failed(int error, MonotonicTime now) {
 }
 
 void LinkMonitor::link_failed(int error, MonotonicTime now) {
+  link_backoff_.failed(now);
+  note_link_error(error);
+}
+
+void LinkMonitor::note_link_error(int error) {
   link_error_ = 0;
   if (error == ENETDOWN) {
     link_ = BusCondition::kInterfaceDown;
@@ -89,7 +99,6 @@ void LinkMonitor::link_failed(int error, MonotonicTime now) {
   controller_ = Controller::kActive;
   queue_full_ = false;
   queue_backoff_.succeeded();
-  link_backoff_.failed(now);
   update();
 }
 

@@ -9,7 +9,8 @@
 
 namespace cairn {
 
-/// Times between tries of what fails: the first one, doubled with each failure up to the longest.
+/// Times between tries of what fails: the first one, doubled with each failure up to the longest. A failure
+/// before the next try is due changes nothing.
 class Backoff {
  public:
   Backoff(std::chrono::milliseconds first, std::chrono::milliseconds longest)
@@ -55,6 +56,7 @@ class LinkMonitor {
  private:
   enum class Controller : uint8_t { kActive, kPassive, kBusOff };
 
+  void note_link_error(int error);
   void update();
 
   BusHealth health_;

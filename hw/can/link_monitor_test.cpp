@@ -25,11 +25,13 @@ BusErrors errors(std::initializer_list<BusFault> faults) {
 TEST(Backoff, DoublesUpToTheLongestAndBeginsAnewAfterSuccess) {
   Backoff backoff(milliseconds(10), milliseconds(35));
   EXPECT_TRUE(backoff.due(at(0)));
+  int now = 0;
   for (const int wait : {10, 20, 35, 35}) {
-    backoff.failed(at(0));
-    EXPECT_EQ(backoff.retry_at(), at(wait));
-    EXPECT_FALSE(backoff.due(at(wait - 1)));
-    EXPECT_TRUE(backoff.due(at(wait)));
+    backoff.failed(at(now));
+    EXPECT_EQ(backoff.retry_at(), at(now + wait));
+    EXPECT_FALSE(backoff.due(at(now + wait - 1)));
+    now += wait;
+    EXPECT_TRUE(backoff.due(at(now)));
   }
   backoff.succeeded();
   EXPECT_FALSE(backoff.retry_at());
@@ -77,6 +79,19 @@ TEST(LinkMonitor, AnInterfaceThatIsAwayIsLookedAtFiveTimesASecondAtLeast) {
   monitor.link_works();
   EXPECT_EQ(monitor.health().restored, 1U);
   EXPECT_FALSE(monitor.link_retry_at());
+}
+
+TEST(LinkMonitor, UrgentFramesThatFailDoNotPutTheNextLookAtTheInterfaceOff) {
+  LinkMonitor monitor;
+  monitor.link_failed(ENODEV, at(0));
+  int looks = 0;
+  for (int ms = 1; ms < 2000; ++ms) {
+    monitor.send_failed(ENXIO, at(ms));
+    if (at(ms) < *monitor.link_retry_at()) continue;
+    monitor.link_failed(ENODEV, at(ms));
+    ++looks;
+  }
+  EXPECT_GE(looks, 10);
 }
 
 TEST(LinkMonitor, NothingIsQueuedWhileTheControllerIsBusOff) {

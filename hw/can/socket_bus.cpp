@@ -23,9 +23,9 @@ namespace {
 /// What recvmsg() gave, beside the bytes.
 struct Reception {
   KernelFrame kernel;
-  int64_t wall_stamp = 0;        ///< [ns]
-  std::optional<uint32_t> lost;  ///< so far
-  int error = 0;                 ///< errno; EAGAIN: nothing there
+  std::optional<int64_t> wall_stamp;  ///< [ns]
+  std::optional<uint32_t> lost;       ///< so far
+  int error = 0;                      ///< errno; EAGAIN: nothing there
 };
 
 template <typename T>
@@ -160,7 +160,8 @@ class SocketBus final : public CanBus {
       const auto* frame = std::get_if<CanFrame>(&content);
       if (frame == nullptr || !passes(filters_, *frame)) continue;
       monitor_.received(now);
-      return ReceivedFrame{*frame, clock_.stamp(got.wall_stamp, StampClock::read())};
+      const auto clocks = StampClock::read();
+      return ReceivedFrame{*frame, clock_.stamp(got.wall_stamp.value_or(clocks.wall), clocks)};
     }
   }
 

@@ -26,7 +26,7 @@ fetch_kernel() {
   say "downloading Debian's kernel into $cache"
   download_kernel && return
   as_root apt-get update -qq >&2 || true
-  download_kernel || stop "Debian's kernel could not be downloaded: $(cat "$cache/apt.log" 2>/dev/null || echo 'apt knows no linux-image-amd64')"
+  download_kernel || stop "Debian's kernel could not be downloaded; are the network and Debian's mirror reachable? $(cat "$cache/apt.log" 2>/dev/null || echo 'apt knows no linux-image-amd64')"
 }
 
 # module_files TREE VERSION MODULE...: with what they need, in the order of loading.
@@ -70,10 +70,12 @@ prepare_kernel() {
   flock 9
   if ! kernel_is_ready; then
     fetch_kernel
-    tree=$(mktemp -d "$cache/tree.XXXXXX")
+    tree=$cache/tree
+    rm -rf -- "$tree"  # of a try that was interrupted
+    mkdir -- "$tree"
     for package in "$cache"/linux-image-*.deb; do
       dpkg-deb -x "$package" "$tree" || {
-        rm -f -- "$package"
+        rm -rf -- "$package" "$tree"
         stop "$package is damaged; the next try downloads it again"
       }
     done
