@@ -64,6 +64,9 @@ struct DescribeOdrive {
   Described operator()(const odrive::SetLimits& m) const {
     return {"Set_Limits", {{"Velocity_Limit", m.velocity}, {"Current_Limit", m.current}}};
   }
+  Described operator()(const odrive::ClearErrors& m) const {
+    return {"Clear_Errors", {{"Identify", m.identify ? 1.0 : 0.0}}};
+  }
   Described operator()(odrive::Request) const { return {"Request", {}}; }
 };
 
@@ -131,7 +134,8 @@ class Source {
             odrive::SetControllerMode{static_cast<odrive::ControlMode>(word()),
                                       static_cast<odrive::InputMode>(word())},
             odrive::SetInputPosition{number(100), number(32.767F), number(32.767F)},
-            odrive::SetLimits{number(1e3F), number(60)}};
+            odrive::SetLimits{number(1e3F), number(60)},
+            odrive::ClearErrors{word() % 2 == 1}};
   }
   std::vector<xsens::Message> xsens() {
     return {xsens::SampleTime{word()},

@@ -25,6 +25,7 @@ enum class Command : uint8_t {
   kSetControllerMode = 0x0B,
   kSetInputPosition = 0x0C,
   kSetLimits = 0x0F,
+  kClearErrors = 0x18,
 };
 
 /// Length [bytes] of a command's payload; nothing for a command that is not of the rig.
@@ -32,6 +33,8 @@ std::optional<uint8_t> length_of(Command command) {
   switch (command) {
     case Command::kEstop:
       return 0;
+    case Command::kClearErrors:
+      return 1;
     case Command::kSetAxisState:
       return 4;
     case Command::kHeartbeat:
@@ -113,6 +116,10 @@ struct Encoder {
     to.put_float(m.velocity, 0);
     to.put_float(m.current, 4);
   }
+  void operator()(const ClearErrors& m) {
+    to.begin(node, Command::kClearErrors);
+    to.put(static_cast<uint8_t>(m.identify ? 1 : 0), 0);
+  }
   void operator()(Request request) {
     to.begin(node, request == Request::kErrors ? Command::kGetError : Command::kGetEncoderEstimates);
     to.frame.remote = true;
@@ -147,6 +154,8 @@ Message message_of(Command command, const CanFrame& frame) {
       return SetInputPosition{at<float>(frame, 0), feedforward_at(frame, 4), feedforward_at(frame, 6)};
     case Command::kSetLimits:
       return SetLimits{at<float>(frame, 0), at<float>(frame, 4)};
+    case Command::kClearErrors:
+      return ClearErrors{(at<uint8_t>(frame, 0) & 1U) != 0};
     case Command::kEstop:
       break;
   }

@@ -87,6 +87,11 @@ struct SetInputPosition {
   float torque_feedforward = 0;    ///< [Nm], likewise
   bool operator==(const SetInputPosition&) const = default;
 };
+/// Makes a drive forget its errors, an emergency stop among them.
+struct ClearErrors {
+  bool identify = false;  ///< its light blinks too
+  bool operator==(const ClearErrors&) const = default;
+};
 struct SetLimits {
   float velocity = 0;  ///< [turns/s]
   float current = 0;   ///< [A]
@@ -97,7 +102,7 @@ struct SetLimits {
 enum class Request : uint8_t { kErrors, kEncoderEstimates };
 
 using Message = std::variant<Heartbeat, Errors, EncoderEstimates, Estop, SetAxisState, SetControllerMode,
-                             SetInputPosition, SetLimits, Request>;
+                             SetInputPosition, SetLimits, ClearErrors, Request>;
 
 struct Addressed {
   Node node;

@@ -21,15 +21,16 @@ CanFrame encoded(Node node, const Message& message) {
   return frame.value_or(CanFrame());
 }
 
-const std::array<Message, 9> kMessages = {Heartbeat{kErrorEstopRequested, AxisState::kClosedLoop, 1, true},
-                                          Errors{kErrorWatchdogExpired, 7},
-                                          EncoderEstimates{0.25F, -1.5F},
-                                          Estop{},
-                                          SetAxisState{AxisState::kHoming},
-                                          SetControllerMode{ControlMode::kPosition, InputMode::kTrapezoid},
-                                          SetInputPosition{-0.125F, 0.5F, -0.25F},
-                                          SetLimits{2, 5},
-                                          Request::kEncoderEstimates};
+const std::array<Message, 10> kMessages = {Heartbeat{kErrorEstopRequested, AxisState::kClosedLoop, 1, true},
+                                           Errors{kErrorWatchdogExpired, 7},
+                                           EncoderEstimates{0.25F, -1.5F},
+                                           Estop{},
+                                           SetAxisState{AxisState::kHoming},
+                                           SetControllerMode{ControlMode::kPosition, InputMode::kTrapezoid},
+                                           SetInputPosition{-0.125F, 0.5F, -0.25F},
+                                           SetLimits{2, 5},
+                                           Request::kEncoderEstimates,
+                                           ClearErrors{true}};
 
 TEST(Odrive, TheFramesAreThoseOfTheManual) {
   EXPECT_EQ(to_string(encoded({16}, kMessages[0])), "201#0000000208010100");
@@ -41,6 +42,7 @@ TEST(Odrive, TheFramesAreThoseOfTheManual) {
   EXPECT_EQ(to_string(encoded({16}, kMessages[6])), "20C#000000BEF40106FF");
   EXPECT_EQ(to_string(encoded({16}, kMessages[7])), "20F#000000400000A040");
   EXPECT_EQ(to_string(encoded({16}, kMessages[8])), "209#R8");
+  EXPECT_EQ(to_string(encoded({17}, kMessages[9])), "238#01");
 }
 
 TEST(Odrive, WhatIsEncodedIsDecodedToTheSame) {
@@ -87,7 +89,7 @@ TEST(Odrive, EveryIdentifierIsAMessageOrANamedFault) {
       }
     }
   }
-  EXPECT_EQ(messages, 2U * 8U);
+  EXPECT_EQ(messages, 2U * 9U);
   EXPECT_EQ(fault_of({.id = {0x21F, false}, .length = 8}).kind, CodecFault::Kind::kUnknownId);
 }
 
