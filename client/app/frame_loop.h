@@ -22,7 +22,7 @@ struct FrameLoopOptions {
   int height = 0;
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
   /// Lost where no map is known, by the frames' stamps, after which another map is begun.
-  std::chrono::nanoseconds lost_patience = std::chrono::seconds(3);
+  std::chrono::nanoseconds lost_patience = std::chrono::seconds(1);
   std::function<bool()> new_map_requested = [] { return false; };  ///< asked once a frame
   /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
   std::chrono::milliseconds settle_timeout{120'000};

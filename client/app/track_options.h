@@ -31,7 +31,7 @@ struct TrackOptions {
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes
   bool no_new_maps = false;  ///< keyframes only
   std::string map;           ///< name of the only map to track in, for those who make none; empty: any
-  int lost_patience = 3;     ///< [s] lost where no map is known, after which a builder begins one
+  int lost_patience = 1;     ///< [s] lost where no map is known, after which a builder begins one
   Pace pace = Pace::kRealtime;
   uint64_t seed = 1;
   bool headless = false;

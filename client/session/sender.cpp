@@ -133,6 +133,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   message.second_image = encode_image(*proposal.second_image, encoding_);
   message.trails = proposal.trails;
   message.second_from_first = proposal.second_from_first;
+  message.still_mask = bits_of(proposal.still);
   return message;
 }
 
@@ -154,6 +155,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable, uint64
   message.measurements = proposal.measurements;
   message.candidates = proposal.candidates;
   message.reference_command = reference;
+  message.still_mask = bits_of(proposal.still);
   return message;
 }
 

@@ -12,6 +12,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/image/place.h"
+#include "common/image/still_mask.h"
 #include "common/map/ids.h"
 #include "common/map/observations.h"
 
@@ -25,7 +26,8 @@ struct SeedProposal {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
-  SE3 second_from_first;  ///< |translation| = 1
+  SE3 second_from_first;    ///< |translation| = 1
+  StillMaskPtr still = {};  ///< what stands still in both images; null: nothing
 };
 
 /// The present frame as a keyframe: to be sent as KeyframeOffer together with its image.
@@ -40,6 +42,7 @@ struct KeyframeProposal {
   uint64_t number = 0;  ///< of the tracker's proposals, from 1: the answer names it
   /// The proposal that it was tracked against, which has not been answered; 0: none, `reference` was.
   uint64_t reference_number = 0;
+  StillMaskPtr still = {};  ///< what stands still in its image; null: nothing
 };
 
 /// The server's yes to a seed.

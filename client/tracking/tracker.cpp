@@ -404,6 +404,7 @@ void Tracker::State::propose_keyframe(Timestamp time) {
                             {},
                             provisional.candidates(model.last())};
   proposal.number = ++proposals;
+  proposal.still = now().still();
   for (const VisiblePoint& p : finder.points()) {
     if (p.found && !is_local(p.id)) proposal.measurements.push_back({p.id, p.level, p.pixel});
   }

@@ -282,7 +282,7 @@ std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Ti
   if (movement_ < kMoreMovement * tried_at_movement_) return std::nullopt;
   tried_at_movement_ = movement_;
 
-  SeedProposal proposal{first_time_, time, first_image_, image, {}, {}};
+  SeedProposal proposal{first_time_, time, first_image_, image, {}, {}, now.still()};
   std::vector<PixelMatch> matches;
   const auto found = match_with_first(now, trails_.size());
   proposal.trails.reserve(trails_.size());

@@ -25,6 +25,10 @@ void mark_around(const StillMask& mask, int radius, uint8_t bit, std::vector<uin
   }
 }
 
+size_t bytes_of_cells(int width, int height) {
+  return (static_cast<size_t>(width) * static_cast<size_t>(height) + 7) / 8;
+}
+
 }  // namespace
 
 StillMask::StillMask(int width, int height, std::vector<uint8_t> still)
@@ -40,18 +44,58 @@ size_t StillMask::still_cells() const {
       std::count_if(still_.begin(), still_.end(), [](uint8_t cell) { return cell != 0; }));
 }
 
+bool StillMask::touches(const Eigen::Vector2f& pixel, int level) const {
+  const auto is_within = [](float value, int cells) {
+    return value >= 0 && value < static_cast<float>((cells + 1) * kCell);
+  };
+  return is_within(pixel.x(), width_) && is_within(pixel.y(), height_) &&
+         touches(std::min(static_cast<int>(pixel.x()), width_ * kCell - 1) >> level,
+                 std::min(static_cast<int>(pixel.y()), height_ * kCell - 1) >> level, level);
+}
+
+// What is left of an image beyond the last whole cell is as that cell.
 void StillMask::remove_from(CornerList* corners, int level) const {
+  const int last_x = ((width_ * kCell) >> level) - 1;
+  const int last_y = ((height_ * kCell) >> level) - 1;
   size_t kept = 0;
   for (size_t y = 0; y + 1 < corners->row_begin.size(); ++y) {
     const size_t begin = corners->row_begin[y];
     corners->row_begin[y] = static_cast<uint32_t>(kept);
     for (size_t i = begin; i < corners->row_begin[y + 1]; ++i) {
       const Corner c = corners->corners[i];
-      if (!touches(c.x, c.y, level)) corners->corners[kept++] = c;
+      if (!touches(std::min<int>(c.x, last_x), std::min<int>(c.y, last_y), level))
+        corners->corners[kept++] = c;
     }
   }
   if (!corners->row_begin.empty()) corners->row_begin.back() = static_cast<uint32_t>(kept);
   corners->corners.resize(kept);
+}
+
+std::vector<uint8_t> bits_of(const StillMaskPtr& mask) {
+  if (mask == nullptr) return {};
+  const int width = mask->width();
+  std::vector<uint8_t> bits(bytes_of_cells(width, mask->height()), 0);
+  for (int y = 0; y < mask->height(); ++y) {
+    for (int x = 0; x < width; ++x) {
+      const auto cell = static_cast<size_t>(y) * static_cast<size_t>(width) + static_cast<size_t>(x);
+      if (mask->is_still(x, y)) bits[cell / 8] |= static_cast<uint8_t>(1 << cell % 8);
+    }
+  }
+  return bits;
+}
+
+size_t still_mask_bytes(int image_width, int image_height) {
+  return bytes_of_cells(image_width / kCell, image_height / kCell);
+}
+
+StillMaskPtr still_mask_of(int image_width, int image_height, std::span<const uint8_t> bits) {
+  if (bits.size() != still_mask_bytes(image_width, image_height)) return nullptr;
+  const int width = image_width / kCell;
+  const int height = image_height / kCell;
+  std::vector<uint8_t> still(static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (size_t cell = 0; cell < still.size(); ++cell) still[cell] = bits[cell / 8] >> cell % 8 & 1;
+  if (std::all_of(still.begin(), still.end(), [](uint8_t cell) { return cell == 0; })) return nullptr;
+  return std::make_shared<const StillMask>(width, height, std::move(still));
 }
 
 }  // namespace cairn

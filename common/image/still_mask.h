@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "common/image/corners.h"
@@ -34,6 +36,8 @@ class StillMask {
     if (column >= width_ || row >= height_) return false;
     return (touched_[index(column, row)] >> level & 1) != 0;
   }
+  /// The same of a pixel of level 0, looked at on a pyramid level.
+  [[nodiscard]] bool touches(const Eigen::Vector2f& pixel, int level) const;
   /// Takes such corners from the list of a level.
   void remove_from(CornerList* corners, int level) const;
 
@@ -49,5 +53,13 @@ class StillMask {
 };
 
 using StillMaskPtr = std::shared_ptr<const StillMask>;
+
+/// As on the wire and in files: a bit for each cell, row by row, the lowest bit of a byte first. Of no mask:
+/// none.
+[[nodiscard]] std::vector<uint8_t> bits_of(const StillMaskPtr& mask);
+/// Bytes of a mask of images of this size [px].
+[[nodiscard]] size_t still_mask_bytes(int image_width, int image_height);
+/// Null when the bits are not as many as such a mask has, or none is set.
+[[nodiscard]] StillMaskPtr still_mask_of(int image_width, int image_height, std::span<const uint8_t> bits);
 
 }  // namespace cairn

@@ -89,6 +89,7 @@ class Assembly {
       k.near_depth = r.near_depth;
       k.far_depth = r.far_depth;
       k.live = r.live;
+      k.still = r.still;
       if (r.estimated_camera < 0 || static_cast<size_t>(r.estimated_camera) >= cameras_.size()) continue;
       k.estimated_camera = r.estimated_camera;
       k.camera = cameras_[static_cast<size_t>(r.estimated_camera)].camera;
@@ -116,7 +117,7 @@ class Assembly {
       MapKeyframe& k = keyframe(r.keyframe);
       if (r.image->width() != k.camera->width() || r.image->height() != k.camera->height()) continue;
       has_image_[k.id.value - 1] = true;
-      if (images_ == RestoredImages::kStay) k.images = prepare_images(r.image->view());
+      if (images_ == RestoredImages::kStay) k.images = prepare_images(r.image->view(), k.still);
     }
     for (const MapKeyframe& k : keyframes_) {
       if (k.live && !has_image_[k.id.value - 1]) note_lost(k.id, "its image");

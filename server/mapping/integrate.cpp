@@ -49,7 +49,8 @@ std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input
   for (const PointMeasurement& m : input.measurements) {
     const bool sound =
         map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
-    if (!sound || measured[m.id.value - 1]) continue;
+    if (!sound || measured[m.id.value - 1] || (input.still && input.still->touches(m.pixel, m.level)))
+      continue;
     measured[m.id.value - 1] = true;
     known.push_back(m);
     observations.push_back(
@@ -107,7 +108,7 @@ size_t add_what_is_expected(const MapState& map, KeyframeInput* input) {
   MapKeyframe frame;
   frame.camera = input->camera;
   frame.camera_from_map = input->camera_from_reference * map.keyframe(input->reference).camera_from_map;
-  frame.images = prepare_images(input->image->view());
+  frame.images = prepare_images(input->image->view(), input->still);
   size_t expected = 0;
   for (const PointId id : map.live_point_ids()) {
     const MapPoint& point = map.point(id);
@@ -205,7 +206,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (nearest.any < kNewAreaDistance * needed) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
   }
-  auto images = prepare_images(input.image->view());
+  auto images = prepare_images(input.image->view(), input.still);
   const bool knows_little =
       static_cast<double>(judged->inliers.size()) <
       kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
@@ -219,6 +220,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   keyframe.camera = input.camera;
   keyframe.time = input.time;
   keyframe.camera_from_map = judged->camera_from_map;
+  keyframe.still = input.still;
   keyframe.images = std::move(images);
   keyframe.mean_depth = judged->mean_depth;
   const std::vector<Measurement> shown = shown_measurements(*map, keyframe, judged->inliers);

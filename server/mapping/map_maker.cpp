@@ -350,7 +350,7 @@ std::vector<KeyframeId> MapMaker::lacking_images() const {
 bool MapMaker::give_image_back(KeyframeId id, const GrayView& image) {
   MapKeyframe& k = state_->map.keyframe(id);
   if (image.width != k.camera->width() || image.height != k.camera->height()) return false;
-  if (lacks_images(k)) k.images = prepare_images(image);
+  if (lacks_images(k)) k.images = prepare_images(image, k.still);
   return true;
 }
 

@@ -14,6 +14,7 @@
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
+#include "common/image/still_mask.h"
 #include "common/map/ids.h"
 #include "common/map/keyframe_view.h"
 #include "common/map/limits.h"
@@ -55,6 +56,7 @@ struct SeedInput {
   std::vector<Trail> trails;
   SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
   std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
+  StillMaskPtr still = {};  ///< what stands still in both images: no point is made there; null: nothing
 };
 
 struct SeedResult {
@@ -78,6 +80,7 @@ struct KeyframeInput {
   /// It was tracked against a frame that was no keyframe yet, so points of the map that were made since then
   /// are looked for in it.
   bool is_chained = false;
+  StillMaskPtr still = {};  ///< as SeedInput's
 };
 
 enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged, kFull };

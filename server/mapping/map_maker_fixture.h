@@ -65,10 +65,19 @@ class MapMakerFixture : public ::testing::Test {
     input_.doubt = CameraDoubt{{ClientId{{1}}, 0, 1}, {0.1, 0.05}};
   }
 
+  /// From now on all left of this pixel stands still in every image.
+  void mask_left_of(int pixel) {
+    const int width = scene_.camera()->width() / 8;
+    std::vector<uint8_t> still(static_cast<size_t>(width * (scene_.camera()->height() / 8)), 0);
+    for (size_t i = 0; i < still.size(); ++i) still[i] = static_cast<int>(i) % width < pixel / 8;
+    input_.still = std::make_shared<const StillMask>(width, scene_.camera()->height() / 8, std::move(still));
+  }
+
   /// Offers the view of a step and, when accepted, does all the work.
   KeyframeDecision offer(int step) {
     KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
     offered.doubt = input_.doubt;
+    offered.still = input_.still;
     KeyframeDecision decision = maker_->add_keyframe(offered);
     if (decision.verdict == KeyframeVerdict::kAccepted) {
       steps_.push_back(step);

@@ -78,6 +78,30 @@ TEST_F(MapMakerTest, StartsFromTwoViews) {
   expect_accurate(0.01, 0.05);
 }
 
+TEST_F(MapMakerTest, NothingIsMadeOfWhatStandsStill) {
+  constexpr int kEdge = 200;
+  const auto left_of_it = [&] {
+    size_t measured = 0;
+    for (const KeyframeView& view : maker_->keyframe_views()) {
+      measured += static_cast<size_t>(std::count_if(view.measurements.begin(), view.measurements.end(),
+                                                    [](const auto& m) { return m.pixel.x() < kEdge; }));
+    }
+    return measured;
+  };
+  start();
+  ASSERT_GT(left_of_it(), 20U);
+  mask_left_of(kEdge);
+  start();
+  for (const int step : {5, 8, 11}) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  EXPECT_EQ(left_of_it(), 0U);
+  for (const KeyframeView& view : maker_->keyframe_views()) {
+    for (int l = 0; l < kPyramidLevels; ++l) {
+      for (const Corner& c : (*view.corners)[static_cast<size_t>(l)].corners)
+        ASSERT_GT(static_cast<int>(from_level(static_cast<float>(c.x), l)), kEdge);
+    }
+  }
+}
+
 TEST_F(MapMakerTest, CeresMakesTheSameMap) {
   start();
   MapMakerOptions options;

@@ -35,6 +35,7 @@ struct KeyframeRecord {
   double far_depth = 0;
   bool live = true;
   int estimated_camera = -1;  ///< index of a FoundCameraRecord, whose values count; -1: `camera` is exact
+  StillMaskPtr still = {};    ///< MapKeyframe::still
 };
 
 struct MeasurementsRecord {

@@ -80,6 +80,7 @@ class MapRecordTest : public testing::MapMakerFixture {
 };
 
 TEST_F(MapRecordTest, ARestoredMapGoesOnAsTheOriginalWouldHave) {
+  mask_left_of(80);
   start();
   ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
   // In the midst of its work: one keyframe with some of its points, none re-found yet.

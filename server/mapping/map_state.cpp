@@ -51,12 +51,13 @@ constexpr int kCandidateBarrier = 6;
 constexpr int kCandidateBorder = 14;  // [px]
 constexpr float kMinShiTomasi = 20.0F;
 
-std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image) {
+std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image, const StillMaskPtr& still) {
   auto images = std::make_shared<KeyframeImages>();
   images->pyramid.build(image);
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
+    if (still) still->remove_from(&images->corners[i], l);
     images->corners[i].corners.shrink_to_fit();
   }
   return images;

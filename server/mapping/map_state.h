@@ -11,6 +11,7 @@
 #include "common/geometry/se3.h"
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
+#include "common/image/still_mask.h"
 #include "common/map/ids.h"
 #include "common/map/snapshot.h"
 #include "server/mapping/map_camera.h"
@@ -36,8 +37,9 @@ struct KeyframeImages {
 /// KeyframeImages::bytes() as it will be, about: the pyramid, and a quarter of that for corners.
 [[nodiscard]] size_t expected_image_bytes(const Camera& camera);
 
-/// Pyramid and FAST-10 corners (thresholds 10, 15, 15, 10) of an image.
-[[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image);
+/// Pyramid and FAST-10 corners (thresholds 10, 15, 15, 10) of an image, without those of what stands still.
+[[nodiscard]] std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image,
+                                                                   const StillMaskPtr& still);
 
 /// Where new points may be made at a level (PTAM r114). Needed once in a keyframe's life, so not kept.
 [[nodiscard]] std::vector<Candidate> point_candidates(const KeyframeImages& images, int level);
@@ -60,6 +62,7 @@ struct MapKeyframe {
   SE3 camera_from_map;
   std::shared_ptr<const KeyframeImages>
       images;                             ///< null once the keyframe is removed, or while they are let go
+  StillMaskPtr still;                     ///< what stands still in them; null: nothing
   std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
   std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
   double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below

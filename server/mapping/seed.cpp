@@ -74,6 +74,8 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
     const Eigen::Vector2d b = trail.second.cast<double>();
     if (!a.allFinite() || !b.allFinite() || !input.camera->in_image(a) || !input.camera->in_image(b))
       continue;
+    if (input.still && (input.still->touches(trail.first, 0) || input.still->touches(trail.second, 0)))
+      continue;
     SeedMatch m{trail.id, to_corner(trail.first), {a, b}};
     const auto source = make_source(first, 0, m.corner);
     if (!source) continue;
@@ -144,7 +146,8 @@ MapKeyframe make_keyframe(const SeedInput& input, int estimated_camera, const Gr
   k.camera = input.camera;
   k.estimated_camera = estimated_camera;
   k.time = time;
-  k.images = prepare_images(image.view());
+  k.still = input.still;
+  k.images = prepare_images(image.view(), k.still);
   return k;
 }
 

@@ -66,6 +66,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
+  const bool may_die_young = !message.lockstep && message.map_name.empty();
   SeedJob job;
   job.input.map = message.lockstep ? maps_.repeatable_id(message) : maps_.next_id();
   job.input.map_name = maps_.free_name(message.map_name);
@@ -76,6 +77,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
   job.input.second_from_first = message.second_from_first;
+  job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
@@ -85,6 +87,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   auto runner = make_runner(map);
   maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}}).seeding = true;
   verdict.map = map;
+  if (may_die_young) young_.made(map, client.name, message.command.session);
   runner->start(std::move(job),
                 [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
                   post([this, name, verdict, result = std::move(result), snapshot = std::move(snapshot)] {
@@ -168,6 +171,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.input.camera_from_reference = message.camera_from_reference;
   job.input.measurements = std::move(message.measurements);
   job.input.candidates = std::move(message.candidates);
+  job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
@@ -193,6 +197,7 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
                                    wire::OfferOutcome outcome) {
   log_->debug("{}: offer {}: {}", client_name, outcome.seq,
               outcome.reason.empty() ? "keyframe " + std::to_string(outcome.keyframe.value) : outcome.reason);
+  if (outcome.decision == wire::OfferDecision::kAccepted) young_.forget(outcome.map);
   const auto client = clients_.find(client_name);
   if (client == clients_.end()) return;
   client->second.offer_gate.decide(session, std::move(outcome));
@@ -330,6 +335,7 @@ void Switchboard::on_overlap(const Overlap& overlap) {
 }
 
 void Switchboard::forget_map(MapId map) {
+  young_.forget(map);
   const MapEntry* entry = maps_.find(map);
   if (entry == nullptr) return;
   const bool was_told = entry->snapshot != nullptr;

@@ -73,6 +73,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.store = options.store;
   service.rest_after = options.rest_after;
+  service.drop_after = options.drop_after;
   service.wearers.policy = options.wearer_policy;
   service.wearers.registered = std::move(wearers);
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));

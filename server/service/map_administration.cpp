@@ -71,6 +71,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   if (!entry->name_to_be.empty())
     return answer(refusal(ErrorCode::kRefused, "the map is being renamed by another; try again"));
   entry->name_to_be = name;  // nobody else gets it meanwhile
+  young_.forget(id);
   entry->runner->rename(name, [this, id, name, answer](const Status& kept) {
     post([this, id, name, answer, kept] {
       MapEntry* renamed = maps_.find(id);
@@ -130,6 +131,24 @@ void Switchboard::finish_deletion(MapId id, const Status& removed, const AdminAn
   maps_.reserve(id);
   if (store_ == nullptr) overlaps_.forget(id);
   answer(success(deleted));
+}
+
+void Switchboard::drop_dead_maps(MonotonicTime now) {
+  if (options_.drop_after.count() == 0) return;
+  for (const YoungMaps::Dead& dead : young_.dead(now, options_.drop_after)) {
+    MapEntry* entry = maps_.find(dead.map);
+    if (entry != nullptr && (entry->seeding || entry->offers_in_work > 0)) continue;  // it may yet be of use
+    young_.forget(dead.map);
+    if (entry == nullptr || entry->leaving || !entry->frozen.empty()) continue;
+    const std::string id = to_hex(dead.map.bytes);
+    log_->info("{} is dropped: {} lost it after {:.1f} s, and nobody has been found in it since{}",
+               entry->name, dead.maker, std::chrono::duration<double>(dead.tracked).count(),
+               store_ == nullptr ? "" : "; `cairnctl map " + id + " undelete` puts it back");
+    const bool for_good = store_ == nullptr;
+    delete_map(dead.map, entry, for_good, [log = log_, name = entry->name](const wire::AdminReply& reply) {
+      if (reply.result != 0) log->warn("{} could not be dropped: {}", name, reply.text);
+    });
+  }
 }
 
 void Switchboard::answer_without_map(const std::string& verb, const std::string& wanted,

@@ -59,6 +59,7 @@ void Switchboard::change_label(const wire::ClientRequest& request, const std::st
   const Timestamp now = wall_time();
   const LabelBook::Judgement judged = entry->labels.judge(request, author, now, *entry->snapshot);
   if (judged.decision != wire::RequestDecision::kDone) return done(judged);
+  young_.forget(request.map);
   const auto settle = [this, map = request.map, judged, done](const Status& kept) {
     LabelBook::Judgement word = judged;
     if (!kept) {

@@ -66,6 +66,11 @@ constexpr OptionRow kOptions[] = {
      "with --store, pictures of a map that nobody has worked on for so long are let go until somebody does; "
      "0: never [60]",
      true},
+    {"drop-after", "SECONDS",
+     "a map that its maker loses within a second, and in which nobody is found again, is deleted when its "
+     "maker "
+     "has been elsewhere for so long; 0: never [10]",
+     true},
     {"wearer-rule", "first|only",
      "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
      "[first]",
@@ -156,10 +161,10 @@ Result<ServerOptions> translate(const Words& words) {
         return refuse("expected a number of megabytes from 1 on");
       }
       options.max_memory_mb = *megabytes;
-    } else if (name == "rest-after") {
+    } else if (name == "rest-after" || name == "drop-after") {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");
-      options.rest_after = std::chrono::seconds(*seconds);
+      (name == "rest-after" ? options.rest_after : options.drop_after) = std::chrono::seconds(*seconds);
     } else if (name == "wearer-rule") {
       if (value != "first" && value != "only") return refuse("expected first or only");
       options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;

@@ -29,6 +29,7 @@ struct ServerOptions {
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   std::string store;                             ///< folder; empty: nothing is kept
   std::chrono::seconds rest_after{60};           ///< ServiceOptions::rest_after
+  std::chrono::seconds drop_after{10};           ///< ServiceOptions::drop_after
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
   std::string stats;    ///< file; empty: none
   std::string wearers;  ///< file; empty: as clients claim

@@ -87,6 +87,9 @@ TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
   EXPECT_EQ(accepted({"--rest-after", "5"}).rest_after, std::chrono::seconds(5));
   EXPECT_EQ(accepted({"--rest-after=0"}).rest_after, std::chrono::seconds(0));
   for (const char* none : {"-1", "soon", "5000000000"}) EXPECT_EQ(refused({"--rest-after", none}).code, 2);
+  EXPECT_EQ(accepted({}).drop_after, std::chrono::seconds(10));
+  EXPECT_EQ(accepted({"--drop-after", "0"}).drop_after, std::chrono::seconds(0));
+  for (const char* none : {"-1", "soon"}) EXPECT_EQ(refused({"--drop-after", none}).code, 2);
 }
 
 TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
@@ -153,7 +156,7 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   EXPECT_EQ(help.code, 0);
   for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
                            "--security", "--http", "--seed", "--max-maps", "--max-memory", "--relocalizer",
-                           "--rest-after", "--wearer-rule", "--wearers", "--stats"}) {
+                           "--rest-after", "--drop-after", "--wearer-rule", "--wearers", "--stats"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -273,6 +273,7 @@ void Switchboard::tick(MonotonicTime now) {
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   let_maps_rest(now);
+  drop_dead_maps(now);
   keep_overlaps();
   // Revisions that name what could not be written are waited for in vain, and an idle map makes no more.
   for (const auto& [map, entry] : maps_.all()) {
@@ -355,6 +356,7 @@ void Switchboard::disconnect(Client& client) {
   client.left_at = steady_clock::now();
   presence_.gone(client.name);
   wearers_.left(client.name);
+  young_.left(client.name);
 }
 
 void Switchboard::open_wanted_feeds(Client& client) {
@@ -419,6 +421,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
   // others.
   const bool is_here = is_proven && maps_.find(message.map) != nullptr;
   wearers_.heard(client.name, {message.wearer, is_here ? message.map : MapId{}, message.frame_time}, now);
+  young_.heard(client.name, {message.session, message.state, message.map, message.frame_time}, now);
   const auto feed = client.feeds.find(message.map);
   if (feed != client.feeds.end()) feed->second.client_has(message.epoch, message.revision);
 }

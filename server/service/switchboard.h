@@ -27,6 +27,7 @@
 #include "server/service/transfers.h"
 #include "server/service/wearer_rule.h"
 #include "server/service/worker_pool.h"
+#include "server/service/young_maps.h"
 
 namespace cairn {
 
@@ -144,6 +145,8 @@ class Switchboard {
   void delete_map(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer);
   /// `removed`: whether the store has let go of it; if not, it stays in service.
   void finish_deletion(MapId id, const Status& removed, const AdminAnswer& answer);
+  /// Deletes what nobody will miss (YoungMaps), as an operator would.
+  void drop_dead_maps(MonotonicTime now);
   /// To a request about a map that is not in service: one that is deleted is told from one that nobody knows.
   void answer_without_map(const std::string& verb, const std::string& wanted, const AdminAnswer& answer);
   void undelete_map(const std::string& wanted, const AdminAnswer& answer);
@@ -234,6 +237,7 @@ class Switchboard {
   std::map<ClientId, std::string> names_;
   Presence presence_;
   WearerRule wearers_;
+  YoungMaps young_;
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told

@@ -77,6 +77,7 @@ class ByteReader {
     return text;
   }
   [[nodiscard]] bool good() const { return good_; }
+  [[nodiscard]] size_t left() const { return good_ ? rest_.size() : 0; }
   /// Good, and nothing is left.
   [[nodiscard]] bool finished() const { return good_ && rest_.empty(); }
 

@@ -161,7 +161,8 @@ TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
   keep();
   const std::vector<uint8_t> before = bytes_of(load().record);
   for (const auto& [as_written, labels] :
-       {std::pair("DROP TABLE found_cameras; PRAGMA user_version=2", 1),
+       {std::pair("PRAGMA user_version=3", 1),
+        std::pair("DROP TABLE found_cameras; PRAGMA user_version=2", 1),
         std::pair("DROP TABLE labels; DROP TABLE found_cameras; PRAGMA user_version=1", 0)}) {
     ASSERT_TRUE(open_raw().execute(as_written));
     const StoredMap stored = load();

@@ -148,6 +148,7 @@ Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
   out.put(keyframe.near_depth);
   out.put(keyframe.far_depth);
   out.put(static_cast<uint8_t>(keyframe.live));
+  out.put(bits_of(keyframe.still));
   return out.take();
 }
 
@@ -165,11 +166,17 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   keyframe.near_depth = in.get<double>();
   keyframe.far_depth = in.get<double>();
   const auto live = in.get<uint8_t>();
-  const bool sound = in.finished() && pose && camera != cameras.end() && live <= 1 &&
+  std::vector<uint8_t> still(in.left());  // none before schema 4, and of most cameras
+  in.get(still);
+  const bool sound = in.good() && pose && camera != cameras.end() && live <= 1 &&
                      is_length(keyframe.mean_depth) && is_length(keyframe.near_depth) &&
                      is_length(keyframe.far_depth);
   if (!sound) return std::nullopt;
   keyframe.camera = camera->second;
+  if (!still.empty()) {
+    keyframe.still = still_mask_of(keyframe.camera->width(), keyframe.camera->height(), still);
+    if (keyframe.still == nullptr) return std::nullopt;
+  }
   if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(found_camera_row(0) - camera_row);
   keyframe.camera_from_map = *pose;
   keyframe.live = live == 1;

@@ -222,6 +222,25 @@ TEST_F(RowCodecTest, NoBytesDoHarm) {
   }
 }
 
+TEST_F(RowCodecTest, AKeyframeMaySayWhatStandsStill) {
+  KeyframeRecord masked = keyframe();
+  const Blob without = encode_keyframe(masked, 8);
+  std::vector<uint8_t> bits(still_mask_bytes(320, 240), 0);
+  bits[7] = 0x12;
+  masked.still = still_mask_of(320, 240, bits);
+  const Blob with = encode_keyframe(masked, 8);
+  EXPECT_EQ(with.size(), without.size() + bits.size());
+  const auto read = decode_keyframe(masked.id, with, cameras_);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(bits_of(read->still), bits);
+
+  const auto unmasked = decode_keyframe(masked.id, without, cameras_);
+  ASSERT_TRUE(unmasked);
+  EXPECT_EQ(unmasked->still, nullptr);
+  const std::span<const uint8_t> cut(with.data(), with.size() - 1);
+  EXPECT_FALSE(decode_keyframe(masked.id, cut, cameras_)) << "no mask of this camera";
+}
+
 TEST_F(RowCodecTest, NumbersThatNoMapHasAreRefused) {
   KeyframeRecord far = keyframe();
   far.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e9, 0, 0});

@@ -96,6 +96,7 @@ void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
   input.second_image = proposal.second_image;
   input.trails = proposal.trails;
   input.second_from_first = proposal.second_from_first;
+  input.still = proposal.still;
   const double before = thread_cpu_ms();
   auto started = MapMaker::start(input, maker_options_);
   const double took = thread_cpu_ms() - before;
@@ -119,6 +120,7 @@ void MappingLoop::take_in(const KeyframeProposal& proposal, const Frame& frame) 
                       proposal.measurements,
                       proposal.candidates,
                       options_.doubt};
+  input.still = proposal.still;
   if (proposal.reference_number != 0) {
     const auto earlier = chain_.find(proposal.reference_number);
     if (earlier == chain_.end()) return tracker_->keyframe_answered(proposal.number, std::nullopt);

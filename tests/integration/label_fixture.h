@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <optional>
 #include <string>
@@ -20,8 +21,9 @@ class LabelFixture : public ::testing::Test {
  protected:
   using Texts = std::vector<std::string>;
 
-  LabelFixture() {
+  explicit LabelFixture(std::chrono::seconds drop_after = {}) {
     service_options_.store = folder_.path();
+    service_options_.drop_after = drop_after;
     service_ = start_service(&service_options_);
     anna_ = open("anna");
   }

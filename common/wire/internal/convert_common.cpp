@@ -2,7 +2,7 @@
 #include "common/wire/internal/convert_common.h"
 
 #include "common/base/utf8.h"
-#include "common/image/pyramid.h"
+#include "common/image/still_mask.h"
 
 namespace cairn::wire::internal {
 namespace {
@@ -80,9 +80,8 @@ void Check::pixel(const float (&pixel)[2]) {
 }
 
 void Check::still_mask(const dds_sequence_octet& bits, const cairn_Image& image) {
-  const size_t cells =
-      size_t{image.width >> (kPyramidLevels - 1)} * size_t{image.height >> (kPyramidLevels - 1)};
-  require(bits._length == 0 || bits._length == (cells + 7) / 8, "still mask of the wrong size");
+  const size_t bytes = still_mask_bytes(static_cast<int>(image.width), static_cast<int>(image.height));
+  require(bits._length == 0 || bits._length == bytes, "still mask of the wrong size");
 }
 
 void Check::command(const cairn_CommandNumber& number) {
