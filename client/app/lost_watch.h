@@ -15,7 +15,8 @@ namespace cairn {
 class LostWatch {
  public:
   void frame(FrameState state, Timestamp time) {
-    constexpr std::chrono::nanoseconds kLongestStep = std::chrono::seconds(1);  // a cut is no long wait
+    constexpr std::chrono::nanoseconds kLongestStep =
+        std::chrono::milliseconds(500);  // a cut is no long wait
     if (state != FrameState::kLost) {
       *this = {};
       return;

@@ -81,23 +81,6 @@ TEST(Tracker, SideStepOverAPlaneProposesASeedWhoseTrailsAreRight) {
   EXPECT_TRUE(seed.has_value());
 }
 
-TEST(Tracker, WhatItProposesSaysWhatStandsStill) {
-  constexpr int kBorder = 48;  // [px] dark, on the left
-  SeedWorld world;
-  Tracker tracker(world.camera, {});
-  std::optional<SeedProposal> seed;
-  for (int i = 0; i < 60 && !seed; ++i) {
-    auto image = std::make_shared<GrayImage>(world.scene.render(looking_down(0.006 * i, 0.001 * i))->view());
-    for (int y = 0; y < image->height(); ++y) std::fill_n(image->row(y), kBorder, uint8_t{4});
-    seed = tracker.track(image, {i * kFrame}, nullptr).seed;
-    EXPECT_EQ(tracker.place_answered(std::nullopt), PlaceUse::kNotKnown);
-  }
-  ASSERT_TRUE(seed.has_value());
-  ASSERT_NE(seed->still, nullptr);
-  EXPECT_TRUE(seed->still->is_still(0, seed->still->height() / 2));
-  EXPECT_FALSE(seed->still->is_still(seed->still->width() / 2, seed->still->height() / 2));
-}
-
 /// A place that may be known is not mapped again: a seed needs a fresh "not known", about the trails' own
 /// pictures.
 TEST(Tracker, NoSeedWithoutAFreshWordThatThePlaceIsNotKnown) {

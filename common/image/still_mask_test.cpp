@@ -49,7 +49,7 @@ TEST(StillMask, APixelIsMaskedAsTheCornersThereAre) {
           << x << ' ' << level;
     }
   }
-  for (const Eigen::Vector2f outside :
+  for (const Eigen::Vector2f& outside :
        {Eigen::Vector2f(-1, 124), Eigen::Vector2f(164, 1e9F), Eigen::Vector2f(NAN, 3)})
     EXPECT_FALSE(mask.touches(outside, 0));
 }
