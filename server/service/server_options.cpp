@@ -15,9 +15,9 @@
 #include "common/base/suggestion.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
+#include "common/base/yaml_file.h"
 #include "common/io/distinct_files.h"
 #include "common/wire/participant.h"
-#include "server/service/yaml_file.h"
 
 namespace cairn {
 namespace {

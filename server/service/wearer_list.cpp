@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "server/service/yaml_file.h"
+#include "common/base/yaml_file.h"
 
 namespace cairn {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/yaml_file.h"
+#include "common/base/yaml_file.h"
 
 #include <fstream>
 #include <sstream>

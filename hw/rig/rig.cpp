@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/rig.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+constexpr int kMostPeriods = 5;  // made up for at once; setpoints of longer ago are left out
+
+bool is_urgent(const odrive::Message& message) {
+  const auto* state = std::get_if<odrive::SetAxisState>(&message);
+  return std::holds_alternative<odrive::Estop>(message) ||
+         (state != nullptr && state->state == odrive::AxisState::kIdle);
+}
+
+bool is_finite(const Demand& demand) {
+  return std::isfinite(demand.position.value_or(0)) && std::isfinite(demand.rate);
+}
+
+tl::unexpected<Error> refuse(std::string why) {
+  return fail(ErrorCode::kRefused, std::move(why));
+}
+
+}  // namespace
+
+const char* describe(Halt halt) {
+  switch (halt) {
+    case Halt::kCommanderSilent:
+      return "the commander fell silent; start it again and activate the rig";
+    case Halt::kImuSilent:
+      return "the IMU does not answer; check its supply, its plug and the bit rate";
+    case Halt::kImuRate:
+      return "the IMU samples at another rate than `imu: rate:` says; change one of them";
+    case Halt::kAxisFault:
+      return "an axis has a fault";
+    case Halt::kClockRanBack:
+      return "the clock ran back; activate the rig again";
+  }
+  return "";
+}
+
+Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
+    : configuration_(configuration),
+      nodes_(configuration.nodes()),
+      axes_{Axis(configuration.axes[0], configuration.period, configuration.drive_deadline, now),
+            Axis(configuration.axes[1], configuration.period, configuration.drive_deadline, now)},
+      now_(now),
+      next_(now + configuration.period) {
+  if (configuration.imu) imu_.emplace(configuration.imu->rate, configuration.imu_deadline, now);
+}
+
+Status Rig::take(const RigCommand& command, MonotonicTime now) {
+  const bool is_stop = std::holds_alternative<rig_command::Stop>(command.what);
+  const bool alive = !commander_.empty() && now - commanded_ <= configuration_.commander_deadline;
+  if (!is_stop && alive && command.commander != commander_)
+    return refuse("the rig is commanded by " + commander_ + "; end that one first");
+  if (Status done = std::visit([&](const auto& what) { return handle(what, now); }, command.what); !done)
+    return done;
+  if (!is_stop) {
+    commander_ = command.commander;
+    commanded_ = now;
+  }
+  collect();
+  return {};
+}
+
+Status Rig::ready() const {
+  if (stopped_) return refuse("the rig is stopped; clear the emergency stop first");
+  for (const AxisName name : kAxisNames) {
+    if (const auto fault = axis(name).fault())
+      return refuse(std::string(to_string(name)) + " " + cairn::describe(*fault));
+  }
+  return {};
+}
+
+Status Rig::handle(const rig_command::Home&, MonotonicTime now) {
+  if (Status is_ready = ready(); !is_ready) return is_ready;
+  for (Axis& axis : axes_) {
+    if (Status begun = axis.home(now); !begun) {
+      for (Axis& other : axes_) other.idle();
+      return begun;
+    }
+  }
+  halt_.reset();
+  return {};
+}
+
+Status Rig::handle(const rig_command::Activate&, MonotonicTime now) {
+  if (Status is_ready = ready(); !is_ready) return is_ready;
+  if (const auto trouble = imu_trouble(now)) return refuse(cairn::describe(*trouble));
+  for (Axis& axis : axes_) {
+    if (Status begun = axis.activate(now); !begun) {
+      for (Axis& other : axes_) other.idle();
+      return begun;
+    }
+  }
+  halt_.reset();
+  return {};
+}
+
+Status Rig::handle(const rig_command::Idle&, MonotonicTime) {
+  for (Axis& axis : axes_) axis.idle();
+  return {};
+}
+
+Status Rig::handle(const rig_command::Point& point, MonotonicTime) {
+  if (!std::all_of(point.demands.begin(), point.demands.end(), is_finite))
+    return refuse("a demand that is no number moves nothing");
+  for (size_t i = 0; i < axes_.size(); ++i) axes_.at(i).demand(point.demands.at(i));
+  return {};
+}
+
+Status Rig::handle(const rig_command::ClearFaults&, MonotonicTime now) {
+  for (Axis& axis : axes_) axis.clear(now);
+  return {};
+}
+
+Status Rig::handle(const rig_command::Stop&, MonotonicTime) {
+  stopped_ = true;
+  out_.clear();
+  for (Axis& axis : axes_) axis.stop();
+  return {};
+}
+
+Status Rig::handle(const rig_command::ClearStop& clear, MonotonicTime now) {
+  if (clear.rig != configuration_.name)
+    return refuse("this rig is " + configuration_.name + "; its stop is cleared by that name only");
+  stopped_ = false;
+  for (Axis& axis : axes_) axis.release(now);
+  return {};
+}
+
+void Rig::receive(const CanFrame& frame, MonotonicTime now) {
+  if (const auto from_drive = odrive::decode(frame, nodes_)) {
+    axes_.at(from_drive->node == nodes_[0] ? 0 : 1).receive(from_drive->message, now);
+  } else if (const auto from_imu = xsens::decode(frame); from_imu && imu_) {
+    imu_->receive(*from_imu, now);
+  } else {
+    ++counters_.strange_frames;
+  }
+  watch(now);
+  collect();
+}
+
+void Rig::advance(MonotonicTime now) {
+  if (now < now_) {
+    next_ = now + configuration_.period;
+    halt_for(Halt::kClockRanBack);
+  }
+  now_ = now;
+  if (now - next_ > kMostPeriods * configuration_.period) {
+    ++counters_.late;
+    next_ = now;
+  }
+  for (; next_ <= now; next_ += configuration_.period) {
+    for (Axis& axis : axes_) axis.advance(next_);
+    watch(next_);
+    collect();
+  }
+}
+
+bool Rig::may_move() const {
+  return std::any_of(axes_.begin(), axes_.end(), [](const Axis& axis) { return axis.may_move(); });
+}
+
+std::optional<Halt> Rig::imu_trouble(MonotonicTime now) const {
+  if (!imu_) return std::nullopt;
+  if (imu_->is_silent(now)) return Halt::kImuSilent;
+  if (imu_->is_at_wrong_rate()) return Halt::kImuRate;
+  return std::nullopt;
+}
+
+std::optional<Halt> Rig::what_is_wrong(MonotonicTime now) const {
+  if (std::any_of(axes_.begin(), axes_.end(), [](const Axis& axis) { return axis.fault().has_value(); }))
+    return Halt::kAxisFault;
+  if (now - commanded_ > configuration_.commander_deadline) return Halt::kCommanderSilent;
+  return imu_trouble(now);
+}
+
+void Rig::watch(MonotonicTime now) {
+  if (!may_move()) return;
+  if (const auto wrong = what_is_wrong(now)) halt_for(*wrong);
+}
+
+void Rig::halt_for(Halt reason) {
+  if (may_move()) halt_ = reason;
+  for (Axis& axis : axes_) axis.idle();
+  collect();
+}
+
+void Rig::collect() {
+  for (size_t i = 0; i < axes_.size(); ++i) {
+    for (const odrive::Message& message : axes_.at(i).take_messages()) {
+      const auto frame = odrive::encode(nodes_.at(i), message);
+      if (frame) out_.push_back({*frame, is_urgent(message) ? Urgency::kUrgent : Urgency::kRoutine});
+    }
+  }
+}
+
+std::vector<OutgoingFrame> Rig::take_frames() {
+  return std::exchange(out_, {});
+}
+
+std::string Rig::describe() const {
+  std::string text;
+  const auto add = [&text](const std::string& part) { text += (text.empty() ? "" : ". ") + part; };
+  if (stopped_) add("emergency stop; clear it by the name " + configuration_.name);
+  for (const AxisName name : kAxisNames) {
+    if (const auto fault = axis(name).fault())
+      add(std::string(to_string(name)) + " " + cairn::describe(*fault));
+  }
+  if (halt_ && *halt_ != Halt::kAxisFault) add(cairn::describe(*halt_));
+  return text;
+}
+
+}  // namespace cairn

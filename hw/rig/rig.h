@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "hw/can/can_bus.h"
+#include "hw/rig/axis.h"
+#include "hw/rig/imu_watch.h"
+#include "hw/rig/rig_configuration.h"
+
+namespace cairn {
+
+/// What a commander may ask of a rig.
+namespace rig_command {
+struct Stay {};  ///< nothing new; I am there
+struct Home {};
+struct Activate {};
+struct Idle {};
+struct Point {
+  std::array<Demand, 2> demands;  ///< by AxisName
+};
+struct ClearFaults {};
+/// Emergency stop: at once, by anybody, until it is cleared.
+struct Stop {};
+struct ClearStop {
+  std::string rig;  ///< its name, so that no other rig is meant
+};
+}  // namespace rig_command
+
+struct RigCommand {
+  std::string commander;
+  std::variant<rig_command::Stay, rig_command::Home, rig_command::Activate, rig_command::Idle,
+               rig_command::Point, rig_command::ClearFaults, rig_command::Stop, rig_command::ClearStop>
+      what;
+};
+
+/// Why the rig idled its drives, until it is activated or homed again.
+enum class Halt : uint8_t {
+  kCommanderSilent,
+  kImuSilent,
+  kImuRate,
+  kAxisFault,
+  kClockRanBack,
+};
+/// What it is and what helps.
+[[nodiscard]] const char* describe(Halt halt);
+
+struct OutgoingFrame {
+  CanFrame frame;
+  Urgency urgency = Urgency::kRoutine;
+};
+
+/// Counters since the beginning.
+struct RigCounters {
+  uint64_t strange_frames = 0;  ///< from nodes that are not of the rig, or no messages
+  uint64_t late = 0;            ///< times that advance() came several periods late
+};
+
+/// The rig without bus, threads and clock: commands and frames in, frames out. Its watchdog idles both drives
+/// when commander, IMU or a drive is silent for longer than its deadline, when an axis has a fault, and when
+/// time runs back. What has come is to be handed in before advance(), which takes silence for death.
+class Rig {
+ public:
+  Rig(const RigConfiguration& configuration, MonotonicTime now);
+
+  /// Each taken command is a sign of life of its commander. Errors: kRefused for one beside a commander that
+  /// is alive, and for what state or faults do not allow; nothing has changed then.
+  [[nodiscard]] Status take(const RigCommand& command, MonotonicTime now);
+  void receive(const CanFrame& frame, MonotonicTime now);
+  /// Does what fell due until `now`.
+  void advance(MonotonicTime now);
+  /// When something falls due.
+  [[nodiscard]] MonotonicTime next_due() const { return next_; }
+  /// To be sent, in order. What the bus withholds need not be kept: idle and stop are said again each period
+  /// until the drive obeys.
+  [[nodiscard]] std::vector<OutgoingFrame> take_frames();
+
+  [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
+  [[nodiscard]] bool is_stopped() const { return stopped_; }
+  [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
+  [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
+  [[nodiscard]] const RigCounters& counters() const { return counters_; }
+  /// One line for people: what keeps the rig from moving and what helps; empty when nothing does.
+  [[nodiscard]] std::string describe() const;
+
+ private:
+  [[nodiscard]] Status handle(const rig_command::Stay&, MonotonicTime) { return {}; }
+  [[nodiscard]] Status handle(const rig_command::Home&, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Activate&, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Idle&, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Point& point, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::ClearFaults&, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Stop&, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::ClearStop& clear, MonotonicTime now);
+
+  [[nodiscard]] Status ready() const;
+  [[nodiscard]] bool may_move() const;
+  [[nodiscard]] std::optional<Halt> what_is_wrong(MonotonicTime now) const;
+  [[nodiscard]] std::optional<Halt> imu_trouble(MonotonicTime now) const;
+  void watch(MonotonicTime now);
+  void halt_for(Halt reason);
+  void collect();
+
+  RigConfiguration configuration_;
+  std::vector<odrive::Node> nodes_;
+  std::array<Axis, 2> axes_;
+  std::optional<ImuWatch> imu_;
+  MonotonicTime now_;
+  MonotonicTime next_;
+  std::string commander_;
+  MonotonicTime commanded_;
+  bool stopped_ = false;
+  std::optional<Halt> halt_;
+  RigCounters counters_;
+  std::vector<OutgoingFrame> out_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "hw/rig/rig.h"
+#include "hw/rig/test_rig.h"
+#include "hw/simulated/simulated_bus.h"
+
+// For tests only.
+namespace cairn::testing {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// The devices of kRigText. The tilt's motor turns the other way: its plant's angle is that of the axis
+/// negated.
+inline std::vector<simulated::DriveOptions> sound_drives(double pan, double tilt) {
+  simulated::DriveOptions options;
+  options.plant.turns_per_radian = 20 / (2 * std::numbers::pi);
+  options.node = {16};
+  options.switch_angle = -56 * kDegree;
+  options.plant.low_stop = -60 * kDegree;
+  options.plant.high_stop = 60 * kDegree;
+  options.plant.start = pan;
+  std::vector<simulated::DriveOptions> drives = {options, options};
+  drives[1].node = {17};
+  drives[1].switch_angle = -36 * kDegree;
+  drives[1].plant.low_stop = -42 * kDegree;
+  drives[1].plant.high_stop = 42 * kDegree;
+  drives[1].plant.start = -tilt;
+  return drives;
+}
+
+/// A rig, its commander and simulated devices, joined by frames alone, in simulated time. That no axis is
+/// ever beyond its hard limits is checked at each millisecond.
+class RigBench {
+ public:
+  explicit RigBench(uint32_t seed, double pan = 0, double tilt = 0)
+      : configuration_(read_rig(kRigText).value()),
+        bus_(sound_drives(pan, tilt), {}, seed, now_),
+        rig_(configuration_, now_) {}
+
+  Status command(decltype(RigCommand::what) what) {
+    Status done = rig_.take({"tracker", std::move(what)}, now_);
+    send();
+    return done;
+  }
+  void millisecond() {
+    now_ += std::chrono::milliseconds(1);
+    bus_.advance(now_);
+    while (const auto got = bus_.receive()) rig_.receive(got->frame, now_);
+    if (commander_lives &&
+        (now_ - MonotonicTime()) % std::chrono::milliseconds(20) == std::chrono::nanoseconds(0)) {
+      EXPECT_TRUE(command(rig_command::Stay{}));
+    }
+    rig_.advance(now_);
+    send();
+    check_limits();
+  }
+  void pass(std::chrono::milliseconds time) {
+    for (; time.count() > 0; --time) millisecond();
+  }
+  /// The host does nothing, the world goes on.
+  void pause(std::chrono::milliseconds time) {
+    now_ += time;
+    bus_.advance(now_);
+  }
+  /// How long it took until `condition` held; nothing after `most`.
+  std::optional<std::chrono::milliseconds> until(const std::function<bool()>& condition,
+                                                 std::chrono::milliseconds most) {
+    for (std::chrono::milliseconds passed(0); passed <= most; ++passed) {
+      if (condition()) return passed;
+      millisecond();
+    }
+    return std::nullopt;
+  }
+  /// Homed and active, at rest.
+  void start() {
+    pass(std::chrono::milliseconds(200));
+    ASSERT_TRUE(command(rig_command::Home{}));
+    ASSERT_TRUE(until([&] { return both<axis_state::Idle>(); }, std::chrono::seconds(30))) << rig_.describe();
+    pass(std::chrono::milliseconds(50));
+    const Status active = command(rig_command::Activate{});
+    ASSERT_TRUE(active) << active.error().message;
+    ASSERT_TRUE(until([&] { return both<axis_state::Active>(); }, std::chrono::seconds(1)))
+        << rig_.describe();
+  }
+  void point(const Demand& pan, const Demand& tilt) { EXPECT_TRUE(command(rig_command::Point{{pan, tilt}})); }
+
+  template <typename State>
+  [[nodiscard]] bool both() const {
+    return std::holds_alternative<State>(rig_.axis(AxisName::kPan).state()) &&
+           std::holds_alternative<State>(rig_.axis(AxisName::kTilt).state());
+  }
+  /// Without a fault, and idle.
+  [[nodiscard]] bool is_at_rest(AxisName name) const {
+    const AxisState& state = rig_.axis(name).state();
+    return std::holds_alternative<axis_state::Idle>(state) ||
+           std::holds_alternative<axis_state::Unknown>(state);
+  }
+  [[nodiscard]] bool drives_are_idle() {
+    return bus_.drive(0).state() == odrive::AxisState::kIdle &&
+           bus_.drive(1).state() == odrive::AxisState::kIdle;
+  }
+  /// True angle of an axis [rad].
+  [[nodiscard]] double angle(AxisName name) {
+    return name == AxisName::kPan ? bus_.drive(0).plant().angle() : -bus_.drive(1).plant().angle();
+  }
+  [[nodiscard]] std::optional<AxisFault> fault(AxisName name) const { return rig_.axis(name).fault(); }
+  [[nodiscard]] Rig& rig() { return rig_; }
+  [[nodiscard]] simulated::SimulatedBus& bus() { return bus_; }
+  [[nodiscard]] MonotonicTime now() const { return now_; }
+
+  bool commander_lives = true;
+
+ private:
+  void send() {
+    // One that is withheld is not sent again: the rig says idle and stop until the drive obeys.
+    for (const OutgoingFrame& out : rig_.take_frames())
+      ASSERT_NE(bus_.send(out.frame, out.urgency), SendOutcome::kInvalid);
+  }
+  void check_limits() {
+    for (const AxisName name : kAxisNames) {
+      const MotionLimits& limits = configuration_.axis(name).limits;
+      ASSERT_GE(angle(name), limits.low) << to_string(name);
+      ASSERT_LE(angle(name), limits.high) << to_string(name);
+    }
+  }
+
+  MonotonicTime now_{std::chrono::hours(1)};
+  RigConfiguration configuration_;
+  simulated::SimulatedBus bus_;
+  Rig rig_;
+};
+
+}  // namespace cairn::testing

@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/rig_configuration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <numbers>
+
+#include "common/base/suggestion.h"
+#include "common/base/yaml_file.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+
+constexpr double kRadians = std::numbers::pi / 180;
+constexpr size_t kLongestName = 32;
+constexpr double kLowestNode = 4;               // below are the identifiers of the IMU
+constexpr double kHighestFeedforward = 32.767;  // [turns/s], of SetInputPosition
+constexpr double kSafeIdle = 100;               // [ms] from a death to idle drives, at most
+
+/// Reads the values of one mapping and remembers the first that is wrong: that is what the operator is told.
+class Section {
+ public:
+  Section(std::string path, const YAML::Node& node, std::string name)
+      : path_(std::move(path)), node_(node), name_(std::move(name)) {
+    if (!node_.IsMap()) refuse(node_, "expected `key: value` lines");
+  }
+
+  /// Within `least` and `most`, both included.
+  double number(const std::string& key, double least, double most) {
+    const YAML::Node value = find(key);
+    return value ? number_at(value, key, least, most) : least;
+  }
+  double positive(const std::string& key) {
+    const YAML::Node value = find(key);
+    if (!value) return 1;
+    const double number = number_at(value, key, -HUGE_VAL, HUGE_VAL);
+    if (number <= 0) refuse(value, fmt::format("{} {}: expected a number above 0", key, value.Scalar()));
+    return number;
+  }
+  std::array<double, 2> range(const std::string& key) {
+    const YAML::Node value = find(key);
+    if (!value) return {0, 1};
+    if (!value.IsSequence() || value.size() != 2) {
+      refuse(value, fmt::format("{}: expected two numbers, `{}: [-60, 60]`", key, key));
+      return {0, 1};
+    }
+    const std::array<double, 2> range = {number_at(value[0], key, -HUGE_VAL, HUGE_VAL),
+                                         number_at(value[1], key, -HUGE_VAL, HUGE_VAL)};
+    if (range[0] >= range[1])
+      refuse(value, fmt::format("{}: the limits are crossed; write the lower one first", key));
+    return range;
+  }
+  std::string word(const std::string& key) {
+    const YAML::Node value = find(key);
+    if (!value) return {};
+    if (!value.IsScalar()) refuse(value, fmt::format("{}: expected a word", key));
+    return value.IsScalar() ? value.Scalar() : std::string();
+  }
+  std::optional<Section> section(const std::string& key, bool optional = false) {
+    if (optional && !known(key)) {
+      asked_.push_back(key);
+      return std::nullopt;
+    }
+    const YAML::Node value = find(key);
+    if (!value) return std::nullopt;
+    return Section(path_, value, name_.empty() ? key : name_ + "." + key);
+  }
+
+  /// What must hold for the value of `key`. Nothing is said where a key is missing: that comes first.
+  void require(bool check, const std::string& key, const std::string& why) {
+    if (!check && !missing_) refuse(known(key) ? node_[key] : node_, key + ": " + why);
+  }
+  /// All has been read: no key is left, none is there twice.
+  void finish() {
+    if (error_) return;
+    std::vector<std::string> seen;
+    for (const auto& entry : node_) {
+      const std::string key = entry.first.IsScalar() ? entry.first.Scalar() : std::string();
+      if (std::find(asked_.begin(), asked_.end(), key) == asked_.end())
+        refuse(entry.first, fmt::format("unknown key '{}'{}", key, did_you_mean(key, asked_)));
+      if (std::find(seen.begin(), seen.end(), key) != seen.end())
+        refuse(entry.first, fmt::format("'{}' is there twice; keep one", key));
+      seen.push_back(key);
+    }
+  }
+  /// After finish(): a key that was asked for and is not there.
+  void refuse_missing() {
+    if (missing_) refuse(node_, fmt::format("{} is missing; add `{}: ...`", *missing_, *missing_));
+  }
+  [[nodiscard]] const std::optional<Error>& error() const { return error_; }
+  void take_error(const Section& part) {
+    if (!error_) error_ = part.error();
+  }
+
+ private:
+  [[nodiscard]] bool known(const std::string& key) const { return node_.IsMap() && node_[key].IsDefined(); }
+
+  YAML::Node find(const std::string& key) {
+    asked_.push_back(key);
+    if (known(key)) return node_[key];
+    // A misspelt key is the likelier reason, and finish() names it.
+    if (node_.IsMap() && !missing_) missing_ = key;
+    return YAML::Node(YAML::NodeType::Undefined);
+  }
+
+  double number_at(const YAML::Node& value, const std::string& key, double least, double most) {
+    const std::string text = value.IsScalar() ? value.Scalar() : std::string();
+    const size_t plus = text.starts_with('+') ? 1 : 0;
+    double number = 0;
+    const auto [end, problem] = std::from_chars(text.data() + plus, text.data() + text.size(), number);
+    const bool whole = problem == std::errc() && end == text.data() + text.size() && std::isfinite(number);
+    if (!whole) {
+      refuse(value, fmt::format("{} '{}': expected a number", key, text));
+    } else if (number < least || number > most) {
+      refuse(value, fmt::format("{} {}: expected {} to {}", key, text, least, most));
+    } else {
+      return number;
+    }
+    return std::isfinite(least) ? least : 0;
+  }
+  void refuse(const YAML::Node& at, const std::string& why) {
+    if (error_) return;
+    error_ = Error{ErrorCode::kConfiguration, fmt::format("{}:{}: {}{}{}", path_, at.Mark().line + 1, name_,
+                                                          name_.empty() ? "" : ": ", why)};
+  }
+
+  std::string path_;
+  YAML::Node node_;
+  std::string name_;
+  std::vector<std::string> asked_;
+  std::optional<std::string> missing_;
+  std::optional<Error> error_;
+};
+
+void close(Section& section) {
+  section.finish();
+  section.refuse_missing();
+}
+
+AxisConfiguration read_axis(Section& from) {
+  AxisConfiguration axis;
+  const double node = from.number("node", kLowestNode, odrive::kMaxNode);
+  from.require(node == std::floor(node), "node", "expected a whole number");
+  axis.node.value = static_cast<uint8_t>(node);
+  const double gear = from.number("gear", -1e4, 1e4);
+  from.require(gear != 0, "gear", "0 turns nothing; expected turns of the motor for one of the axis");
+  axis.turns_per_radian = gear / (2 * std::numbers::pi);
+  const auto [low, high] = from.range("position");
+  const double margin = from.positive("margin");
+  from.require(2 * margin < high - low, "margin", "nothing is left between the soft limits; make it smaller");
+  const double home = from.number("home", -360, 360);
+  from.require(home >= low && home <= high, "home", "the homing switch is outside of `position`");
+  const double neutral = from.number("neutral", -360, 360);
+  from.require(neutral >= low + margin && neutral <= high - margin, "neutral",
+               "outside of the soft limits, which are `position` less `margin` on either side");
+  const double rate = from.positive("rate");
+  from.require(
+      rate / 360 * std::abs(gear) <= kHighestFeedforward, "rate",
+      fmt::format("with this gear the motor would have to make more than {} turns/s, which no frame can "
+                  "say; lower it",
+                  kHighestFeedforward));
+  axis.home = home * kRadians;
+  axis.neutral = neutral * kRadians;
+  axis.limits = {.low = low * kRadians,
+                 .high = high * kRadians,
+                 .margin = margin * kRadians,
+                 .rate = rate * kRadians,
+                 .acceleration = from.positive("acceleration") * kRadians,
+                 .coasting = from.positive("coasting") * kRadians,
+                 .reaction = 1 / from.positive("gain")};
+  axis.current = from.positive("current");
+  close(from);
+  return axis;
+}
+
+void read_deadlines(Section& from, RigConfiguration& rig) {
+  const auto period = static_cast<double>(rig.period.count());
+  const auto deadline = [&](const char* key) {
+    return milliseconds(static_cast<int64_t>(from.number(key, 2 * period, kSafeIdle - 2 * period)));
+  };
+  rig.commander_deadline = deadline("commander");
+  rig.imu_deadline = deadline("imu");
+  rig.drive_deadline = deadline("drive");
+  close(from);
+}
+
+void read_axes(Section& from, RigConfiguration& rig) {
+  for (const AxisName name : kAxisNames) {
+    auto section = from.section(to_string(name));
+    if (!section) continue;
+    rig.axes.at(static_cast<size_t>(name)) = read_axis(*section);
+    from.take_error(*section);
+  }
+  close(from);
+  from.require(rig.axes[0].node != rig.axes[1].node, "tilt",
+               fmt::format("node {} is that of pan too; each drive needs its own", rig.axes[1].node.value));
+}
+
+}  // namespace
+
+const char* to_string(AxisName name) {
+  return name == AxisName::kPan ? "pan" : "tilt";
+}
+
+Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& path) {
+  const auto loaded = load_yaml(path);
+  if (!loaded) return tl::unexpected(loaded.error());
+  Section root(path.string(), *loaded, "");
+  RigConfiguration rig;
+  rig.name = root.word("name");
+  const bool is_name =
+      !rig.name.empty() && rig.name.size() <= kLongestName &&
+      rig.name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string::npos;
+  root.require(is_name, "name", "expected 1 to 32 of a-z, 0-9 and -");
+  rig.period = milliseconds(static_cast<int64_t>(root.number("period", 2, 20)));
+  if (auto section = root.section("deadlines")) {
+    read_deadlines(*section, rig);
+    root.take_error(*section);
+  }
+  if (auto section = root.section("imu", true)) {
+    rig.imu = ImuConfiguration{section->number("rate", 50, 400)};
+    close(*section);
+    root.take_error(*section);
+  }
+  if (auto section = root.section("axes")) {
+    read_axes(*section, rig);
+    root.take_error(*section);
+  }
+  close(root);
+  if (root.error()) return tl::unexpected(*root.error());
+  return rig;
+}
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "hw/can/odrive.h"
+#include "hw/rig/motion_profile.h"
+
+namespace cairn {
+
+enum class AxisName : uint8_t { kPan, kTilt };
+constexpr std::array<AxisName, 2> kAxisNames = {AxisName::kPan, AxisName::kTilt};
+[[nodiscard]] const char* to_string(AxisName name);
+
+struct AxisConfiguration {
+  odrive::Node node;
+  double turns_per_radian = 1;  ///< of the motor's shaft; negative where it turns the other way; never 0
+  double home = 0;              ///< angle of the axis at its homing switch [rad]
+  double neutral = 0;           ///< [rad]
+  double current = 0;           ///< limit [A]
+  MotionLimits limits;
+};
+
+struct ImuConfiguration {
+  double rate = 100;  ///< samples [Hz]
+};
+
+/// What cairn-rig --config reads. A rig that could be built.
+struct RigConfiguration {
+  std::string name;
+  std::chrono::milliseconds period{10};  ///< between setpoints
+  /// After how much silence of each the drives are idled.
+  std::chrono::milliseconds commander_deadline{60};
+  std::chrono::milliseconds imu_deadline{50};
+  std::chrono::milliseconds drive_deadline{50};
+  std::optional<ImuConfiguration> imu;  ///< none: the rig has none
+  std::array<AxisConfiguration, 2> axes;
+
+  [[nodiscard]] const AxisConfiguration& axis(AxisName name) const {
+    return axes.at(static_cast<size_t>(name));
+  }
+  [[nodiscard]] std::vector<odrive::Node> nodes() const { return {axes[0].node, axes[1].node}; }
+};
+
+/// From YAML; hw/README.md lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for an unknown,
+/// missing or repeated key, a number that is none, and whatever no rig can be.
+[[nodiscard]] Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& path);
+
+}  // namespace cairn

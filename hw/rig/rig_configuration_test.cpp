@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/rig_configuration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <string>
+
+#include "hw/rig/test_rig.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::read_rig;
+
+/// The sound configuration with `from` in place of `to`.
+std::string changed(const std::string& from, const std::string& to) {
+  std::string text = testing::kRigText;
+  const size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+TEST(RigConfiguration, IsReadAsWritten) {
+  const auto rig = read_rig(testing::kRigText);
+  ASSERT_TRUE(rig) << rig.error().message;
+  constexpr double kRadians = std::numbers::pi / 180;
+  const AxisConfiguration& tilt = rig->axis(AxisName::kTilt);
+  EXPECT_EQ(rig->name, "shoulder");
+  EXPECT_EQ(tilt.node, odrive::Node{17});
+  EXPECT_NEAR(tilt.limits.low, -40 * kRadians, 1e-12);
+  EXPECT_NEAR(tilt.limits.acceleration, 500 * kRadians, 1e-12);
+  EXPECT_NEAR(tilt.turns_per_radian, -20 / (2 * std::numbers::pi), 1e-12);
+  EXPECT_NEAR(tilt.limits.reaction, 0.05, 1e-12);
+  EXPECT_EQ(rig->drive_deadline, std::chrono::milliseconds(50));
+  ASSERT_TRUE(rig->imu);
+  EXPECT_EQ(rig->imu->rate, 100);
+}
+
+TEST(RigConfiguration, ARigMayHaveNoImu) {
+  const auto rig = read_rig(changed("imu: {rate: 100}\n", ""));
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_FALSE(rig->imu);
+}
+
+struct Impossible {
+  const char* from;
+  const char* to;
+  const char* message;
+};
+
+class RigConfigurationImpossible : public ::testing::TestWithParam<Impossible> {};
+
+TEST_P(RigConfigurationImpossible, IsNamedWithLineAndRemedy) {
+  const auto rig = read_rig(changed(GetParam().from, GetParam().to));
+  ASSERT_FALSE(rig);
+  EXPECT_EQ(rig.error().code, ErrorCode::kConfiguration);
+  EXPECT_THAT(rig.error().message, HasSubstr(GetParam().message));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, RigConfigurationImpossible,
+    ::testing::Values(
+        Impossible{"name: shoulder", "name: Left Shoulder",
+                   ".yaml:1: name: expected 1 to 32 of a-z, 0-9 and -"},
+        Impossible{"gain: 20", "gainn: 20", ".yaml:15: axes.pan: unknown key 'gainn'; did you mean gain?"},
+        Impossible{"    gain: 20\n", "", ".yaml:7: axes.pan: gain is missing; add `gain: ...`"},
+        Impossible{"gain: 20", "gain: 20\n    gain: 21",
+                   ".yaml:16: axes.pan: 'gain' is there twice; keep one"},
+        Impossible{"gain: 20", "gain: -20", ".yaml:15: axes.pan: gain -20: expected a number above 0"},
+        Impossible{"gain: 20", "gain: 1e999", "gain '1e999': expected a number"},
+        Impossible{"gain: 20", "gain: nan", "gain 'nan': expected a number"},
+        Impossible{"gain: 20", "gain: [20]", "gain '': expected a number"},
+        Impossible{"node: 17", "node: 16",
+                   "axes: tilt: node 16 is that of pan too; each drive needs its own"},
+        Impossible{"node: 17", "node: 3", "axes.tilt: node 3: expected 4 to 63"},
+        Impossible{"node: 17", "node: 17.5", "node: expected a whole number"},
+        Impossible{"gear: 20", "gear: 0", "axes.pan: gear: 0 turns nothing"},
+        Impossible{"[-58, 58]", "[58, -58]", ".yaml:10: axes.pan: position: the limits are crossed"},
+        Impossible{"[-58, 58]", "58", "position: expected two numbers, `position: [-60, 60]`"},
+        Impossible{"margin: 5", "margin: 60", "margin: nothing is left between the soft limits"},
+        Impossible{"home: -56", "home: -66", "home: the homing switch is outside of `position`"},
+        Impossible{"neutral: 0", "neutral: 57", "neutral: outside of the soft limits"},
+        Impossible{"rate: 120", "rate: 0", "rate 0: expected a number above 0"},
+        Impossible{"rate: 120", "rate: 1200",
+                   "rate: with this gear the motor would have to make more than 32.767"},
+        Impossible{"current: 5", "current: much", "current 'much': expected a number"},
+        Impossible{"commander: 60", "commander: 500", "deadlines: commander 500: expected 20 to 80"},
+        Impossible{"period: 10", "period: 0", "period 0: expected 2 to 20"},
+        Impossible{"rate: 100}", "rate: 1000}", "imu: rate 1000: expected 50 to 400"},
+        Impossible{"name: shoulder\n", "", "name is missing; add `name: ...`"}));
+
+TEST(RigConfiguration, WhatIsNoMappingIsRefused) {
+  EXPECT_FALSE(read_rig(""));
+  EXPECT_FALSE(read_rig("- 1\n- 2\n"));
+  EXPECT_FALSE(read_rig("axes: 5\nname: a\n"));
+  EXPECT_FALSE(read_rig("{"));
+  EXPECT_THAT(read_rig_configuration("/no/such/file").error().message, HasSubstr("cannot be read"));
+}
+
+}  // namespace
+}  // namespace cairn

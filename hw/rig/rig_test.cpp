@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/rig.h"
+
+#include <gmock/gmock.h>
+
+#include "hw/rig/rig_bench.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+using testing::kDegree;
+using testing::RigBench;
+
+constexpr uint32_t kSeed = 1;
+
+TEST(Rig, FindsItsPositionAndPointsWhereItIsTold) {
+  RigBench bench(kSeed, 0.3, -0.2);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  bench.point({20 * kDegree, 0}, {-10 * kDegree, 0});
+  bench.pass(3s);
+  // Within the backlash, and what friction leaves.
+  EXPECT_NEAR(bench.angle(AxisName::kPan), 20 * kDegree, 0.5 * kDegree);
+  EXPECT_NEAR(bench.angle(AxisName::kTilt), -10 * kDegree, 0.5 * kDegree);
+  EXPECT_NEAR(bench.rig().axis(AxisName::kPan).position().value(), 20 * kDegree, 0.4 * kDegree);
+  EXPECT_EQ(bench.rig().describe(), "");
+}
+
+TEST(Rig, DemandsBeyondTheLimitsEndAtTheSoftOnes) {
+  RigBench bench(kSeed);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  bench.point({std::nullopt, 100}, {1e9, -5});
+  bench.pass(3s);
+  EXPECT_NEAR(bench.angle(AxisName::kPan), 53 * kDegree, 0.5 * kDegree);
+  EXPECT_NEAR(bench.angle(AxisName::kTilt), 35 * kDegree, 0.5 * kDegree);
+  EXPECT_FALSE(
+      bench.rig().take({"tracker", rig_command::Point{{Demand{std::nan(""), 0}, Demand()}}}, bench.now()));
+}
+
+TEST(Rig, MovesOnlyWhereItIsKnownToStand) {
+  RigBench bench(kSeed);
+  bench.pass(200ms);
+  const Status active = bench.command(rig_command::Activate{});
+  ASSERT_FALSE(active);
+  EXPECT_EQ(active.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(active.error().message, HasSubstr("home it first"));
+  bench.pass(200ms);
+  EXPECT_TRUE(bench.drives_are_idle());
+}
+
+TEST(Rig, ASecondCommanderIsRefusedButMayStop) {
+  RigBench bench(kSeed);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  const Status other = bench.rig().take({"other", rig_command::Idle{}}, bench.now());
+  ASSERT_FALSE(other);
+  EXPECT_THAT(other.error().message, HasSubstr("commanded by tracker"));
+  EXPECT_TRUE(bench.both<axis_state::Active>());
+  EXPECT_TRUE(bench.rig().take({"other", rig_command::Stop{}}, bench.now()));
+  EXPECT_TRUE(bench.both<axis_state::Stopped>());
+  bench.commander_lives = false;
+  bench.pass(100ms);
+  EXPECT_TRUE(bench.rig().take({"other", rig_command::Stay{}}, bench.now()));
+}
+
+TEST(Rig, AnEmergencyStopIsAtOnceAndStaysUntilClearedByName) {
+  for (const double dropped : {0.0, 0.4}) {
+    RigBench bench(kSeed);
+    ASSERT_NO_FATAL_FAILURE(bench.start());
+    bench.point({std::nullopt, 2}, {std::nullopt, 2});
+    bench.pass(100ms);
+    bench.bus().drop(dropped);
+    ASSERT_TRUE(bench.command(rig_command::Stop{}));
+    const auto time = bench.until([&] { return bench.drives_are_idle(); }, 1s);
+    ASSERT_TRUE(time);
+    EXPECT_LE(*time, dropped == 0 ? 3ms : 50ms);
+    bench.bus().drop(0);
+    bench.pass(300ms);
+    EXPECT_FALSE(bench.command(rig_command::Activate{}));
+    EXPECT_FALSE(bench.command(rig_command::Home{}));
+    EXPECT_TRUE(bench.command(rig_command::ClearFaults{}));
+    const Status wrong = bench.command(rig_command::ClearStop{"hip"});
+    ASSERT_FALSE(wrong);
+    EXPECT_THAT(wrong.error().message, HasSubstr("this rig is shoulder"));
+    bench.pass(300ms);
+    EXPECT_TRUE(bench.both<axis_state::Stopped>());
+    EXPECT_TRUE(bench.command(rig_command::ClearStop{"shoulder"}));
+    ASSERT_TRUE(bench.until([&] { return bench.both<axis_state::Idle>(); }, 500ms)) << bench.rig().describe();
+    EXPECT_TRUE(bench.command(rig_command::Activate{}));
+    EXPECT_TRUE(bench.until([&] { return bench.both<axis_state::Active>(); }, 500ms))
+        << bench.rig().describe();
+  }
+}
+
+TEST(Rig, StrangeFramesDisturbNothing) {
+  RigBench bench(kSeed);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  const auto before = bench.rig().counters().strange_frames;
+  for (const CanFrame& frame :
+       {CanFrame{.id = {0x281, false}, .length = 8}, CanFrame{.id = {0x201, false}, .length = 7},
+        CanFrame{.id = {0x209, false}, .length = 8, .data = {0, 0, 0xC0, 0x7F}},
+        CanFrame{.id = {0x201, true}}}) {
+    bench.rig().receive(frame, bench.now());
+  }
+  EXPECT_EQ(bench.rig().counters().strange_frames, before + 4);
+  bench.pass(100ms);
+  EXPECT_TRUE(bench.both<axis_state::Active>());
+}
+
+TEST(ImuWatch, ItsRateIsToldByItsOwnClockWhateverIsLost) {
+  for (const double frequency : {100.0, 200.0}) {
+    simulated::ImuOptions options;
+    options.frequency = frequency;
+    const MonotonicTime start{1h};
+    simulated::SimulatedImu imu(options, kSeed, start);
+    std::vector<CanFrame> frames;
+    imu.advance(start + 2s, frames);
+    ImuWatch watch(100, 50ms, start);
+    for (size_t i = 0; i < frames.size(); ++i) {
+      if (i / 4 % 3 != 0)
+        watch.receive(xsens::decode(frames[i]).value(), start);  // a third of the samples lost
+    }
+    ASSERT_TRUE(watch.measured_rate());
+    EXPECT_NEAR(*watch.measured_rate(), frequency, 1);
+    EXPECT_EQ(watch.is_at_wrong_rate(), frequency != 100);
+  }
+}
+
+}  // namespace
+}  // namespace cairn

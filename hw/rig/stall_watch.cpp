@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/stall_watch.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kWindow = 0.1;             // [s]
+constexpr double kTold = 0.5 * kDegree;     // setpoints that go less far in the window tell nothing: backlash
+constexpr double kStill = 0.3;              // of the way of the setpoints: an axis that goes less far stands
+constexpr double kStillFor = 0.04;          // [s]: what a start takes until the axis follows
+constexpr double kFarBehind = 4 * kDegree;  // beyond lost setpoints: an axis so far off is held
+constexpr double kBehindFor = 0.1;          // [s]
+
+}  // namespace
+
+bool StallWatch::is_stuck(double setpoint, double measured) {
+  recent_.push_back({setpoint, measured});
+  if (static_cast<double>(recent_.size() - 1) * period_ > kWindow) recent_.pop_front();
+  const double way = setpoint - recent_.front().setpoint;
+  const double gone = measured - recent_.front().measured;
+  const bool still = std::abs(way) >= kTold && gone * way < kStill * way * way;
+  const bool apart = (setpoint - measured) * way > 0;  // one that catches up stands for a while, too
+  still_for_ = still && apart ? still_for_ + period_ : 0;
+  behind_for_ = std::abs(setpoint - measured) > kFarBehind ? behind_for_ + period_ : 0;
+  return still_for_ >= kStillFor || behind_for_ >= kBehindFor;
+}
+
+}  // namespace cairn

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <string>
+
+#include "hw/rig/rig_configuration.h"
+
+// For tests only.
+namespace cairn::testing {
+
+/// A sound configuration.
+constexpr const char* kRigText =
+    "name: shoulder\n"
+    "period: 10            # [ms] between setpoints\n"
+    "deadlines: {commander: 60, imu: 50, drive: 50}  # [ms]\n"
+    "imu: {rate: 100}\n"
+    "axes:\n"
+    "  pan:\n"
+    "    node: 16\n"
+    "    gear: 20          # turns of the motor for one of the axis; negative: it turns the other way\n"
+    "    home: -56         # [deg] of the homing switch\n"
+    "    position: [-58, 58]\n"
+    "    margin: 5\n"
+    "    rate: 120         # [deg/s]\n"
+    "    acceleration: 500 # [deg/s^2]\n"
+    "    coasting: 250     # [deg/s^2] by friction alone\n"
+    "    gain: 20\n"
+    "    current: 5        # [A]\n"
+    "    neutral: 0\n"
+    "  tilt: {node: 17, gear: -20, home: 36, position: [-40, 40], margin: 5, rate: 120, acceleration: 500, "
+    "coasting: 250, gain: 20, current: 5, neutral: 0}\n";
+
+/// What becomes of a configuration file with that text.
+inline Result<RigConfiguration> read_rig(const std::string& text) {
+  std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+  std::replace(name.begin(), name.end(), '/', '_');
+  const std::string path = ::testing::TempDir() + "rig_test_" + name + ".yaml";
+  std::ofstream(path) << text;
+  auto configuration = read_rig_configuration(path);
+  std::remove(path.c_str());
+  return configuration;
+}
+
+}  // namespace cairn::testing
