@@ -212,14 +212,14 @@ void Axis::go_on(axis_state::Activating& state, MonotonicTime now) {
   out_.emplace_back(odrive::SetLimits{static_cast<float>(kRateHeadroom * configuration_.limits.rate *
                                                          std::abs(configuration_.turns_per_radian)),
                                       static_cast<float>(configuration_.current)});
-  set_input(*position_, 0);
+  set_input({*position_, 0});
   out_.emplace_back(odrive::SetAxisState{odrive::AxisState::kClosedLoop});
 }
 
-void Axis::go_on(axis_state::Active& state, MonotonicTime) {
+void Axis::go_on(axis_state::Active& state, MonotonicTime now) {
   state.profile.advance(demand_);
-  set_input(state.profile.position(), state.profile.rate());
-  if (position_ && state.stall.is_stuck(state.profile.position(), *position_)) fail_with(AxisFault::kStuck);
+  set_input(state.profile.for_axis_at(position_at(now)));
+  if (state.stall.is_stuck(state.profile.position(), *position_)) fail_with(AxisFault::kStuck);
 }
 
 void Axis::go_on(axis_state::Clearing& state, MonotonicTime now) {
@@ -233,10 +233,15 @@ void Axis::go_on(axis_state::Stopped&, MonotonicTime) {
   keep_idle();
 }
 
-void Axis::set_input(double position, double rate) {
+/// Of an active axis, which has gone on since it was heard.
+double Axis::position_at(MonotonicTime now) const {
+  return *position_ + rate_ * std::chrono::duration<double>(now - estimated_).count();
+}
+
+void Axis::set_input(const Setpoint& setpoint) {
   out_.emplace_back(odrive::SetInputPosition{
-      static_cast<float>((position - configuration_.home) * configuration_.turns_per_radian),
-      static_cast<float>(rate * configuration_.turns_per_radian), 0});
+      static_cast<float>((setpoint.position - configuration_.home) * configuration_.turns_per_radian),
+      static_cast<float>(setpoint.rate * configuration_.turns_per_radian), 0});
 }
 
 }  // namespace cairn

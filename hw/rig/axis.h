@@ -101,7 +101,8 @@ class Axis {
   }
   void keep_idle();
   void rest();
-  void set_input(double position, double rate);
+  void set_input(const Setpoint& setpoint);
+  [[nodiscard]] double position_at(MonotonicTime now) const;
   [[nodiscard]] double period_seconds() const { return std::chrono::duration<double>(period_).count(); }
 
   AxisConfiguration configuration_;

@@ -50,4 +50,14 @@ void MotionProfile::advance(const Demand& demand) {
   position_ += rate_ * period_;
 }
 
+Setpoint MotionProfile::for_axis_at(double measured) const {
+  const double up = coasting_rate(limits_.high - measured);
+  const double down = coasting_rate(measured - limits_.low);
+  const double rate = std::clamp(rate_, -down, up);
+  const double ahead = measured + rate * period_;  // until the next setpoint
+  return {
+      std::clamp(position_, ahead - (down + rate) * limits_.reaction, ahead + (up - rate) * limits_.reaction),
+      rate};
+}
+
 }  // namespace cairn

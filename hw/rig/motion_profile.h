@@ -13,13 +13,19 @@ struct MotionLimits {
   double rate = 0;          ///< [rad/s]
   double acceleration = 0;  ///< [rad/s^2]
   double coasting = 0;      ///< what friction alone slows an axis by that is let go [rad/s^2]
-  double reaction = 0;      ///< an axis goes on for so long at its rate before it slows [s]
+  double reaction = 0;      ///< of the drive: 1 over its position gain [s]
 };
 
 /// Where an axis should go: to `position`, which itself moves on at `rate`; without one, on at `rate`.
 struct Demand {
   std::optional<double> position;  ///< [rad]
   double rate = 0;                 ///< [rad/s]
+};
+
+/// What a drive is told.
+struct Setpoint {
+  double position = 0;  ///< [rad]
+  double rate = 0;      ///< [rad/s]
 };
 
 /// Setpoints on the way to a demand, one a period, within limits of position, rate and acceleration whatever
@@ -30,6 +36,11 @@ class MotionProfile {
   MotionProfile(const MotionLimits& limits, double period, double position);
 
   void advance(const Demand& demand);
+
+  /// For a drive whose axis stands at `measured` [rad]. A drive makes up for what it lags behind at
+  /// 1 / reaction of that a second: one that was held, and one that missed setpoints, gets no setpoint so far
+  /// ahead that it would become too fast to coast to rest before the hard limit.
+  [[nodiscard]] Setpoint for_axis_at(double measured) const;
 
   [[nodiscard]] double position() const { return position_; }  ///< [rad]
   [[nodiscard]] double rate() const { return rate_; }          ///< [rad/s]

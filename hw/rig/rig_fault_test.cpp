@@ -169,6 +169,29 @@ TEST_P(RigFault, ATimeThatRunsBackIdlesTheDrives) {
   EXPECT_TRUE(bench_.both<axis_state::Idle>());
 }
 
+/// What was found by RigMishaps: an axis that was held for a moment hurries after its setpoints, and an
+/// emergency stop then lets go of it near its limit.
+TEST_P(RigFault, AnAxisThatHurriesAfterItsSetpointsMayBeLetGoToo) {
+  std::mt19937 random(GetParam());
+  ASSERT_NO_FATAL_FAILURE(bench_.start());
+  for (int i = 0; i < 20; ++i) {
+    bench_.point({-50 * kDegree, 0}, {-34 * kDegree, 0});
+    bench_.pass(2s);
+    bench_.point({std::nullopt, 10}, {std::nullopt, 10});
+    bench_.pass(std::chrono::milliseconds(400 + random() % 500));
+    for (const size_t drive : {size_t{0}, size_t{1}}) bench_.bus().drive(drive).block(true);
+    bench_.pass(std::chrono::milliseconds(30 + random() % 60));
+    for (const size_t drive : {size_t{0}, size_t{1}}) bench_.bus().drive(drive).block(false);
+    bench_.pass(std::chrono::milliseconds(20 + random() % 150));
+    ASSERT_TRUE(bench_.command(rig_command::Stop{}));
+    ASSERT_NO_FATAL_FAILURE(bench_.pass(500ms));
+    ASSERT_TRUE(bench_.command(rig_command::ClearStop{"shoulder"}));
+    bench_.pass(200ms);
+    ASSERT_TRUE(bench_.command(rig_command::Activate{})) << bench_.rig().describe();
+    bench_.pass(200ms);
+  }
+}
+
 /// Whatever happens, in whatever order.
 class Mishaps {
  public:
