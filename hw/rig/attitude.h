@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace cairn {
+
+/// How the base stands in the world, from its gyro and, slowly, from where its accelerometer finds up. What
+/// the gyro shows while the base does not turn is learnt, but for the part about the vertical, which nothing
+/// here can tell: the heading drifts by that. Pure.
+class Attitude {
+ public:
+  /// One sample: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the base's axes, `step` [s]
+  /// after the one before. The first one sets up, with heading 0.
+  void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step);
+
+  /// The world (z up) from the base.
+  [[nodiscard]] const Eigen::Quaterniond& world_from_base() const { return world_from_base_; }
+  /// Of the newest sample, without bias, in the base's axes [rad/s].
+  [[nodiscard]] const Eigen::Vector3d& rate() const { return rate_; }
+  [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_; }
+  [[nodiscard]] bool is_known() const { return known_; }
+
+ private:
+  bool known_ = false;
+  Eigen::Quaterniond world_from_base_ = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d bias_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace cairn

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+namespace cairn {
+
+/// Angles of the rig's axes [rad], or their rates [rad/s]. Pan turns to the left, tilt up; at 0, 0 the camera
+/// looks along the base's x.
+struct PanTilt {
+  double pan = 0;
+  double tilt = 0;
+};
+
+/// The base from the camera. Base: what pan turns on, x forward, y left, z up. Camera: x right, y down, z
+/// forward.
+[[nodiscard]] Eigen::Matrix3d base_from_camera(const PanTilt& angles);
+/// Where the camera looks, in the base: of length 1.
+[[nodiscard]] Eigen::Vector3d optical_axis(const PanTilt& angles);
+/// The angles that look along a direction of the base, of any length above 0: pan in (-pi, pi], tilt in
+/// [-pi/2, pi/2]. Straight up and down every pan does: it stays `pan`.
+[[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan = 0);
+/// How fast the axes must turn to keep looking along a direction that the world holds still, while the base
+/// turns at `rate` [rad/s], in its own axes. 0 straight up and down.
+[[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate);
+
+}  // namespace cairn

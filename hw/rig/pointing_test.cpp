@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/pointing.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <random>
+
+namespace cairn {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kPeriod = 0.01;
+const Vector3d kUp = Vector3d::UnitZ();
+const Vector3d kAhead = Vector3d::UnitX();
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+TEST(Kinematics, TheAnglesHaveTheSignsThatTheySay) {
+  const Eigen::Matrix3d ahead = base_from_camera({0, 0});
+  EXPECT_TRUE(ahead.col(2).isApprox(kAhead));
+  EXPECT_TRUE(ahead.col(0).isApprox(-Vector3d::UnitY()));
+  EXPECT_TRUE(ahead.col(1).isApprox(-kUp));
+  EXPECT_GT(optical_axis({0.1, 0}).y(), 0);  // left
+  EXPECT_GT(optical_axis({0, 0.1}).z(), 0);  // up
+  for (const double pan : {-2.0, 0.0, 1.0})
+    EXPECT_NEAR(base_from_camera({pan, 0.3}).col(0).z(), 0, 1e-12);  // level
+}
+
+TEST(Kinematics, LookingAlongTheOpticalAxisGivesTheAnglesBack) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 1000; ++i) {
+    const PanTilt angles{3.1 * unit(random), 1.5 * unit(random)};
+    const PanTilt back = look_along(3 * optical_axis(angles));
+    EXPECT_NEAR(back.pan, angles.pan, 1e-9);
+    EXPECT_NEAR(back.tilt, angles.tilt, 1e-9);
+  }
+  EXPECT_EQ(look_along(kUp, 0.7).pan, 0.7);
+  EXPECT_NEAR(look_along(-kUp, 0.7).tilt, -std::numbers::pi / 2, 1e-12);
+}
+
+TEST(Kinematics, TheRatesThatHoldADirectionAreTheDerivatives) {
+  std::mt19937 random(2);
+  std::normal_distribution<double> normal(0, 1);
+  const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  for (int i = 0; i < 200; ++i) {
+    const Vector3d direction = any();
+    if (direction.head<2>().norm() < 0.2 || std::abs(look_along(direction).pan) > 3) continue;
+    const Vector3d rate = any();
+    constexpr double kStep = 1e-6;
+    const Vector3d later = Eigen::AngleAxisd(-rate.norm() * kStep, rate.normalized()) * direction;
+    const PanTilt rates = rates_to_hold(direction, rate);
+    EXPECT_NEAR(rates.pan, (look_along(later).pan - look_along(direction).pan) / kStep,
+                1e-3 * (1 + std::abs(rates.pan)));
+    EXPECT_NEAR(rates.tilt, (look_along(later).tilt - look_along(direction).tilt) / kStep, 1e-3);
+  }
+  EXPECT_EQ(rates_to_hold(kUp, kAhead).pan, 0);
+}
+
+TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
+  const Eigen::Quaterniond truth(Eigen::AngleAxisd(0.4, Vector3d(1, 2, 0).normalized()));
+  const Vector3d bias(0.01, -0.02, 0.015);
+  Attitude attitude;
+  EXPECT_FALSE(attitude.is_known());
+  attitude.update(bias, 3 * kUp, kPeriod);  // in free fall, nearly: it tells nothing
+  EXPECT_FALSE(attitude.is_known());
+  const Vector3d up = truth.conjugate() * kUp;
+  for (int i = 0; i < 60'000; ++i) attitude.update(bias, 9.81 * up, kPeriod);
+  EXPECT_LT(angle_between(attitude.world_from_base().conjugate() * kUp, up), 0.1 * kDegree);
+  const Vector3d wrong = attitude.bias() - bias;
+  EXPECT_LT((wrong - wrong.dot(up) * up).norm(), 1e-3);  // the part about the vertical is not to be known
+}
+
+/// A shoulder that sways by 10 degrees about all axes, and goes up and down.
+struct Gait {
+  Eigen::Quaterniond world_from_base(double t) const {
+    const double sway = 10 * kDegree * std::sin(2 * std::numbers::pi * t);
+    return Eigen::Quaterniond(Eigen::AngleAxisd(0.7 * sway, Vector3d::UnitZ()) *
+                              Eigen::AngleAxisd(sway, Vector3d::UnitY()) *
+                              Eigen::AngleAxisd(0.5 * sway, Vector3d::UnitX()));
+  }
+  Vector3d rate(double t) const {
+    constexpr double kStep = 1e-5;
+    const Eigen::AngleAxisd turn(world_from_base(t).conjugate() * world_from_base(t + kStep));
+    return turn.angle() / kStep * turn.axis();
+  }
+  Vector3d acceleration(double t) const {
+    return world_from_base(t).conjugate() * ((9.81 + 1.5 * std::sin(4 * std::numbers::pi * t)) * kUp);
+  }
+};
+
+TEST(Pointing, LockHoldsTheOpticalAxisWhileTheWearerWalks) {
+  const MotionLimits limits{
+      .low = -1, .high = 1, .margin = 0.08, .rate = 2, .acceleration = 10, .coasting = 5, .reaction = 0.05};
+  const uint32_t seed = std::random_device()();
+  SCOPED_TRACE(seed);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 1);
+  const auto any = [&](double size) {
+    return Vector3d(size * noise(random), size * noise(random), size * noise(random));
+  };
+  const Gait gait;
+  const Vector3d target = Vector3d(1, 0.2, 0.1).normalized();
+  const Vector3d bias(0.004, -0.004, 0.0005);
+  Attitude attitude;
+  std::array<MotionProfile, 2> axes = {MotionProfile(limits, kPeriod, 0), MotionProfile(limits, kPeriod, 0)};
+  double held = 0;
+  double fixed = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double t = i * kPeriod;
+    attitude.update(gait.rate(t) + bias + any(0.003), gait.acceleration(t) + any(0.02), kPeriod);
+    const auto demands = demands_of(pointing::Lock{target}, attitude, axes[0].position());
+    for (size_t axis = 0; axis < 2; ++axis) axes.at(axis).advance(demands.at(axis));
+    if (i < 200) continue;  // until it has found the direction
+    const Eigen::Quaterniond base = gait.world_from_base(t + kPeriod);
+    held += std::pow(angle_between(base * optical_axis({axes[0].position(), axes[1].position()}), target), 2);
+    fixed += std::pow(angle_between(base * optical_axis(look_along(target)), target), 2);
+  }
+  EXPECT_LT(std::sqrt(held), std::sqrt(fixed) / 10) << std::sqrt(held / 1800) / kDegree << " deg";
+}
+
+TEST(Pointing, TheOtherModesAreWhatTheySay) {
+  const Attitude attitude;
+  const auto neutral = demands_of(pointing::Neutral{{0.1, -0.2}}, attitude, 0);
+  EXPECT_EQ(neutral[0].position, 0.1);
+  EXPECT_EQ(neutral[1].position, -0.2);
+  const auto jog = demands_of(pointing::Jog{{0.3, -0.4}}, attitude, 0);
+  EXPECT_FALSE(jog[0].position);
+  EXPECT_EQ(jog[1].rate, -0.4);
+  const auto lock = demands_of(pointing::Lock{kAhead}, attitude, 0);  // without attitude: stay
+  EXPECT_FALSE(lock[0].position);
+  EXPECT_EQ(lock[0].rate, 0);
+}
+
+}  // namespace
+}  // namespace cairn
