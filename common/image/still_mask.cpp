@@ -2,6 +2,7 @@
 #include "common/image/still_mask.h"
 
 #include <algorithm>
+#include <functional>
 #include <utility>
 
 namespace cairn {
@@ -10,6 +11,20 @@ namespace {
 // How far what is looked at around a corner reaches [px of its level]: FAST's circle and the 8x8 patch.
 constexpr int kReach = 4;
 constexpr int kCell = 1 << (kPyramidLevels - 1);  // [px of level 0]
+
+void remove_if(CornerList* corners, const std::function<bool(const Corner&)>& is_out) {
+  size_t kept = 0;
+  for (size_t y = 0; y + 1 < corners->row_begin.size(); ++y) {
+    const size_t begin = corners->row_begin[y];
+    corners->row_begin[y] = static_cast<uint32_t>(kept);
+    for (size_t i = begin; i < corners->row_begin[y + 1]; ++i) {
+      const Corner c = corners->corners[i];
+      if (!is_out(c)) corners->corners[kept++] = c;
+    }
+  }
+  if (!corners->row_begin.empty()) corners->row_begin.back() = static_cast<uint32_t>(kept);
+  corners->corners.resize(kept);
+}
 
 /// `bit` in every cell at most `radius` cells from one that stands still.
 void mark_around(const StillMask& mask, int radius, uint8_t bit, std::vector<uint8_t>* touched) {
@@ -44,31 +59,28 @@ size_t StillMask::still_cells() const {
       std::count_if(still_.begin(), still_.end(), [](uint8_t cell) { return cell != 0; }));
 }
 
-bool StillMask::touches(const Eigen::Vector2f& pixel, int level) const {
+// What is left of an image beyond the last whole cell is as that cell.
+bool StillMask::covers(const Eigen::Vector2f& pixel) const {
   const auto is_within = [](float value, int cells) {
     return value >= 0 && value < static_cast<float>((cells + 1) * kCell);
   };
   return is_within(pixel.x(), width_) && is_within(pixel.y(), height_) &&
-         touches(std::min(static_cast<int>(pixel.x()), width_ * kCell - 1) >> level,
-                 std::min(static_cast<int>(pixel.y()), height_ * kCell - 1) >> level, level);
+         is_still(std::min(static_cast<int>(pixel.x()) / kCell, width_ - 1),
+                  std::min(static_cast<int>(pixel.y()) / kCell, height_ - 1));
 }
 
-// What is left of an image beyond the last whole cell is as that cell.
 void StillMask::remove_from(CornerList* corners, int level) const {
   const int last_x = ((width_ * kCell) >> level) - 1;
   const int last_y = ((height_ * kCell) >> level) - 1;
-  size_t kept = 0;
-  for (size_t y = 0; y + 1 < corners->row_begin.size(); ++y) {
-    const size_t begin = corners->row_begin[y];
-    corners->row_begin[y] = static_cast<uint32_t>(kept);
-    for (size_t i = begin; i < corners->row_begin[y + 1]; ++i) {
-      const Corner c = corners->corners[i];
-      if (!touches(std::min<int>(c.x, last_x), std::min<int>(c.y, last_y), level))
-        corners->corners[kept++] = c;
-    }
-  }
-  if (!corners->row_begin.empty()) corners->row_begin.back() = static_cast<uint32_t>(kept);
-  corners->corners.resize(kept);
+  remove_if(corners, [&](const Corner& c) {
+    return touches(std::min<int>(c.x, last_x), std::min<int>(c.y, last_y), level);
+  });
+}
+
+void StillMask::remove_covered_from(CornerList* corners, int level) const {
+  remove_if(corners, [&](const Corner& c) {
+    return covers({from_level(static_cast<float>(c.x), level), from_level(static_cast<float>(c.y), level)});
+  });
 }
 
 std::vector<uint8_t> bits_of(const StillMaskPtr& mask) {

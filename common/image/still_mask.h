@@ -36,10 +36,12 @@ class StillMask {
     if (column >= width_ || row >= height_) return false;
     return (touched_[index(column, row)] >> level & 1) != 0;
   }
-  /// The same of a pixel of level 0, looked at on a pyramid level.
-  [[nodiscard]] bool touches(const Eigen::Vector2f& pixel, int level) const;
-  /// Takes such corners from the list of a level.
+  /// Whether a pixel of level 0 lies in such a cell.
+  [[nodiscard]] bool covers(const Eigen::Vector2f& pixel) const;
+  /// Takes corners that touch() from the list of a level.
   void remove_from(CornerList* corners, int level) const;
+  /// Takes those that lie in such cells, and leaves what is seen beside them.
+  void remove_covered_from(CornerList* corners, int level) const;
 
  private:
   [[nodiscard]] size_t index(int x, int y) const {

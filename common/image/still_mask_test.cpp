@@ -36,29 +36,24 @@ TEST(StillMask, NoBitsAreNoMask) {
   EXPECT_EQ(still_mask_of(kWidth, kHeight, too_many), nullptr);
 }
 
-TEST(StillMask, APixelIsMaskedAsTheCornersThereAre) {
-  const StillMask mask(40, 30, [] {
-    std::vector<uint8_t> still(40 * 30, 0);
-    still[15 * 40 + 20] = 1;
-    return still;
-  }());
-  for (int level = 0; level < kPyramidLevels; ++level) {
-    for (int x = 0; x < 320; x += 3) {
-      EXPECT_EQ(mask.touches(Eigen::Vector2f(static_cast<float>(x), 124.6F), level),
-                mask.touches(x >> level, 124 >> level, level))
-          << x << ' ' << level;
-    }
-  }
+TEST(StillMask, CoversItsCellsAndTouchesWhatIsBesideThem) {
+  std::vector<uint8_t> still(40 * 30, 0);
+  still[15 * 40 + 20] = 1;
+  const StillMask mask(40, 30, still);
+  for (int x = 0; x < 320; x += 3)
+    EXPECT_EQ(mask.covers({static_cast<float>(x) + 0.4F, 124.6F}), x / 8 == 20) << x;
+  EXPECT_TRUE(mask.touches(155, 124, 0));
+  EXPECT_FALSE(mask.covers({155, 124}));
   for (const Eigen::Vector2f& outside :
        {Eigen::Vector2f(-1, 124), Eigen::Vector2f(164, 1e9F), Eigen::Vector2f(NAN, 3)})
-    EXPECT_FALSE(mask.touches(outside, 0));
+    EXPECT_FALSE(mask.covers(outside));
 }
 
 /// An image need not be of whole cells.
 TEST(StillMask, WhatIsLeftBeyondTheLastCellIsAsThatCell) {
   const StillMask mask(5, 2, {0, 0, 0, 0, 0, 1, 0, 0, 0, 0});
-  EXPECT_TRUE(mask.touches(Eigen::Vector2f(2, kHeight - 1), 0));
-  EXPECT_FALSE(mask.touches(Eigen::Vector2f(kWidth - 1, kHeight - 1), 0));
+  EXPECT_TRUE(mask.covers({2, kHeight - 1}));
+  EXPECT_FALSE(mask.covers({kWidth - 1, kHeight - 1}));
   CornerList corners;
   corners.corners = {{2, kHeight - 1}, {kWidth - 1, kHeight - 1}};
   corners.row_begin.assign(kHeight + 1, 0);

@@ -71,7 +71,7 @@ class CandidatePoints {
     const SE3 map_from_camera = keyframe().camera_from_map.inverse();
     for (const PointCandidate& c : candidates) {
       if (!is_sound(c, *keyframe().camera)) continue;
-      if (keyframe().still && keyframe().still->touches(c.pixel, c.level)) continue;
+      if (keyframe().still && keyframe().still->covers(c.pixel)) continue;
       const Corner corner{static_cast<int16_t>(std::lround(to_level(c.pixel.x(), c.level))),
                           static_cast<int16_t>(std::lround(to_level(c.pixel.y(), c.level)))};
       const auto source = make_source(keyframe(), c.level, corner);

@@ -49,8 +49,7 @@ std::optional<Judged> reoptimize(const MapState& map, const KeyframeInput& input
   for (const PointMeasurement& m : input.measurements) {
     const bool sound =
         map.is_live(m.id) && m.level < kPyramidLevels && input.camera->in_image(m.pixel.cast<double>());
-    if (!sound || measured[m.id.value - 1] || (input.still && input.still->touches(m.pixel, m.level)))
-      continue;
+    if (!sound || measured[m.id.value - 1] || (input.still && input.still->covers(m.pixel))) continue;
     measured[m.id.value - 1] = true;
     known.push_back(m);
     observations.push_back(

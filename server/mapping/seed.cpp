@@ -74,8 +74,7 @@ std::vector<SeedMatch> usable_trails(const SeedInput& input, const MapKeyframe& 
     const Eigen::Vector2d b = trail.second.cast<double>();
     if (!a.allFinite() || !b.allFinite() || !input.camera->in_image(a) || !input.camera->in_image(b))
       continue;
-    if (input.still && (input.still->touches(trail.first, 0) || input.still->touches(trail.second, 0)))
-      continue;
+    if (input.still && (input.still->covers(trail.first) || input.still->covers(trail.second))) continue;
     SeedMatch m{trail.id, to_corner(trail.first), {a, b}};
     const auto source = make_source(first, 0, m.corner);
     if (!source) continue;
