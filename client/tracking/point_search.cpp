@@ -8,8 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kNearest = 1e-3;         // PTAM r114: in front of the camera [map unit]
-constexpr float kTemplateChange = 0.07F;  // PTAM r114: a warp column [search-level px per source px]
+constexpr double kNearest = 1e-3;  // PTAM r114: in front of the camera [map unit]
 constexpr float kAlignmentReach =
     5.0F;  // [search-level px] radius up to which alignment is tried from where it is expected
 
@@ -109,26 +108,18 @@ bool PointSearch::reproject(const SE3& camera_from_map, VisiblePoint* point) con
   return true;
 }
 
-const PatchTemplate* PointSearch::template_of(const VisiblePoint& point) {
+const PatchTemplate* PointSearch::template_of(const VisiblePoint& point, const Smear& smear) {
+  const PointBlock& shown = *map_->point_blocks[static_cast<size_t>(point.slot.block)];
   auto& block = templates_[static_cast<size_t>(point.slot.block)];
-  const PointId first = map_->point_blocks[static_cast<size_t>(point.slot.block)]->ids[0];
+  const PointId first = shown.ids[0];
   if (!block || block->first != first) block = std::make_unique<CachedBlock>(CachedBlock{first, {}});
-  CachedTemplate& cached = block->templates[static_cast<size_t>(point.slot.slot)];
-  const float limit = kTemplateChange * static_cast<float>(1 << point.level);
-  if (cached.valid && cached.patch.level == point.level &&
-      (cached.warp - point.level0_from_source).colwise().norm().maxCoeff() <= limit) {
-    return &cached.patch;
-  }
-  const PointSource& source =
-      map_->point_blocks[static_cast<size_t>(point.slot.block)]->source(point.slot.slot);
-  cached.valid = make_template(source.pixels, point.level0_from_source, point.level, &cached.patch);
-  cached.warp = point.level0_from_source;
-  return cached.valid ? &cached.patch : nullptr;
+  return block->templates[static_cast<size_t>(point.slot.slot)].of(
+      shown.source(point.slot.slot).pixels, point.level0_from_source, point.level, smear.at(point.expected));
 }
 
 void PointSearch::search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point) {
   point->found = false;
-  const PatchTemplate* patch = template_of(*point);
+  const PatchTemplate* patch = template_of(*point, frame.smear);
   if (patch == nullptr) return;
   const int level = point->level;
   const GrayImage& image = frame.pyramid.level(level);
@@ -142,10 +133,7 @@ void PointSearch::search(const FrameImages& frame, const SearchReach& reach, Vis
                      : std::nullopt;
   if (!refined) {
     if (reach.by == (is_near ? SearchBy::kAlignment : SearchBy::kCorners)) return;
-    const auto match = find_patch(*patch, image, frame.corners(level), center, level_radius);
-    if (!match) return;
-    refined =
-        refine_patch(*patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), reach.iterations);
+    refined = look_around(*patch, frame, center, level_radius, reach.iterations);
     if (!refined) return;
   }
   point->pixel = {from_level(refined->x(), level), from_level(refined->y(), level)};

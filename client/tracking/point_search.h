@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "client/tracking/frustum.h"
+#include "client/tracking/kept_template.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/frame_images.h"
@@ -67,14 +68,9 @@ class PointSearch {
   void search(const FrameImages& frame, const SearchReach& reach, VisiblePoint* point);
 
  private:
-  struct CachedTemplate {
-    PatchTemplate patch;
-    Warp warp = Warp::Zero();
-    bool valid = false;
-  };
   struct CachedBlock {
     PointId first;  ///< whose block it is: the tracker's own are not always in the same place
-    std::array<CachedTemplate, kBlockSlots> templates;
+    std::array<KeptTemplate, kBlockSlots> templates;
   };
 
   /// A point that may be in view; the least ranks are looked for.
@@ -87,7 +83,7 @@ class PointSearch {
   /// False when it is out of view, or at a scale that its patch does not allow.
   [[nodiscard]] bool project(PointSlot slot, const SE3& camera_from_map, const Eigen::Matrix3d& rotation,
                              VisiblePoint* out) const;
-  [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point);
+  [[nodiscard]] const PatchTemplate* template_of(const VisiblePoint& point, const Smear& smear);
 
   CameraPtr camera_;
   Frustum frustum_;

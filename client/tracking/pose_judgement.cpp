@@ -10,7 +10,8 @@ namespace cairn {
 namespace {
 
 constexpr double kKnownPosition = 0.01;  // over the mean depth: an overlay stands still
-constexpr double kKnownRotation = 0.01;  // [rad]
+// [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
+constexpr double kKnownRotation = 0.033;
 
 /// Standard deviation in the direction that a matrix has least information of.
 double worst_sigma(const Eigen::Matrix3d& information) {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "common/image/smear.h"
+
 namespace cairn {
 namespace {
 
@@ -13,21 +15,20 @@ namespace {
 // fraction of a degree that is asked of them.
 constexpr int kFinestLevel = 1;
 constexpr int kCoarsestLevel = 2;
-constexpr int kCellLimit = 4;             // points in a cell; 48 cells have 192
-constexpr int kBeginEvery = 3;            // frames: a pan of 150 degrees/s turns by 15 degrees meanwhile
-constexpr float kNeighbour = 6;           // [px of level 0] nearer than that two corners are one
-constexpr int kBorder = 14;               // [level px] room for the patch that is cut
-constexpr float kLeastTexture = 70;       // Shi-Tomasi, as of keyframe candidates (PTAM r114)
-constexpr int kOldest = 900;              // frames: who waits so long for the map to grow waits in vain
-constexpr int kUnseenLimit = 60;          // frames out of view
-constexpr int kMissLimit = 8;             // frames in view and not found
-constexpr int kRefusals = 2;              // in a row: it moves, or was mistaken
-constexpr int kIterations = 8;            // of an alignment
-constexpr float kCoarseRadius = 20;       // [px of level 0]
-constexpr float kFineRadius = 6;          // [px of level 0]
-constexpr size_t kFewestCoarse = 6;       // found, to say where the camera has turned to
-constexpr size_t kFewestBearings = 15;    // that agree on a pose
-constexpr float kTemplateChange = 0.07F;  // as of map points: a warp column [search-level px per source px]
+constexpr int kCellLimit = 4;           // points in a cell; 48 cells have 192
+constexpr int kBeginEvery = 3;          // frames: a pan of 150 degrees/s turns by 15 degrees meanwhile
+constexpr float kNeighbour = 6;         // [px of level 0] nearer than that two corners are one
+constexpr int kBorder = 14;             // [level px] room for the patch that is cut
+constexpr float kLeastTexture = 70;     // Shi-Tomasi, as of keyframe candidates (PTAM r114)
+constexpr int kOldest = 900;            // frames: who waits so long for the map to grow waits in vain
+constexpr int kUnseenLimit = 60;        // frames out of view
+constexpr int kMissLimit = 8;           // frames in view and not found
+constexpr int kRefusals = 2;            // in a row: it moves, or was mistaken
+constexpr int kIterations = 8;          // of an alignment
+constexpr float kCoarseRadius = 20;     // [px of level 0]
+constexpr float kFineRadius = 6;        // [px of level 0]
+constexpr size_t kFewestCoarse = 6;     // found, to say where the camera has turned to
+constexpr size_t kFewestBearings = 15;  // that agree on a pose
 // As of the pose finder: matches are good to a third of their sigma, so the floor is the rule.
 constexpr double kMinSquaredCutoff = 1.0;
 constexpr double kMaxSquaredCutoff = 9.0;
@@ -141,28 +142,22 @@ void ProvisionalPoints::project(const SE3& camera_from_map, Point* point) {
   if (!level) return;
   point->in_view = true;
   point->expected = pixel->cast<float>();
-  const float limit = kTemplateChange * static_cast<float>(1 << *level);
-  if (point->has_patch && point->patch.level == *level &&
-      (point->warp - warp).colwise().norm().maxCoeff() <= limit)
-    return;
-  point->has_patch = make_template(point->source, warp, *level, &point->patch);
+  point->search_level = *level;
   point->warp = warp;
 }
 
 void ProvisionalPoints::search(const FrameImages& now, float radius, bool asks_corners, Point* point) {
   point->found = false;
-  if (!point->in_view || !point->has_patch) return;
-  const int level = point->patch.level;
+  if (!point->in_view) return;
+  const int level = point->search_level;
+  const PatchTemplate* patch = point->kept.of(point->source, point->warp, level,
+                                              missing_smear(now.smear.at(point->expected), point->smear));
+  if (patch == nullptr) return;
   const GrayImage& image = now.pyramid.level(level);
   const Eigen::Vector2f center(to_level(point->expected.x(), level), to_level(point->expected.y(), level));
   const float reach = radius / static_cast<float>(1 << level);
-  auto there = refine_patch(point->patch, image, center, kIterations, reach);
-  if (!there && asks_corners) {
-    const auto match = find_patch(point->patch, image, now.corners(level), center, reach);
-    if (match)
-      there =
-          refine_patch(point->patch, image, Eigen::Vector2f(match->corner.x, match->corner.y), kIterations);
-  }
+  auto there = refine_patch(*patch, image, center, kIterations, reach);
+  if (!there && asks_corners) there = look_around(*patch, now, center, reach, kIterations);
   if (!there) return;
   point->pixel = {from_level(there->x(), level), from_level(there->y(), level)};
   point->found = true;
@@ -209,7 +204,7 @@ void ProvisionalPoints::observe() {
     const SE3& anchor_from_map = anchors_[p.anchor].anchor_from_map;
     observations_.push_back({anchor_from_map.center(), anchor_from_map.rotation().conjugate() * p.bearing,
                              p.inverse_depth, p.variance, p.pixel.cast<double>(),
-                             static_cast<double>(1 << p.patch.level)});
+                             static_cast<double>(1 << p.search_level)});
   }
 }
 
@@ -254,7 +249,7 @@ bool ProvisionalPoints::measure(const KnownPose& pose, const SE3& camera_from_an
   const Eigen::Vector2d by_depth = d_pixel_d_direction * origin;
   Eigen::Matrix<double, 2, 6> by_pose;
   by_pose << point->inverse_depth * d_pixel_d_direction, -d_pixel_d_direction * skew(direction);
-  const double sigma = kMeasuredSigma * static_cast<double>(1 << point->patch.level);
+  const double sigma = kMeasuredSigma * static_cast<double>(1 << point->search_level);
   const Eigen::Matrix2d noise =
       sigma * sigma * Eigen::Matrix2d::Identity() + by_pose * pose.covariance * by_pose.transpose();
   const Eigen::Vector2d innovation = point->pixel.cast<double>() - *pixel;
@@ -378,6 +373,7 @@ bool ProvisionalPoints::begin_point(const FrameImages& now, const KnownPose& pos
   point.level = static_cast<uint8_t>(level);
   point.pixel = point.expected = {from_level(corner.x, level), from_level(corner.y, level)};
   point.in_view = true;
+  point.smear = now.smear.at(point.pixel);
   ++anchors_[anchor].points;
   return true;
 }

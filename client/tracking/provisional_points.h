@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "client/tracking/kept_template.h"
 #include "client/tracking/local_map.h"
 #include "client/tracking/point_search.h"
 #include "client/tracking/pose_judgement.h"
@@ -123,10 +124,11 @@ class ProvisionalPoints {
     double innovation = -1;
     Eigen::Vector2f expected = Eigen::Vector2f::Zero();
     Eigen::Vector2f pixel = Eigen::Vector2f::Zero();
-    Warp warp = Warp::Zero();  ///< of `patch`
-    bool has_patch = false;
-    PatchTemplate patch;
+    int search_level = 0;
+    Warp warp = Warp::Zero();
+    KeptTemplate kept;
     SourcePatch source;
+    Eigen::Vector2f smear = Eigen::Vector2f::Zero();  ///< [px of level 0] that `source` has
   };
 
   void aim_anchors(const MapSnapshot& map);

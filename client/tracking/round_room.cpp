@@ -70,6 +70,27 @@ GrayImagePtr RoundRoom::render(const SE3& camera_from_map, double noise, uint64_
   return image;
 }
 
+GrayImagePtr RoundRoom::render_exposed(const std::function<SE3(double time)>& pose_at, double noise,
+                                       uint64_t shot) const {
+  constexpr int kParts = 6;
+  std::vector<int> sums(static_cast<size_t>(camera_->width()) * static_cast<size_t>(camera_->height()),
+                        kParts / 2);
+  for (int k = 0; k < kParts; ++k) {
+    const GrayImagePtr part = render(pose_at((k + 0.5) / kParts - 0.5), noise * std::sqrt(kParts),
+                                     kParts * shot + static_cast<uint64_t>(k));
+    size_t i = 0;
+    for (int y = 0; y < part->height(); ++y) {
+      for (int x = 0; x < part->width(); ++x) sums[i++] += part->row(y)[x];
+    }
+  }
+  auto image = std::make_shared<GrayImage>(camera_->width(), camera_->height());
+  size_t i = 0;
+  for (int y = 0; y < image->height(); ++y) {
+    for (int x = 0; x < image->width(); ++x) image->row(y)[x] = static_cast<uint8_t>(sums[i++] / kParts);
+  }
+  return image;
+}
+
 MapSnapshotPtr RoundRoom::map_of(const SE3& camera_from_map) const {
   const SE3 map_from_camera = camera_from_map.inverse();
   return map_of_view(

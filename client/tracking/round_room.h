@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -20,6 +21,9 @@ class RoundRoom {
 
   /// With normal noise of `noise` grey values, other noise for another `shot`.
   [[nodiscard]] GrayImagePtr render(const SE3& camera_from_map, double noise, uint64_t shot) const;
+  /// The mean of what is seen from half a frame before to half a frame after: `pose_at` of -0.5 to 0.5.
+  [[nodiscard]] GrayImagePtr render_exposed(const std::function<SE3(double time)>& pose_at, double noise,
+                                            uint64_t shot) const;
   /// Along a unit ray in the frame of a camera, to the wall.
   [[nodiscard]] double distance(const SE3& camera_from_map, const Eigen::Vector3d& ray) const;
   /// Keyframe 1 at `camera_from_map` with the points that it sees.

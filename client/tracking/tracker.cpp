@@ -7,6 +7,7 @@
 
 #include "client/relocalization/recovery.h"
 #include "client/tracking/evidence.h"
+#include "client/tracking/exposure.h"
 #include "client/tracking/flow_prior.h"
 #include "client/tracking/keyframe_policy.h"
 #include "client/tracking/local_map.h"
@@ -32,6 +33,10 @@ constexpr int kLearnEvery = 8;
 // errors add up from frame to frame.
 constexpr int kRotationHeld = 150;
 constexpr int kPositionHeld = 15;
+// Frames in a row in which nothing is followed: the small images err by some hundredths of the turn.
+constexpr int kBlind = 3;
+constexpr double kBlindSigma = 0.003;  // [rad], and over the depth
+constexpr float kSameTurn = 0.9F;      // correlation of small images that say so
 
 }  // namespace
 
@@ -59,7 +64,8 @@ struct Tracker::State {
   PoseFinder finder;
   FlowPrior flow;
   ProvisionalPoints provisional;
-  int frames_held = 0;  ///< by what is provisional alone, since the map was seen last
+  int frames_held = 0;   ///< by what is provisional alone, since the map was seen last
+  int frames_blind = 0;  ///< by the small images alone, since something was followed
   KeyframePolicy keyframes;
   LocalMap local;
   std::vector<LocalPoint> known;  ///< of the frame
@@ -72,7 +78,10 @@ struct Tracker::State {
   std::array<FrameImages, 2> frames;
   size_t current = 0;
   bool has_previous = false;
+  Timestamp frame_time;
+  Exposure exposure;
   TinyMotion seen;      ///< how the tiny image moved since the previous frame
+  float likeness = -1;  ///< of the small images, the motion undone
   bool is_cut = false;  ///< it has nothing in common with it
 
   MapSnapshotPtr map;   ///< the server's, with what the tracker has added
@@ -87,7 +96,7 @@ struct Tracker::State {
   [[nodiscard]] bool may_enter() const { return !trails.is_undecided(); }
 
   // A frame, in this order.
-  void begin_frame(const GrayImagePtr& image, StageProbe* stage_probe);
+  void begin_frame(const GrayImagePtr& image, Timestamp time, StageProbe* stage_probe);
   void start(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& snapshot);
   void locate(Timestamp time, const MapSnapshotPtr& snapshot);
   void end_frame(Timestamp time);
@@ -116,6 +125,7 @@ struct Tracker::State {
   void track(Timestamp time);
   void look_for_camera(Timestamp time);
   [[nodiscard]] bool hold(Timestamp time);
+  [[nodiscard]] bool hold_blindly();
   void measured(const SE3& camera_from_map, Timestamp time);
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
@@ -126,7 +136,7 @@ struct Tracker::State {
   void learn_still();
 };
 
-void Tracker::State::begin_frame(const GrayImagePtr& image, StageProbe* stage_probe) {
+void Tracker::State::begin_frame(const GrayImagePtr& image, Timestamp time, StageProbe* stage_probe) {
   probe = stage_probe;
   clear_result();
   finder.clear();
@@ -139,7 +149,10 @@ void Tracker::State::begin_frame(const GrayImagePtr& image, StageProbe* stage_pr
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
-  is_cut = has_previous && !(tiny_correlation(previous().tiny, now().tiny, seen) >= kSameView);
+  if (has_previous) exposure.next_frame(seen, seconds_between(time, frame_time), &now());
+  frame_time = time;
+  likeness = has_previous ? tiny_correlation(previous().tiny, now().tiny, seen) : -1;
+  is_cut = has_previous && !(likeness >= kSameView);
 }
 
 void Tracker::State::clear_result() {
@@ -341,7 +354,8 @@ bool Tracker::State::hold(Timestamp time) {
   const SE3 expected = turned() * model.last();
   provisional.follow(now(), expected, *map);
   const auto held = provisional.locate(expected, finder.points(), mean_depth);
-  if (!held) return false;
+  if (!held) return hold_blindly();
+  frames_blind = 0;
   ++frames_held;
   measured(held->camera_from_map, time);
   flow.missed();
@@ -357,6 +371,23 @@ bool Tracker::State::hold(Timestamp time) {
   return true;
 }
 
+/// Smeared by a quick turn, the frame shows nothing that could be followed; how far it turned, the small
+/// images say.
+bool Tracker::State::hold_blindly() {
+  if (frames_held == 0 || likeness < kSameTurn || frames_blind >= kBlind) return false;
+  ++frames_blind;
+  ++frames_held;
+  model.missed(turned());
+  flow.missed();
+  const Matrix6d covariance = kBlindSigma * kBlindSigma * Matrix6d::Identity();
+  provisional.update(now(), {model.last(), covariance, PoseSupport::kRotation, mean_depth}, *map, {});
+  recovery.turn_away();
+  result.state = TrackingState::kRotation;
+  result.mean_depth = mean_depth;
+  result.note = "turned away from what the map shows";
+  return true;
+}
+
 void Tracker::State::measured(const SE3& camera_from_map, Timestamp time) {
   model.measured(camera_from_map, time);
   if (const KeyframePose* nearest = map->nearest_keyframe(camera_from_map.center())) {
@@ -367,6 +398,7 @@ void Tracker::State::measured(const SE3& camera_from_map, Timestamp time) {
 void Tracker::State::accept(const Attempt& found, Timestamp time) {
   measured(*found.pose, time);
   frames_held = 0;
+  frames_blind = 0;
   flow.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
   if (recovery.confirm(found.evidence.quality, latest, time)) {
@@ -383,6 +415,7 @@ void Tracker::State::publish(const Attempt& found, Timestamp time) {
   result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
+  exposure.learn(now(), finder.points(), *map);
   provisional.follow(now(), *found.pose, *map);
   provisional.update(now(), {*found.pose, finder.covariance(), PoseSupport::kPosition, mean_depth}, *map,
                      finder.points());
@@ -474,7 +507,7 @@ Tracker::~Tracker() = default;
 const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                                   StageProbe* probe) {
   State& s = *state_;
-  s.begin_frame(image, probe);
+  s.begin_frame(image, time, probe);
   if (s.recovery.is_starting()) s.start(image, time, map);
   if (!s.recovery.is_starting() && map) s.locate(time, map);
   s.end_frame(time);

@@ -6,6 +6,7 @@
 
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
+#include "common/image/smear.h"
 #include "common/image/still_mask.h"
 #include "common/image/tiny_image.h"
 
@@ -19,6 +20,7 @@ class FrameImages {
   static constexpr std::array<int, kPyramidLevels> kFastThresholds = {10, 15, 15, 10};
 
   Pyramid pyramid;
+  Smear smear;     ///< of its exposure, as far as it is known
   TinyImage tiny;  ///< blur 0.75: frame-to-frame rotation prior
 
   /// `still` (null: nothing): where the image stands still whatever the camera does; there are no corners
@@ -26,6 +28,7 @@ class FrameImages {
   void build_pyramid(const GrayView& image, StillMaskPtr still = nullptr) {
     pyramid.build(image);
     still_ = std::move(still);
+    smear = {};
     has_corners_.fill(false);
   }
   void build_tiny() {

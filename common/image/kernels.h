@@ -33,6 +33,9 @@ void find_alike(const PatchTemplate& patch, const GrayView& level_image, const W
 
 [[nodiscard]] bool make_template(const SourcePatch& source, const Warp& level0_from_source, int level,
                                  PatchTemplate* out, Simd simd);
+[[nodiscard]] bool make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
+                                         const Eigen::Vector2f& smear, const Eigen::Vector2f& aside,
+                                         PatchTemplate* out, Simd simd);
 
 [[nodiscard]] std::optional<Eigen::Vector2f> refine_patch(const PatchTemplate& patch,
                                                           const GrayView& level_image,

@@ -8,6 +8,7 @@
 
 #include "common/image/kernels.h"
 #include "common/image/pyramid.h"
+#include "common/image/smear.h"
 
 namespace cairn {
 namespace {
@@ -29,12 +30,23 @@ struct SampleGrid {
   int u_per_j;
   int v_per_i;
   int v_per_j;
+  /// Of the reference pixel. Bilinear weights have 8 bits: rounded here, once, instead of at every sample.
+  int u_origin = kSourceCenter * kOne + (1 << (kFractionBits - 9));
+  int v_origin = u_origin;
 
-  /// Bilinear weights have 8 bits: rounded here, once, instead of at every sample.
-  static constexpr int kOrigin = kSourceCenter * kOne + (1 << (kFractionBits - 9));
-
-  [[nodiscard]] int u(int i, int j) const { return kOrigin + u_per_i * (i - kHalf) + u_per_j * (j - kHalf); }
-  [[nodiscard]] int v(int i, int j) const { return kOrigin + v_per_i * (i - kHalf) + v_per_j * (j - kHalf); }
+  [[nodiscard]] int u(int i, int j) const { return u_origin + u_per_i * (i - kHalf) + u_per_j * (j - kHalf); }
+  [[nodiscard]] int v(int i, int j) const { return v_origin + v_per_i * (i - kHalf) + v_per_j * (j - kHalf); }
+  /// Of the pixels that are (x, y) [template px] away.
+  [[nodiscard]] SampleGrid moved(float x, float y) const {
+    const auto part = [](float across, int per_i, float down, int per_j) {
+      return static_cast<int>(
+          std::lround(across * static_cast<float>(per_i) + down * static_cast<float>(per_j)));
+    };
+    SampleGrid other = *this;
+    other.u_origin += part(x, u_per_i, y, u_per_j);
+    other.v_origin += part(x, v_per_i, y, v_per_j);
+    return other;
+  }
 
   /// Whether the 8x8 samples lie in the patch: it is convex, so its corners decide.
   [[nodiscard]] bool is_inside() const {
@@ -63,7 +75,8 @@ std::optional<SampleGrid> sample_grid(const Warp& level0_from_source, int level)
 /// corners.
 struct RingedTemplate {
   static constexpr int kStride = 16;
-  alignas(16) std::array<uint8_t, kStride*(kTemplateSize + 2)> pixels;
+  static constexpr size_t kPixels = size_t{kStride} * (kTemplateSize + 2);
+  alignas(16) std::array<uint8_t, kPixels> pixels;
 
   [[nodiscard]] uint8_t* at(int i, int j) { return pixels.data() + (j + 1) * kStride + i + 1; }
   [[nodiscard]] const uint8_t* at(int i, int j) const { return pixels.data() + (j + 1) * kStride + i + 1; }
@@ -228,6 +241,22 @@ void invert_hessian(const TemplateSums& s, PatchTemplate* out) {
   out->inverse_hessian(2, 2) = static_cast<float>(1 / n - cross.dot(mean_gradient));
 }
 
+void warp_patch(const SourcePatch& source, const SampleGrid& grid, Simd simd, RingedTemplate* out) {
+  if (simd == Simd::kAvx2) {
+    warp_avx2(source, grid, out);
+  } else {
+    warp_scalar(source, grid, out);
+  }
+}
+
+void finish_template(const RingedTemplate& ringed, int level, PatchTemplate* out) {
+  const TemplateSums sums = fill_template(ringed, out);
+  out->sum = sums.value;
+  out->sum_squares = sums.value_squared;
+  out->level = level;
+  invert_hessian(sums, out);
+}
+
 }  // namespace
 
 bool cut_source_patch(const GrayView& image, Corner corner, SourcePatch* out) {
@@ -258,21 +287,53 @@ bool kernels::make_template(const SourcePatch& source, const Warp& level0_from_s
   const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
   if (!grid) return false;
   RingedTemplate ringed;
-  if (simd == Simd::kAvx2) {
-    warp_avx2(source, *grid, &ringed);
-  } else {
-    warp_scalar(source, *grid, &ringed);
-  }
-  const TemplateSums sums = fill_template(ringed, out);
-  out->sum = sums.value;
-  out->sum_squares = sums.value_squared;
-  out->level = level;
-  invert_hessian(sums, out);
+  warp_patch(source, *grid, simd, &ringed);
+  finish_template(ringed, level, out);
   return true;
 }
 
 bool make_template(const SourcePatch& source, const Warp& level0_from_source, int level, PatchTemplate* out) {
   return kernels::make_template(source, level0_from_source, level, out, best_simd());
+}
+
+bool kernels::make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
+                                    const Eigen::Vector2f& smear, const Eigen::Vector2f& aside,
+                                    PatchTemplate* out, Simd simd) {
+  constexpr int kMostSamples = kSourcePatchSize;
+  const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
+  Eigen::Vector2f along = smear / static_cast<float>(1 << level);
+  if (!grid || !along.allFinite()) return false;
+  const auto fits = [&] {
+    return along.norm() < kMostSamples && grid->moved(along.x() / 2, along.y() / 2).is_inside() &&
+           grid->moved(-along.x() / 2, -along.y() / 2).is_inside();
+  };
+  while (!fits()) along *= 0.8F;
+  const float length = along.norm();
+  // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
+  // the whole way.
+  constexpr float kPart = 1.5F;
+  const int samples = static_cast<int>(std::ceil(length / kPart)) + 1;
+  const auto n = static_cast<float>(samples);
+  const float spread = samples == 1 ? 0 : 1 / std::sqrt(n * n - 1);
+  std::array<uint16_t, RingedTemplate::kPixels> sums{};
+  RingedTemplate ringed{};
+  for (int k = 0; k < samples; ++k) {
+    const float part = spread * (static_cast<float>(k) - 0.5F * (n - 1));
+    warp_patch(source, grid->moved(aside.x() + part * along.x(), aside.y() + part * along.y()), simd,
+               &ringed);
+    for (size_t i = 0; i < sums.size(); ++i) sums[i] = static_cast<uint16_t>(sums[i] + ringed.pixels[i]);
+  }
+  const auto half = static_cast<uint32_t>(samples / 2);
+  const uint32_t reciprocal = (0xFFFFU + static_cast<uint32_t>(samples)) / static_cast<uint32_t>(samples);
+  for (size_t i = 0; i < sums.size(); ++i)
+    ringed.pixels[i] = static_cast<uint8_t>((sums[i] + half) * reciprocal >> 16);
+  finish_template(ringed, level, out);
+  return true;
+}
+
+bool make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
+                           const Eigen::Vector2f& smear, const Eigen::Vector2f& aside, PatchTemplate* out) {
+  return kernels::make_smeared_template(source, level0_from_source, level, smear, aside, out, best_simd());
 }
 
 }  // namespace cairn

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "common/image/frame_images.h"
+#include "common/image/patch.h"
+
+namespace cairn {
+
+/// The template of a point, kept from frame to frame while it looks the same.
+class KeptTemplate {
+ public:
+  /// As a frame shows the patch that it smears by `smear` [px of level 0]. Null where it can not be searched.
+  [[nodiscard]] const PatchTemplate* of(const SourcePatch& source, const Warp& level0_from_source, int level,
+                                        const Eigen::Vector2f& smear);
+
+ private:
+  PatchTemplate patch_;
+  Warp warp_ = Warp::Zero();
+  Eigen::Vector2f smear_ = Eigen::Vector2f::Zero();
+  bool valid_ = false;
+};
+
+/// Where a frame shows what resembles the template best within `radius` of `center` [px of its level], to
+/// sub-pixel: at the corners; on coarse levels at every pixel where a smear has left no corners.
+[[nodiscard]] std::optional<Eigen::Vector2f> look_around(const PatchTemplate& patch, const FrameImages& frame,
+                                                         const Eigen::Vector2f& center, float radius,
+                                                         int iterations);
+
+}  // namespace cairn
