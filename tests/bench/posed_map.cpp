@@ -38,7 +38,7 @@ Still prepare(const CameraPtr& camera, const PosedStill& posed, KeyframeId id) {
   k.camera = camera;
   k.time = posed.time;
   k.camera_from_map = posed.camera_from_world;
-  k.images = prepare_images(posed.image->view());
+  k.images = prepare_images(posed.image->view(), k.still);
   still.corners = describe_place(k.images->pyramid, k.images->corners).corners;
   for (const PlaceCorner& c : still.corners) still.descriptors.push_back(c.descriptor);
   still.points.resize(still.corners.size());
