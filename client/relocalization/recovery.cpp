@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/relocalization/recovery.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace cairn {
 namespace {
 
-constexpr int kProofFrames = 3;             // in a row, for a pose that was found by looking for it
-constexpr float kSuggestedQuality = 0.25F;  // for a place that geometry speaks for: it may be poorly mapped
-constexpr size_t kMemoriesTried = 3;        // candidates of the memory, by successive frames
+constexpr int kProofFrames = 3;  // in a row, for a pose that was found by looking for it
+constexpr float kSuggestedQuality =
+    0.25F;  // for a place that geometry or motion speaks for: it may be poorly mapped
+constexpr double kSamePlace = 0.03;   // [depths] a pose may be off and be right
+constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive frames
 // A camera that has been lost for longer, or has since seen what no map is known of, may have been carried
 // elsewhere, to a place that looks the same from where it was [s].
 constexpr double kStillHere = 1.0;
@@ -19,11 +22,12 @@ constexpr double kWitnessPatience = 0.2;  // [s] an answer takes a frame or two
 void Recovery::start_over(bool insists) {
   state_ = Starting{insists};
   question_.restart();
-  proven_.reset();
+  path_.clear();
 }
 
 void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked) {
-  proven_ = pose;
+  path_.clear();
+  path_.add(pose, proven_time_);
   if (is_tracked) {
     state_ = Tracking{};
   } else {
@@ -35,7 +39,11 @@ void Recovery::begin_verifying(const PoseStart& start, Timestamp time) {
   Verifying trial;
   trial.frames_left = kProofFrames;
   trial.needed_quality = start.quality;
-  if (const Lost* lost = as<Lost>()) trial.memories_tried = lost->memories_tried;
+  if (const Lost* lost = as<Lost>()) {
+    trial.memories_tried = lost->memories_tried;
+    trial.lost_at_cut = lost->at_cut;
+  }
+  trial.is_out_of_reach = !is_reachable(start.camera_from_map);
   if (start.is_own_guess) trial.witness_from = time;
   state_ = trial;
 }
@@ -45,9 +53,10 @@ bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time) 
     trial->quality = quality;
     --trial->frames_left;
     if (needs_more(*trial, time)) return false;
+    if (trial->is_out_of_reach) path_.clear();
   }
   state_ = Tracking{quality};
-  proven_ = pose;
+  path_.add(pose, time);
   proven_time_ = time;
   question_.prove();
   return true;
@@ -64,15 +73,21 @@ void Recovery::turn_away() {
   if (const Tracking* tracking = as<Tracking>()) state_ = Turned{tracking->quality};
 }
 
+void Recovery::lose_sight(const FrameImages& before) {
+  const Tracking* tracking = as<Tracking>();
+  if (tracking != nullptr && tracking->failed_frames == 0) last_sight_ = place_image(before);
+}
+
 void Recovery::fail(bool is_cut, Timestamp time) {
   if (const Verifying* trial = as<Verifying>()) {
-    state_ = Lost{trial->memories_tried};
+    state_ = Lost{trial->memories_tried, trial->lost_at_cut};
     question_.refute(time);
   } else if (auto* tracking = std::get_if<Tracking>(&state_)) {
     if (tracking->failed_frames++ == 0) tracking->failed_at_cut = is_cut;
-    if (tracking->failed_frames >= options_.lost_after_failed_frames) state_ = Lost{};
+    if (tracking->failed_frames >= options_.lost_after_failed_frames)
+      state_ = Lost{0, tracking->failed_at_cut};
   } else if (as<Turned>() != nullptr) {
-    state_ = Lost{};
+    state_ = Lost{0, true};
   }
 }
 
@@ -82,34 +97,90 @@ void Recovery::remember(const FrameImages& frame, const MapSnapshot& map, const 
   views_.remember(frame, map, pose, points);
 }
 
-void Recovery::begin_frame() {
+void Recovery::begin_frame(const MapSnapshot& map, double near_depth, Timestamp time) {
   described_.reset();
   suggested_.reset();
   keyframes_tried_ = 0;
-  source_ = Source::kConfirmed;
-  last_source_ = is_lost() ? Source::kKeyframes : Source::kRefuted;
+  out_of_reach_.clear();
+  shows_within_reach_ = false;
+  source_ = Source::kContinued;
+  is_compared_ = false;
+  region_ = path_.reachable(map, time);
+  if (!region_) return;
+  region_->radius += kSamePlace * near_depth;
+  if (!(region_->radius < near_depth)) region_.reset();  // that is anywhere in the scene
 }
 
 std::optional<PoseStart> Recovery::next_start(const FrameImages& frame, const MapSnapshot& map,
                                               const SE3& last, double mean_depth, Timestamp time) {
-  while (source_ <= last_source_) {
+  is_compared_ = false;
+  while (true) {
     const Source source = source_;
+    if (source >= Source::kOutOfReach && !out_of_reach_.empty()) return next_out_of_reach();
+    if (source == Source::kNone) return std::nullopt;
     const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < KeyframeRounds::kPerFrame;
     if (!is_repeated) source_ = static_cast<Source>(static_cast<int>(source) + 1);
-    if (!is_worth_trying(source, time)) break;
+    if (!is_worth_trying(source, time)) continue;
     if (source == Source::kRefuted && suggested_) question_.refute(time);
-    if (const auto start = start_from(source, frame, map, last, mean_depth)) return start;
+    const auto start = start_from(source, frame, map, last, mean_depth);
+    if (!start) continue;
+    if (is_reachable(start->camera_from_map)) return start;
+    out_of_reach_.push_back({*start});
   }
-  source_ = Source::kNone;
-  return std::nullopt;
+}
+
+PoseStart Recovery::next_out_of_reach() {
+  const OutOfReach next = out_of_reach_.front();
+  out_of_reach_.pop_front();
+  is_compared_ = next.is_compared;
+  return next.start;
+}
+
+/// Turned as there, the camera is looked for within reach, and there again.
+void Recovery::compare_within_reach(const PoseStart& found) {
+  out_of_reach_.push_front({found, true});
+  out_of_reach_.push_front(
+      {{within_reach(found.camera_from_map), PoseStart::Reach::kNear, kProvenQuality, true}, true});
+}
+
+std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPose& found, Timestamp time) {
+  PoseStart needed = start;
+  needed.camera_from_map = found.camera_from_map;
+  const bool is_near = is_reachable(found.camera_from_map);
+  if (is_near && region_) {
+    shows_within_reach_ |= found.points >= kFewestPoints && found.quality >= options_.least_quality;
+    needed.quality = std::min(needed.quality, kSuggestedQuality);
+    if (!may_be_elsewhere(time) && !was_lost_at_cut()) needed.is_own_guess = false;
+  }
+  if (found.points < kFewestPoints || found.quality < needed.quality) return std::nullopt;
+  if (is_near) return needed;
+  if (!is_compared_) compare_within_reach(needed);
+  if (!is_compared_ || shows_within_reach_) return std::nullopt;
+  return needed;
 }
 
 /// Desks look alike to who compares with one map only: after a while it takes the word of the server, which
 /// compares with all, and asks for more likeness than points can show. Keyframes are looked through when
 /// nobody can be asked.
 bool Recovery::is_worth_trying(Source source, Timestamp time) const {
-  if (source <= Source::kRefuted || question_.nobody_answers()) return true;
-  return source != Source::kKeyframes && !may_be_elsewhere(time);
+  switch (source) {
+    case Source::kConfirmed:
+    case Source::kSuggested:
+    case Source::kOutOfReach:
+    case Source::kRefuted:
+      return true;
+    case Source::kContinued:
+    case Source::kTurned:
+      return is_lost() && region_;
+    case Source::kCorners:
+    case Source::kMemory:
+    case Source::kProven:
+      return is_lost() && (question_.nobody_answers() || !may_be_elsewhere(time) || (region_));
+    case Source::kKeyframes:
+    case Source::kNone:
+      return is_lost() && question_.nobody_answers();
+  }
+  return false;
 }
 
 std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& frame, const MapSnapshot& map,
@@ -120,6 +191,11 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
     return PoseStart{*pose, reach, kProvenQuality, true};
   };
   switch (source) {
+    case Source::kContinued:
+      return guess(within_reach(last), Reach::kNear);
+    case Source::kTurned:
+      if (const auto turned = turned_since(frame, map)) return guess(within_reach(*turned), Reach::kNear);
+      return std::nullopt;
     case Source::kConfirmed:
       // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
       suggested_ = question_.take(frame, *camera_, map);
@@ -133,9 +209,10 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
     case Source::kMemory:
       return guess(places_.recall(frame, *camera_, map, next_memory()), Reach::kWide);
     case Source::kProven:
-      return guess(proven_in(map), Reach::kWide);
+      return guess(path_.last(map), Reach::kWide);
     case Source::kKeyframes:
       return guess(rounds_.next(map), Reach::kQuick);
+    case Source::kOutOfReach:
     case Source::kRefuted:
     case Source::kNone:
       break;
@@ -148,11 +225,17 @@ size_t Recovery::next_memory() {
   return lost == nullptr ? 0 : lost->memories_tried++ % kMemoriesTried;
 }
 
-std::optional<SE3> Recovery::proven_in(const MapSnapshot& map) const {
-  if (!proven_ || proven_->map != map.map) return std::nullopt;
-  const KeyframePose* keyframe = map.find(proven_->reference);
-  if (keyframe == nullptr) return std::nullopt;
-  return proven_->camera_from_reference * keyframe->camera_from_map;
+SE3 Recovery::within_reach(const SE3& turned) const {
+  if (!region_) return turned;
+  return {turned.rotation(), -(turned.rotation() * region_->centre)};
+}
+
+/// The pose proven last, turned as the small images then and now say: what came between, a hand maybe, has
+/// no part in it.
+std::optional<SE3> Recovery::turned_since(const FrameImages& frame, const MapSnapshot& map) const {
+  const auto last = path_.last(map);
+  if (!last || last_sight_.empty()) return std::nullopt;
+  return turn_between(last_sight_, place_image(frame), *camera_) * *last;
 }
 
 std::optional<SE3> Recovery::by_corners(const FrameImages& frame, const MapSnapshot& map, const SE3& last,
@@ -210,7 +293,7 @@ PlaceUse Recovery::answered(const std::optional<PoseSuggestion>& suggestion, std
                             bool may_enter) {
   if (!question_.answered(suggestion)) return PlaceUse::kNotKnown;
   if (is_contradicted_by(*suggestion, map)) {
-    state_ = Lost{as<Verifying>()->memories_tried};
+    state_ = Lost{as<Verifying>()->memories_tried, true};
     question_.contradict();
   }
   if (wants(*suggestion, map, may_enter)) return PlaceUse::kTried;

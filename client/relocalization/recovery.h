@@ -3,17 +3,20 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <span>
 #include <utility>
 #include <variant>
 
+#include "client/relocalization/anchored_pose.h"
 #include "client/relocalization/described_views.h"
 #include "client/relocalization/keyframe_rounds.h"
 #include "client/relocalization/place_memory.h"
 #include "client/relocalization/place_question.h"
 #include "client/relocalization/pose_suggestion.h"
+#include "client/relocalization/proven_path.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
@@ -40,10 +43,12 @@ struct Turned {
 /// A pose was found by looking for it; it is published when the next frames have confirmed it. Whoever looks
 /// everywhere finds something somewhere.
 struct Verifying {
-  int frames_left = 0;        ///< that must still confirm it
-  float needed_quality = 0;   ///< in each of them
-  float quality = 0;          ///< share found in the latest
-  size_t memories_tried = 0;  ///< before this one
+  int frames_left = 0;           ///< that must still confirm it
+  float needed_quality = 0;      ///< in each of them
+  float quality = 0;             ///< share found in the latest
+  size_t memories_tried = 0;     ///< before this one
+  bool lost_at_cut = false;      ///< as Lost::at_cut
+  bool is_out_of_reach = false;  ///< of a camera that moves as it did before
   /// When it began, if the place is the tracker's own guess: that knows one map only, and the server, which
   /// compares with all, is to be heard about a frame from then on.
   std::optional<Timestamp> witness_from;
@@ -51,6 +56,7 @@ struct Verifying {
 /// The camera is in the map, most likely, and not known where.
 struct Lost {
   size_t memories_tried = 0;
+  bool at_cut = false;  ///< the picture changed as no hand can move: it may be elsewhere by now
 };
 using RecoveryState = std::variant<Starting, Tracking, Turned, Verifying, Lost>;
 
@@ -69,14 +75,15 @@ struct PoseStart {
 
 struct RecoveryOptions {
   int lost_after_failed_frames = 3;
-  uint64_t seed = 1;  ///< of random choices
+  uint64_t seed = 1;            ///< of random choices
+  float least_quality = 0.13F;  ///< share found of a pose that shows anything
 };
 
-/// A pose of the camera that survives adjustments of the map.
-struct AnchoredPose {
-  MapId map;
-  KeyframeId reference;
-  SE3 camera_from_reference;
+/// What was found by searching from it.
+struct FoundPose {
+  SE3 camera_from_map;
+  int points = 0;     ///< inliers of the pose
+  float quality = 0;  ///< share found of those in sight
 };
 
 /// What a tracker knows of whether the camera is lost, and where it may be looked for then: one state, what
@@ -121,6 +128,8 @@ class Recovery {
   [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time);
   /// It does not, but how the camera has turned since it was tracked is known.
   void turn_away();
+  /// It does not, and the `frame` before did if none has failed since.
+  void lose_sight(const FrameImages& before);
   /// It does not. `is_cut`: it has nothing in common with the frame before.
   void fail(bool is_cut, Timestamp time);
   /// A frame whose pose was published is good enough to be found again by.
@@ -130,14 +139,29 @@ class Recovery {
   // Where the camera may be.
 
   /// A frame begins: the poses for it are named from the first on. Those of a lost camera are all that is
-  /// known; while it was tracked until now, one frame that fails is tried where others say only.
-  void begin_frame();
-  /// The next pose to search `frame` from, in order of what speaks for it: what others say; while the camera
-  /// cannot have gone far, or if there are no others, the views of the points around the `last` pose, the
-  /// memory of places, the pose published last; if there are no others, the keyframes of the map. Asked for
-  /// again, what was named before did not show. `mean_depth` [map unit] of what was seen last.
+  /// known; while it was tracked until now, one frame that fails is tried where others say only. `mean_depth`
+  /// [map unit] of what is nearest of what was seen last.
+  void begin_frame(const MapSnapshot& map, double near_depth, Timestamp time);
+  /// Whether the camera can have got there since it was tracked, as far as is known.
+  [[nodiscard]] bool is_reachable(const SE3& camera_from_map) const {
+    return !region_ || region_->contains(camera_from_map);
+  }
+  /// Where the camera went on to, turned as that pose is; the pose itself where that is not known.
+  [[nodiscard]] SE3 within_reach(const SE3& camera_from_map) const;
+  /// The next pose to search `frame` from, in order of what speaks for it, and where the camera can have got
+  /// to before where it cannot: where it is if it went on as it did, turned as the `last` pose is; what
+  /// others say; while it cannot have gone far, or if there are no others, the views of the points around the
+  /// last pose, the memory of places, the pose published last; if there are no others, the keyframes of the
+  /// map. Asked for again, what was named before did not show.
   [[nodiscard]] std::optional<PoseStart> next_start(const FrameImages& frame, const MapSnapshot& map,
                                                     const SE3& last, double mean_depth, Timestamp time);
+  /// The pose found from `start`, and what must be found in the frames that verify it, if it is to be
+  /// followed up; nothing when it is not to be. Where the camera can have got to, less is enough. Where it
+  /// cannot, nothing that counts may show from any such place, and it is asked again once that is known: a
+  /// structure that repeats looks the same from each of its periods, so turned as there the camera is looked
+  /// for within reach.
+  [[nodiscard]] std::optional<PoseStart> believe(const PoseStart& start, const FoundPose& found,
+                                                 Timestamp time);
   /// The pose by the corners of `frame` and the views remembered around `last`, whatever the state.
   [[nodiscard]] std::optional<SE3> by_corners(const FrameImages& frame, const MapSnapshot& map,
                                               const SE3& last, double mean_depth);
@@ -157,12 +181,15 @@ class Recovery {
  private:
   /// Of poses, in the order in which they are named; at kRefuted it is known that what others say is wrong.
   enum class Source : uint8_t {
+    kContinued,
+    kTurned,
     kConfirmed,
     kSuggested,
-    kRefuted,
     kCorners,
     kMemory,
     kProven,
+    kOutOfReach,
+    kRefuted,
     kKeyframes,
     kNone
   };
@@ -174,9 +201,12 @@ class Recovery {
   [[nodiscard]] bool is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const;
   [[nodiscard]] bool wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const;
   [[nodiscard]] bool may_be_elsewhere(Timestamp time) const;
+  [[nodiscard]] bool was_lost_at_cut() const { return is_lost() && as<Lost>()->at_cut; }
   [[nodiscard]] bool is_worth_trying(Source source, Timestamp time) const;
   [[nodiscard]] size_t next_memory();
-  [[nodiscard]] std::optional<SE3> proven_in(const MapSnapshot& map) const;
+  [[nodiscard]] PoseStart next_out_of_reach();
+  void compare_within_reach(const PoseStart& found);
+  [[nodiscard]] std::optional<SE3> turned_since(const FrameImages& frame, const MapSnapshot& map) const;
   [[nodiscard]] std::optional<PoseStart> start_from(Source source, const FrameImages& frame,
                                                     const MapSnapshot& map, const SE3& last,
                                                     double mean_depth);
@@ -188,13 +218,21 @@ class Recovery {
   PlaceMemory places_;
   DescribedViews views_;
   KeyframeRounds rounds_;
-  std::optional<AnchoredPose> proven_;  ///< the last pose published,
-  Timestamp proven_time_;               ///< and when
+  ProvenPath path_;        ///< the last poses published,
+  Timestamp proven_time_;  ///< and when the latest was
+  TinyImage last_sight_;   ///< of its frame, once the next has failed
   // Of the present frame:
   std::optional<PlaceView> described_;
-  std::optional<SE3> suggested_;           ///< the place that others say, taken
-  Source source_ = Source::kNone;          ///< of the pose named next
-  Source last_source_ = Source::kRefuted;  ///< of those that are tried
+  std::optional<ReachableRegion> region_;  ///< where the camera can be, as far as is known
+  struct OutOfReach {
+    PoseStart start;
+    bool is_compared = false;  ///< what shows within reach, with the camera turned so, is known
+  };
+  std::deque<OutOfReach> out_of_reach_;  ///< that were put off
+  bool is_compared_ = false;             ///< of the pose named last
+  bool shows_within_reach_ = false;      ///< something, from a pose where the camera can be
+  std::optional<SE3> suggested_;         ///< the place that others say, taken
+  Source source_ = Source::kNone;        ///< of the pose named next
   size_t keyframes_tried_ = 0;
 };
 

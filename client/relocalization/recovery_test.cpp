@@ -38,7 +38,7 @@ class RecoveryTest : public ::testing::Test {
   }
   /// All poses that are named for a frame.
   std::vector<PoseStart> starts(Timestamp time) {
-    recovery.begin_frame();
+    recovery.begin_frame(*map, 1.0, time);
     std::vector<PoseStart> all;
     while (const auto start = recovery.next_start(frame, *map, home, 1.0, time)) all.push_back(*start);
     return all;
@@ -91,7 +91,7 @@ TEST_F(RecoveryTest, NothingSurvivesATransition) {
 TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
   lose();
   EXPECT_EQ(answer(at(100), suggestion_here()), PlaceUse::kTried);
-  recovery.begin_frame();
+  recovery.begin_frame(*map, 1.0, at(133));
   const auto start = recovery.next_start(frame, *map, home, 1.0, at(133));
   ASSERT_TRUE(start);
   EXPECT_FALSE(start->is_own_guess);
@@ -148,6 +148,76 @@ TEST_F(RecoveryTest, WhoIsLostLooksWhereItWasUntilItMayBeElsewhere) {
     EXPECT_LT((start.camera_from_map * home.inverse()).log().norm(), 0.02);
   }
   EXPECT_TRUE(starts(at(1500)).empty()) << "carried elsewhere, maybe";
+}
+
+/// A camera that goes along x for a second and is then lost, 0.6 found in each frame.
+class RecoveryOnTheWay : public RecoveryTest {
+ protected:
+  RecoveryOnTheWay() {
+    for (int i = 0; i <= 30; ++i) {
+      const SE3 pose = looking_down(0.02 * i, i % 2 == 0 ? 0.001 : 0);
+      EXPECT_TRUE(recovery.confirm(0.6F, {map->map, here.reference, pose * home.inverse()}, at(33 * i)));
+    }
+    lose();
+    recovery.begin_frame(*map, 1.0, at(33 * 36));
+  }
+
+  SE3 went_on_to = looking_down(0.02 * 36, 0);
+  SE3 a_period_back = looking_down(0.02 * 36 - 0.5, 0);
+  PoseStart own{went_on_to, PoseStart::Reach::kWide, Recovery::kProvenQuality, true};
+  PoseStart of_others{a_period_back, PoseStart::Reach::kNear, 0.25F, false};
+};
+
+TEST_F(RecoveryOnTheWay, WhereItWentOnToComesFirstAndWhatIsOutOfReachLast) {
+  recovery.remember(frame, *map, {here.reference, SE3(), 1.0}, {});
+  std::vector<PoseStart> all;
+  while (const auto start = recovery.next_start(frame, *map, home, 1.0, at(33 * 36))) all.push_back(*start);
+  ASSERT_GE(all.size(), 3U);
+  EXPECT_LT((all.front().camera_from_map.center() - went_on_to.center()).norm(), 0.01);
+  EXPECT_FALSE(recovery.is_reachable(all.back().camera_from_map)) << "the memory, home";
+}
+
+TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoWitness) {
+  const auto near = recovery.believe(own, {went_on_to, 60, 0.3F}, at(33 * 36));
+  ASSERT_TRUE(near);
+  EXPECT_LE(near->quality, 0.3F);
+  EXPECT_FALSE(near->is_own_guess);
+  EXPECT_FALSE(recovery.believe(own, {went_on_to, Recovery::kFewestPoints - 1, 0.3F}, at(33 * 36)));
+  EXPECT_TRUE(recovery.confirm(0.6F, here, at(33 * 37)));
+  for (int i = 0; i < kFailuresToLose; ++i) recovery.fail(true, at(33 * 37));
+  recovery.begin_frame(*map, 1.0, at(33 * 38));
+  const auto after_cut = recovery.believe(own, {recovery.within_reach(home), 60, 0.3F}, at(33 * 38));
+  ASSERT_TRUE(after_cut);
+  EXPECT_TRUE(after_cut->is_own_guess) << "the picture changed as no hand can move";
+}
+
+TEST_F(RecoveryOnTheWay, AfterASecondAGuessOfItsOwnNeedsAWitness) {
+  recovery.begin_frame(*map, 1.0, at(33 * 30 + 1100));
+  const auto late = recovery.believe(own, {looking_down(0.6 + 0.66, 0), 60, 0.3F}, at(33 * 30 + 1100));
+  ASSERT_TRUE(late);
+  EXPECT_TRUE(late->is_own_guess) << "carried to a place that looks the same, maybe";
+}
+
+/// What repeats shows as much at each of its periods, and a map may show more of another one than of that
+/// where the camera is.
+TEST_F(RecoveryOnTheWay, WhatShowsWithinReachWinsOverMoreOutOfReach) {
+  for (const int within : {60, 20}) {
+    recovery.begin_frame(*map, 1.0, at(33 * 36));
+    while (recovery.next_start(frame, *map, home, 1.0, at(33 * 36))) {
+    }
+    ASSERT_FALSE(recovery.believe(of_others, {a_period_back, 600, 0.8F}, at(33 * 36)));
+    const auto compared = recovery.next_start(frame, *map, home, 1.0, at(33 * 36));
+    ASSERT_TRUE(compared);
+    EXPECT_LT((compared->camera_from_map * went_on_to.inverse()).log().norm(), 0.01);
+    static_cast<void>(recovery.believe(*compared, {went_on_to, within, 0.2F}, at(33 * 36)));
+    const auto again = recovery.next_start(frame, *map, home, 1.0, at(33 * 36));
+    ASSERT_TRUE(again);
+    EXPECT_LT((again->camera_from_map * a_period_back.inverse()).log().norm(), 0.01);
+    const auto believed = recovery.believe(*again, {a_period_back, 600, 0.8F}, at(33 * 36));
+    EXPECT_EQ(believed.has_value(), within < Recovery::kFewestPoints);
+    EXPECT_GE(believed.value_or(of_others).quality, of_others.quality);
+    EXPECT_FALSE(recovery.next_start(frame, *map, home, 1.0, at(33 * 36)));
+  }
 }
 
 TEST_F(RecoveryTest, AnAnswerThatNoPlaceIsKnownSaysThatItIsElsewhere) {

@@ -87,11 +87,23 @@ float PoseFinder::quality() const {
   return in_sight == 0 ? 0 : static_cast<float>(seen_.found) / static_cast<float>(in_sight);
 }
 
-std::optional<double> PoseFinder::mean_depth() {
+void PoseFinder::collect_depths() {
   depths_.clear();
   for (const VisiblePoint& p : seen_.points) {
     if (p.found) depths_.push_back(p.depth);
   }
+}
+
+std::optional<double> PoseFinder::near_depth() {
+  collect_depths();
+  if (depths_.empty()) return std::nullopt;
+  const auto tenth = depths_.begin() + static_cast<ptrdiff_t>(depths_.size() / 10);
+  std::nth_element(depths_.begin(), tenth, depths_.end());
+  return *tenth;
+}
+
+std::optional<double> PoseFinder::mean_depth() {
+  collect_depths();
   if (depths_.empty()) return std::nullopt;
   return scene_depth(&depths_);
 }

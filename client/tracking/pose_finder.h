@@ -73,6 +73,8 @@ class PoseFinder {
   [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
+  /// [map unit] that a tenth of them is nearer than; nothing without any. Far lights have no part in it.
+  [[nodiscard]] std::optional<double> near_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.
   [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }
 
@@ -88,6 +90,7 @@ class PoseFinder {
     bool used_coarse = false;
   };
 
+  void collect_depths();
   void look(const FrameImages& frame, const SE3& start, const SearchEffort& effort, StageProbe* probe);
   [[nodiscard]] std::optional<SE3> coarse_stage(const FrameImages& frame, const SE3& start,
                                                 const SearchEffort& effort, StageProbe* probe);

@@ -50,7 +50,7 @@ struct Tracker::State {
   State(const CameraPtr& camera_in, const TrackerOptions& options_in)
       : camera(camera_in),
         options(options_in),
-        recovery(camera_in, {options_in.lost_after_bad_frames, options_in.seed}),
+        recovery(camera_in, {options_in.lost_after_bad_frames, options_in.seed, options_in.lost_quality}),
         trails(camera_in, options_in),
         finder(camera_in, options_in),
         flow(camera_in, options_in.seed),
@@ -87,6 +87,7 @@ struct Tracker::State {
   MapSnapshotPtr map;   ///< the server's, with what the tracker has added
   AnchoredPose latest;  ///< the last pose measured
   double mean_depth = 1;
+  double near_depth = 1;  ///< of what is nearest
   FrameResult result;
   StageProbe* probe = nullptr;
 
@@ -116,6 +117,7 @@ struct Tracker::State {
   [[nodiscard]] Attempt attempt(const SE3& from, const SearchEffort& effort);
   [[nodiscard]] Attempt judged(Attempt found, PoseOrigin origin) const;
   [[nodiscard]] Attempt search_by_motion(Timestamp time);
+  [[nodiscard]] Attempt compared_within_reach(Attempt found);
   [[nodiscard]] Attempt search_otherwise();
   [[nodiscard]] SearchEffort expected_effort() const;
   [[nodiscard]] SearchEffort effort_of(PoseStart::Reach reach) const;
@@ -209,7 +211,7 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
     const SE3 camera_from_map = pose.value_or(second->camera_from_map);
     latest = {map->map, second->id, camera_from_map * second->camera_from_map.inverse()};
     recovery.begin_map(latest, pose.has_value());
-    if (second->mean_depth > 0) mean_depth = second->mean_depth;
+    if (second->mean_depth > 0) mean_depth = near_depth = second->mean_depth;
     model.reset(camera_from_map, time);
   }
   seen = TinyMotion{};  // the trails' pose is of this frame already
@@ -238,7 +240,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp 
 
 void Tracker::State::locate(Timestamp time, const MapSnapshotPtr& snapshot) {
   adopt_revision(snapshot, time);
-  recovery.begin_frame();
+  recovery.begin_frame(*map, near_depth, time);
   if (recovery.is_lost()) {
     const ScopedStage stage(probe, Stage::kRecover);
     miss(time, recovery.question().nobody_answers()
@@ -301,6 +303,22 @@ Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   if (found.evidence.share == PoseVerdict::kBad)
     found = attempt(turned() * model.last(), wide_effort(options));
   if (found.pose) found.evidence.is_leap = model.is_leap(*found.pose, expected, time, mean_depth);
+  found = judged(found, PoseOrigin::kMotion);
+  const bool is_doubted =
+      found.verdict != PoseVerdict::kBad && found.pose && !recovery.is_reachable(*found.pose);
+  return is_doubted ? compared_within_reach(found) : found;
+}
+
+/// What repeats draws a search to another of its periods: the pose that shows where the camera can be is
+/// preferred.
+Tracker::State::Attempt Tracker::State::compared_within_reach(Attempt found) {
+  const SE3 there = *found.pose;
+  const Attempt near =
+      judged(attempt(recovery.within_reach(there), normal_effort(options)), PoseOrigin::kMotion);
+  if (near.verdict != PoseVerdict::kBad && near.pose && recovery.is_reachable(*near.pose)) return near;
+  const bool is_leap = found.evidence.is_leap;
+  found = attempt(there, normal_effort(options));
+  found.evidence.is_leap = is_leap;
   return judged(found, PoseOrigin::kMotion);
 }
 
@@ -309,8 +327,10 @@ Tracker::State::Attempt Tracker::State::search_otherwise() {
     const Attempt found = judged(attempt(*from, normal_effort(options)), PoseOrigin::kFlow);
     if (found.verdict != PoseVerdict::kBad) return found;
   }
-  if (const auto from = recovery.by_corners(now(), *map, model.last(), mean_depth))
-    return judged(attempt(*from, normal_effort(options)), PoseOrigin::kCorners);
+  if (const auto from = recovery.by_corners(now(), *map, model.last(), mean_depth)) {
+    const Attempt found = attempt(*from, normal_effort(options));
+    if (found.pose && recovery.is_reachable(*found.pose)) return judged(found, PoseOrigin::kCorners);
+  }
   return {};
 }
 
@@ -326,11 +346,12 @@ SearchEffort Tracker::State::effort_of(PoseStart::Reach reach) const {
 void Tracker::State::look_for_camera(Timestamp time) {
   while (const auto start = recovery.next_start(now(), *map, model.last(), mean_depth, time)) {
     Attempt found = attempt(start->camera_from_map, effort_of(start->reach));
-    if (!found.pose || found.evidence.found < Recovery::kFewestPoints ||
-        found.evidence.quality < start->quality)
-      continue;
+    if (!found.pose) continue;
+    const auto believed =
+        recovery.believe(*start, {*found.pose, found.evidence.found, found.evidence.quality}, time);
+    if (!believed) continue;
     found.verdict = PoseVerdict::kGood;
-    recovery.begin_verifying(*start, time);
+    recovery.begin_verifying(*believed, time);
     model.reset(*found.pose, time);
     accept(found, time);
     return;
@@ -341,6 +362,7 @@ void Tracker::State::look_for_camera(Timestamp time) {
 void Tracker::State::miss(Timestamp time, std::string why) {
   model.missed(turned());
   flow.missed();
+  recovery.lose_sight(previous());
   recovery.fail(is_cut, time);
   result.state = TrackingState::kLost;
   result.note = std::move(why);
@@ -401,6 +423,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
   frames_blind = 0;
   flow.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
+  near_depth = finder.near_depth().value_or(near_depth);
   if (recovery.confirm(found.evidence.quality, latest, time)) {
     publish(found, time);
     return;
