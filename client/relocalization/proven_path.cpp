@@ -13,7 +13,7 @@ constexpr double kWindow = 2.0;     // [s] of which the acceleration is learnt
 constexpr double kLag = 1.0 / 3;    // [s] of which the velocity is
 constexpr double kShortest = 0.1;   // [s] of a path that says something
 constexpr double kSpacing = 0.031;  // [s] of what is kept
-// Hands are no Gaussians: of what recordings with truth did in 0.1 to 2 s, 99 % lie within six.
+// Hands are no Gaussians: of what recordings with truth did in 0.1 to 2 s, 99 % lie within six to seven.
 constexpr double kSigmas = 6.0;
 
 struct Place {
