@@ -568,14 +568,16 @@ class Faults(OnTheDesk):
         return frames[first:], said
 
     def assert_tracked_through(self, frames, said):
-        """Tracked in all but 5 % of the frames that were not dropped, until another map is begun, when
-        the replica no longer shows what the camera sees."""
+        """Tracked, or turned away from what the replica shows, in all but 5 % of the frames that were not
+        dropped, until another map is begun, when the replica no longer shows what the camera sees."""
         states = [frame["state"] for frame in frames]
         if "starting" in states:
             states = states[:states.index("starting")]
         self.assertGreater(len(states), 120, "the map was there before the crash")
         taken = [state for state in states if state != "dropped"]
-        self.assertGreaterEqual(sum(state in ("tracking", "poor") for state in taken), 0.95 * len(taken), said)
+        self.assertGreaterEqual(sum(state in ("tracking", "poor", "rotation") for state in taken),
+                                0.95 * len(taken), said)
+        self.assertGreaterEqual(sum(state in ("tracking", "poor") for state in taken), 0.85 * len(taken), said)
         self.assert_never_stands_still(frames)
         self.assertIn("server gone: tracking on the replica", said)
 
