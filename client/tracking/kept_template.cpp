@@ -14,7 +14,7 @@ constexpr float kTemplateChange = 0.07F;  // PTAM r114: a warp column [search-le
 constexpr float kSmearChange = 0.3F;      // of its length
 // [search-level px] Below, its standard deviation, 0.87, is no more than that of lens and pixels.
 constexpr float kLeastSmear = 3.0F;
-constexpr int kCoarseLevel = 2;           // from there on a radius has few pixels
+constexpr int kCoarseLevel = 2;  // from there on a radius has few pixels
 constexpr int kBorder = kTemplateSize / 2;
 
 bool is_smeared(const Eigen::Vector2f& smear, int level) {
