@@ -15,7 +15,7 @@ constexpr double kLongest = 1.0 / 15;  // [s]
 constexpr double kKept = 0.95;         // of what frames have told, per frame
 constexpr float kLeastWay = 0.5F;      // [search-level px] that a step must add for a point to tell anything
 constexpr size_t kMostAsked = 200;     // of the points, and of these
-constexpr int kMostTelling = 8;        // who tell something: half a microsecond for each template
+constexpr int kMostTelling = 24;       // who tell something: half a microsecond for each template
 // Curvature that a grey value of noise in each of their pixels makes.
 constexpr double kNoise = double{kMostTelling} * kTemplatePixels;
 constexpr int kBorder = kTemplateSize / 2;

@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 constexpr float kTemplateChange = 0.07F;  // PTAM r114: a warp column [search-level px per source px]
-constexpr float kSmearChange = 0.3F;      // of its length
+constexpr float kSmearChange = 0.2F;      // of its length
 // [search-level px] Below, its standard deviation, 0.87, is no more than that of lens and pixels.
 constexpr float kLeastSmear = 3.0F;
 constexpr int kCoarseLevel = 2;  // from there on a radius has few pixels

@@ -309,9 +309,9 @@ bool kernels::make_smeared_template(const SourcePatch& source, const Warp& level
   };
   while (!fits()) along *= 0.8F;
   const float length = along.norm();
-  // One for each two pixels and a half, which interpolation bridges, and spread so that their variance is
-  // that of the whole way.
-  constexpr float kPart = 2.5F;
+  // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
+  // the whole way.
+  constexpr float kPart = 1.5F;
   const int samples = static_cast<int>(std::ceil(length / kPart)) + 1;
   const auto n = static_cast<float>(samples);
   const float spread = samples == 1 ? 0 : 1 / std::sqrt(n * n - 1);
