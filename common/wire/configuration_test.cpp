@@ -37,6 +37,18 @@ TEST(Configuration, TheServerHasAPlaceAndNoPeers) {
   EXPECT_THAT(xml, HasSubstr("<ParticipantIndex>0</ParticipantIndex>"));
 }
 
+TEST(Configuration, ARigHasAPlaceAndTheServerAsPeerAndItsClientsHaveTheRig) {
+  ParticipantOptions options = client_of(7);
+  options.role = Role::kRig;
+  const std::string rig = make_configuration(options, kOnThisHost).value();
+  EXPECT_THAT(rig, HasSubstr("<Peer address=\"127.0.0.1:9160\" />"));
+  EXPECT_THAT(rig, HasSubstr("<ParticipantIndex>50</ParticipantIndex>"));
+  options.role = Role::kRigClient;
+  const std::string client = make_configuration(options, kOnThisHost).value();
+  EXPECT_THAT(client, HasSubstr("<Peer address=\"127.0.0.1:9260\" />"));
+  EXPECT_THAT(client, HasSubstr("<ParticipantIndex>none</ParticipantIndex>"));
+}
+
 /// Only what is woken by no packet, and waits for none, ends when the address is gone.
 TEST(Configuration, ClosingNeedsNoAddressOfOurs) {
   const std::string xml = make_configuration(client_of(0), kOnThisHost).value();

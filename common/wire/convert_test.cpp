@@ -25,10 +25,11 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
 class RoundTrip : public ::testing::Test {};
-using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
-                                     MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
-                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, CameraEstimate,
-                                     ClientRequest, ClientReply, LabelMessage, AdminRequest, AdminReply>;
+using AllMessages =
+    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
+                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict,
+                     RelocQuery, RelocAnswer, CameraEstimate, ClientRequest, ClientReply, LabelMessage,
+                     AdminRequest, AdminReply, RigCommand, RigState>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -211,6 +212,37 @@ TEST(Validation, ServerStatusAndMapInfo) {
   info.refuses("name too long", [](auto& m) { m.name.assign(129, 'x'); });
 }
 
+TEST(Validation, RigCommand) {
+  const Spoiler<RigCommand> command;
+  command.refuses("no rig", [](auto& m) { m.rig.clear(); });
+  command.refuses("every rig", [](auto& m) { m.rig = "*"; });
+  command.refuses("no commander", [](auto& m) { m.commander.clear(); });
+  command.refuses("commander of another form", [](auto& m) { m.commander = "Anna B."; });
+  command.refuses("no session", [](auto& m) { m.order.session = {}; });
+  command.refuses("no number", [](auto& m) { m.order.seq = 0; });
+  command.refuses("unknown mode", [](auto& m) { m.mode = static_cast<RigMode>(12); });
+  command.refuses("NaN target", [](auto& m) { m.target.y() = kNan; });
+  command.refuses("far target", [](auto& m) { m.target.x() = 1e7; });
+  command.refuses("NaN angle", [](auto& m) { m.angles[0] = kNan; });
+  command.refuses("many turns", [](auto& m) { m.angles[1] = 1e3; });
+  command.refuses("infinite rate", [](auto& m) { m.rates[1] = -kInfinity; });
+}
+
+TEST(Validation, RigState) {
+  const Spoiler<RigState> state;
+  state.refuses("no rig", [](auto& m) { m.rig.clear(); });
+  state.refuses("unknown mode", [](auto& m) { m.mode = static_cast<RigMode>(12); });
+  state.refuses("unknown condition", [](auto& m) { m.axes[1].condition = static_cast<RigAxisCondition>(8); });
+  state.refuses("unknown fault", [](auto& m) { m.axes[0].fault = 64; });
+  state.refuses("NaN position", [](auto& m) { m.axes[0].position = kNan; });
+  state.refuses("infinite rate", [](auto& m) { m.axes[1].rate = kInfinity; });
+  state.refuses("NaN rate of turn", [](auto& m) { m.imu.rate.z() = static_cast<float>(kNan); });
+  state.refuses("acceleration of a shot", [](auto& m) { m.imu.acceleration.x() = 1e4F; });
+  state.refuses("no attitude", [](auto& m) { m.imu.world_from_base.coeffs().setZero(); });
+  state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
+  state.refuses("more than a packet", [](auto& m) { m.refusal.assign(kMaxRigText + 1, 'x'); });
+}
+
 TEST(Validation, PointPatches) {
   const Spoiler<PointPatches> patches([](const auto& m) { return m.block.points.size() > 2; });
   patches.refuses("block index", [](auto& m) { m.block.index = 2048; });
@@ -372,6 +404,12 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   query.corners.resize(std::accumulate(kPlaceCorners.begin(), kPlaceCorners.end(), size_t{0}));
   EXPECT_LT(internal::payload_bytes<RelocQuery>(encode(query, &scratch)), 64'000U);
   EXPECT_LT(internal::payload_bytes<TrackerStateMessage>(encode(TrackerStateMessage{}, &scratch)), 1300U);
+  RigState rig;
+  rig.rig.assign(32, 'x');
+  rig.commander.assign(32, 'x');
+  rig.refusal.assign(kMaxRigText, 'x');
+  rig.trouble.assign(kMaxRigText, 'x');
+  EXPECT_LT(internal::payload_bytes<RigState>(encode(rig, &scratch)), 1300U);
 }
 
 }  // namespace

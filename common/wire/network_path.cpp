@@ -203,7 +203,7 @@ std::string default_profile(const std::string& server_host) {
 
 Result<NetworkPath> find_path(const ParticipantOptions& options) {
   std::string server;
-  if (options.role == Role::kClient) {
+  if (options.role != Role::kServer) {
     Result<std::string> address = resolve(options.server_host);
     if (!address) return tl::unexpected(address.error());
     server = *std::move(address);

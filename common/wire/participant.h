@@ -12,15 +12,16 @@
 namespace cairn::wire {
 
 /// The network is a star: the server stands at a known port and has no peers; clients have the server as
-/// their only peer.
-enum class Role : uint8_t { kServer, kClient };
+/// their only peer. A rig stands at a known port of its own, is a client of the server, and has clients too:
+/// those who command it.
+enum class Role : uint8_t { kServer, kClient, kRig, kRigClient };
 
 constexpr uint32_t kMaxDomain = 230;  ///< ports are 7400 + 250 * domain + ...; 16 bits end there
 
 struct ParticipantOptions {
   uint32_t domain = 0;
   Role role = Role::kClient;
-  std::string server_host = "localhost";  ///< clients: name or IPv4 address
+  std::string server_host = "localhost";  ///< name or IPv4 address; of a kRigClient: the rig's
   /// Interface name or IPv4 address of this machine; empty: as the profile says, and where that leaves the
   /// choice, find_path() (network_path.h).
   std::string listen;
@@ -36,9 +37,15 @@ struct ParticipantOptions {
   return static_cast<uint16_t>(7400 + 250 * domain + 10);
 }
 
+/// UDP port at which the rig of a host listens for those who command it.
+constexpr uint16_t kRigIndex = 50;  ///< above those that ROS 2's programs take
+[[nodiscard]] constexpr uint16_t rig_port(uint32_t domain) {
+  return static_cast<uint16_t>(server_port(domain) + 2 * kRigIndex);
+}
+
 /// Between which addresses a participant speaks; as they are in use, or would be.
 struct NetworkPath {
-  std::string server;  ///< IPv4 address; of a server itself: empty
+  std::string server;  ///< IPv4 address, for a kRigClient the rig's; of a server itself: empty
   std::string
       interface;  ///< our own, and its IPv4 address; empty where the profile names what we do not know
   std::string address;

@@ -6,6 +6,7 @@ namespace {
 
 constexpr std::string_view kClientPrefix = "client.";
 constexpr std::string_view kOperatorPrefix = "operator.";
+constexpr std::string_view kRigPrefix = "rig.";
 constexpr std::string_view kMapInfix = ".map.";
 
 }  // namespace
@@ -16,6 +17,10 @@ std::string client_partition(std::string_view name) {
 
 std::string operator_partition(std::string_view name) {
   return std::string(kOperatorPrefix).append(name);
+}
+
+std::string rig_partition(std::string_view name) {
+  return std::string(kRigPrefix).append(name);
 }
 
 std::optional<std::string> parse_operator_partition(std::string_view partition) {

@@ -22,6 +22,10 @@ constexpr std::string_view kEveryOperator = "operator.*";
 [[nodiscard]] std::string operator_partition(std::string_view name);
 /// Name of the operator whose partition it is; nothing for any other text.
 [[nodiscard]] std::optional<std::string> parse_operator_partition(std::string_view partition);
+/// Where the server hears rigs, and where one of them, its commander and the server speak and listen:
+/// `rig.<name>`.
+constexpr std::string_view kEveryRig = "rig.*";
+[[nodiscard]] std::string rig_partition(std::string_view name);
 
 /// `client.<name>.map.<map>`.
 [[nodiscard]] std::string map_partition(std::string_view name, const MapId& map);

@@ -36,6 +36,8 @@ TEST(Partition, OperatorsHaveTheirOwn) {
     EXPECT_EQ(parse_operator_partition(text), std::nullopt) << text;
   }
   EXPECT_EQ(parse_partition(operator_partition("ada")), std::nullopt);
+  EXPECT_EQ(parse_partition(rig_partition("ada")), std::nullopt);
+  EXPECT_EQ(rig_partition("shoulder"), "rig.shoulder");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/wire/messages.h"
+#include "common/wire/rig_messages.h"
 
 /// Random but valid messages, and member-by-member comparison, for the tests of the wire.
 namespace cairn::wire::testing {
@@ -57,6 +58,10 @@ CAIRN_MEMBERS(Label, a, b, c, d, e, f)
 CAIRN_MEMBERS(LabelMessage, a, b, c)
 CAIRN_MEMBERS(AdminRequest, a, b, c, d)
 CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
+CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(RigAxisState, a, b, c, d, e)
+CAIRN_MEMBERS(RigImu, a, b, c, d, e, f)
+CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -65,10 +70,17 @@ bool same(const T& x, const T& y);
 inline bool same(const SE3& x, const SE3& y) {
   return x.rotation().coeffs().isApprox(y.rotation().coeffs(), 1e-15) && x.translation() == y.translation();
 }
+inline bool same(const Eigen::Quaterniond& x, const Eigen::Quaterniond& y) {
+  return x.coeffs() == y.coeffs();
+}
 template <typename T>
 bool same(const std::vector<T>& x, const std::vector<T>& y) {
   return std::equal(x.begin(), x.end(), y.begin(), y.end(),
                     [](const T& a, const T& b) { return same(a, b); });
+}
+template <typename T, size_t N>
+bool same(const std::array<T, N>& x, const std::array<T, N>& y) {
+  return std::equal(x.begin(), x.end(), y.begin(), [](const T& a, const T& b) { return same(a, b); });
 }
 template <typename T>
 bool same(const T& x, const T& y) {
@@ -364,6 +376,39 @@ template <>
 inline AdminReply RandomMessages::make() {
   return {id<ClientId>(), command(), static_cast<uint8_t>(number(0, 6)), text(200),
           std::vector<uint8_t>(number(0, 500), 7)};
+}
+template <>
+inline RigCommand RandomMessages::make() {
+  return {"rig-" + std::to_string(number(0, 99)),
+          "commander-" + std::to_string(number(0, 99)),
+          command(),
+          static_cast<RigMode>(number(0, 11)),
+          vector(5).cast<double>(),
+          {uniform(-1, 1), uniform(-1, 1)},
+          {uniform(-3, 3), uniform(-3, 3)}};
+}
+template <>
+inline RigAxisState RandomMessages::make() {
+  return {static_cast<RigAxisCondition>(number(0, 7)), static_cast<uint8_t>(number(0, 8)), coin(),
+          uniform(-1, 1), uniform(-3, 3)};
+}
+template <>
+inline RigState RandomMessages::make() {
+  const RigImu imu{
+      {static_cast<int64_t>(number(0, 1) << 61)}, vector(3), vector(9), coin(), pose().rotation(),
+      static_cast<int64_t>(number(0, 99))};
+  return {"rig-" + std::to_string(number(0, 99)),
+          {static_cast<int64_t>(number(0, 1) << 61)},
+          static_cast<RigMode>(number(0, 11)),
+          coin() ? "" : "commander-" + std::to_string(number(0, 99)),
+          command(),
+          text(40),
+          coin(),
+          coin(),
+          {make<RigAxisState>(), make<RigAxisState>()},
+          coin(),
+          imu,
+          text(60)};
 }
 
 }  // namespace cairn::wire::testing

@@ -41,6 +41,8 @@ CAIRN_WIRE_TOPIC(ClientReply, ClientReply, kState)
 CAIRN_WIRE_TOPIC(LabelMessage, Label, kState)
 CAIRN_WIRE_TOPIC(AdminRequest, AdminRequest, kCommand)
 CAIRN_WIRE_TOPIC(AdminReply, AdminReply, kState)
+CAIRN_WIRE_TOPIC(RigCommand, RigCommand, kOrder)
+CAIRN_WIRE_TOPIC(RigState, RigState, kStream)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

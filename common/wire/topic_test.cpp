@@ -97,6 +97,29 @@ TEST_F(WireTest, AValueRemovedBeforeItWasTakenComesWithItsRemoval) {
   EXPECT_EQ(samples[1].gone, Gone::kDisposed);
 }
 
+TEST_F(WireTest, AnEmergencyStopIsNotReplacedByWhatAnotherSaysAndOldOrdersAreGone) {
+  const Participant server = this->server();  // in the place of a rig, which has one in each domain
+  const Participant client = this->client();
+  auto received = reader<RigCommand>(server, rig_partition("shoulder"));
+  auto stopper = writer<RigCommand>(client, rig_partition("shoulder"));
+  auto tracker = writer<RigCommand>(client, rig_partition("shoulder"));
+  ASSERT_TRUE(
+      eventually([&] { return received.matched() == 2 && stopper.matched() + tracker.matched() == 2; }));
+  auto order = random_.make<RigCommand>();
+  order.rig = "shoulder";
+  order.mode = RigMode::kStop;
+  ASSERT_TRUE(stopper.write(order));
+  order.mode = RigMode::kLock;
+  ASSERT_TRUE(tracker.write(order));
+  const auto samples = collect(&received, 2);
+  ASSERT_EQ(samples.size(), 2U);
+  EXPECT_EQ(samples[0].message->mode, RigMode::kStop);
+  EXPECT_EQ(samples[1].message->mode, RigMode::kLock);
+  ASSERT_TRUE(tracker.write(order));
+  std::this_thread::sleep_for(300ms);  // three times their life
+  EXPECT_TRUE(received.take().empty());
+}
+
 TEST_F(WireTest, CommandsKeepTheirOrder) {
   const Participant server = this->server();
   const Participant client = this->client();

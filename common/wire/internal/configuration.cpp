@@ -35,8 +35,8 @@ std::string xml_escaped(std::string_view text) {
   return escaped;
 }
 
-/// A server on a network also serves the trackers of its own host, whose profile knows the loopback interface
-/// only; the middleware reaches a loopback address only from a loopback interface (measured).
+/// A server or rig on a network also serves the trackers of its own host, whose profile knows the loopback
+/// interface only; the middleware reaches a loopback address only from a loopback interface (measured).
 constexpr const char* kLoopback = "127.0.0.1";
 
 std::string interface_element(const std::string& address) {
@@ -115,8 +115,8 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
     remove_interfaces(&*profile);
   }
   const bool has_network = is_fixed || !path.address.empty();
-  if (options.role == Role::kServer && has_network && !names_loopback(*profile) &&
-      !names_loopback(interfaces)) {
+  const bool has_clients = options.role == Role::kServer || options.role == Role::kRig;
+  if (has_clients && has_network && !names_loopback(*profile) && !names_loopback(interfaces)) {
     interfaces += interface_element(kLoopback);
   }
 
@@ -126,11 +126,14 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
       << "</ExternalDomainId><Tag>" << xml_escaped(options.tag)
       << "</Tag><SPDPInterval>1s</SPDPInterval><LeaseDuration>" << options.lease.count()
       << "ms</LeaseDuration>";
-  if (options.role == Role::kServer) {
-    xml << "<ParticipantIndex>0</ParticipantIndex>";
-  } else {
-    xml << "<ParticipantIndex>none</ParticipantIndex><Peers><Peer address=\"" << path.server << ':'
-        << server_port(options.domain) << "\" /></Peers>";
+  const std::string index = options.role == Role::kServer ? "0"
+                            : options.role == Role::kRig  ? std::to_string(kRigIndex)
+                                                          : "none";
+  xml << "<ParticipantIndex>" << index << "</ParticipantIndex>";
+  if (options.role != Role::kServer) {
+    const uint16_t port =
+        options.role == Role::kRigClient ? rig_port(options.domain) : server_port(options.domain);
+    xml << "<Peers><Peer address=\"" << path.server << ':' << port << "\" /></Peers>";
   }
   xml << "</Discovery>";
   // A thread for each socket would end only by a packet to our own address: never, once that is gone.

@@ -29,19 +29,27 @@ Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const st
   return std::pair(*std::move(domain), id);
 }
 
-/// Why a server could not start, when that is because somebody else has one of its ports.
-std::optional<Error> explain_taken_port(uint32_t domain) {
-  for (const uint16_t port : {server_port(domain), static_cast<uint16_t>(server_port(domain) + 1)}) {
+/// Who has a place that others know.
+struct Stand {
+  const char* program;
+  const char* who;
+  uint16_t port;
+};
+
+/// Why one could not start, when that is because somebody else has one of its ports.
+std::optional<Error> explain_taken_port(uint32_t domain, const Stand& stand) {
+  for (const uint16_t port : {stand.port, static_cast<uint16_t>(stand.port + 1)}) {
     if (!port_is_taken(port)) continue;
     const std::string number = std::to_string(domain);
     const auto holder = find_port_holder(port);
     const std::string by =
         holder ? holder->program + " (process " + std::to_string(holder->process) + ")" : "";
     const std::string what =
-        holder && holder->program == "cairn-server"
-            ? "domain " + number + " has a server on this host already: " + by + " holds UDP port " +
-                  std::to_string(port)
-            : "UDP port " + std::to_string(port) + ", the server's in domain " + number + ", is held by " +
+        holder && holder->program == stand.program
+            ? "domain " + number + " has a " + stand.who + " on this host already: " + by +
+                  " holds UDP port " + std::to_string(port)
+            : "UDP port " + std::to_string(port) + ", the " + stand.who + "'s in domain " + number +
+                  ", is held by " +
                   (holder ? by + ", another program"
                           : "a program of another user (`sudo ss -lunp` names it)") +
                   "; DDS programs such as those of ROS 2 use these ports too, most of them in domain 0";
@@ -52,8 +60,11 @@ std::optional<Error> explain_taken_port(uint32_t domain) {
 }
 
 Error explain(const ParticipantOptions& options, const NetworkPath& path, const Error& error) {
-  if (options.role == Role::kServer) {
-    if (auto taken = explain_taken_port(options.domain)) return *std::move(taken);
+  const bool is_rig = options.role == Role::kRig;
+  if (is_rig || options.role == Role::kServer) {
+    const Stand stand = is_rig ? Stand{"cairn-rig", "rig", rig_port(options.domain)}
+                               : Stand{"cairn-server", "server", server_port(options.domain)};
+    if (auto taken = explain_taken_port(options.domain, stand)) return *std::move(taken);
   }
   return {ErrorCode::kConfiguration, error.message + " (domain " + std::to_string(options.domain) +
                                          ", profile '" + options.profile + "', " + describe(path) +

@@ -11,6 +11,7 @@
 #include "common/image/limits.h"
 #include "common/map/limits.h"
 #include "common/wire/messages.h"
+#include "common/wire/rig_messages.h"
 
 /// Between the value types of messages.h and the generated structs. decode() believes nothing: what it lets
 /// through has finite numbers of sensible size, unit quaternions and directions, known enumerators, counts
@@ -76,7 +77,9 @@ template <typename Message>
   X(ClientReply, cairn_ClientReply)          \
   X(LabelMessage, cairn_Label)               \
   X(AdminRequest, cairn_AdminRequest)        \
-  X(AdminReply, cairn_AdminReply)
+  X(AdminReply, cairn_AdminReply)            \
+  X(RigCommand, cairn_RigCommand)            \
+  X(RigState, cairn_RigState)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \

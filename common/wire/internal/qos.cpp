@@ -7,6 +7,8 @@ namespace {
 constexpr dds_duration_t kServerLiveliness = DDS_SECS(1);
 constexpr int32_t kClaimDepth = 16;  ///< of an instance at the reader, between two takes
 constexpr dds_duration_t kTrackerLiveliness = DDS_SECS(3);
+constexpr int32_t kOrderDepth = 16;
+constexpr dds_duration_t kOrderLife = DDS_MSECS(100);
 
 QosPtr common_qos(QosClass qos_class) {
   QosPtr qos(dds_create_qos());
@@ -32,6 +34,11 @@ QosPtr common_qos(QosClass qos_class) {
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
       dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, 1);
       break;
+    case QosClass::kOrder:
+      dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
+      dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kOrderDepth);
+      break;
     case QosClass::kStream:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
@@ -48,6 +55,7 @@ QosPtr writer_qos(QosClass qos_class) {
   QosPtr qos = common_qos(qos_class);
   // A removal is said, never implied: a server that shuts down does not delete its clients' maps.
   dds_qset_writer_data_lifecycle(qos.get(), false);
+  if (qos_class == QosClass::kOrder) dds_qset_lifespan(qos.get(), kOrderLife);
   return qos;
 }
 

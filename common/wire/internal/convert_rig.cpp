@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: Apache-2.0
+// Conversion of what a rig, its commander and the server say to each other.
+#include "common/map/ids.h"
+#include "common/wire/internal/convert_common.h"
+#include "common/wire/rig_messages.h"
+
+namespace cairn::wire::internal {
+namespace {
+
+constexpr double kMaxAngle = 100;          ///< [rad] a rate of 100 rad/s likewise is no shoulder's
+constexpr double kMaxAcceleration = 1000;  ///< [m/s^2]
+constexpr uint8_t kMaxFault = 63;
+
+void require_name(const char* text, bool may_be_empty, const char* what, Check* check) {
+  const std::string name = get_text(text);
+  check->require((name.empty() && may_be_empty) || is_valid_name(name), what);
+}
+
+template <typename T, size_t N>
+void require_within(const T (&values)[N], double most, const char* what, Check* check) {
+  for (const T value : values) check->require(std::abs(value) <= most, what);  // false for NaN
+}
+
+void require_mode(uint8_t mode, Check* check) {
+  check->require(mode <= static_cast<uint8_t>(kLastRigMode), "unknown mode");
+}
+
+cairn_RigAxis encode_axis(const RigAxisState& axis) {
+  return {static_cast<uint8_t>(axis.condition), axis.fault, axis.position_known, axis.position, axis.rate};
+}
+
+RigAxisState decode_axis(const cairn_RigAxis& axis) {
+  return {static_cast<RigAxisCondition>(axis.condition), axis.fault, axis.position_known, axis.position,
+          axis.rate};
+}
+
+void check_axis(const cairn_RigAxis& axis, Check* check) {
+  check->require(axis.condition <= static_cast<uint8_t>(RigAxisCondition::kStopped), "unknown condition");
+  check->require(axis.fault <= kMaxFault, "unknown fault");
+  check->require(std::abs(axis.position) <= kMaxAngle && std::abs(axis.rate) <= kMaxAngle,
+                 "axis out of range");
+}
+
+cairn_RigInertial encode_imu(const RigImu& imu) {
+  cairn_RigInertial encoded{};
+  encoded.time = imu.time.nanoseconds;
+  put_vector(imu.rate, encoded.rate);
+  put_vector(imu.acceleration, encoded.acceleration);
+  encoded.attitude_known = imu.attitude_known;
+  put_vector(imu.world_from_base.coeffs(), encoded.world_from_base);
+  encoded.clock_offset = imu.clock_offset;
+  return encoded;
+}
+
+RigImu decode_imu(const cairn_RigInertial& imu) {
+  const auto& q = imu.world_from_base;
+  return {{imu.time},         get_vector(imu.rate),     get_vector(imu.acceleration),
+          imu.attitude_known, {q[3], q[0], q[1], q[2]}, imu.clock_offset};
+}
+
+void check_imu(const cairn_RigInertial& imu, Check* check) {
+  require_within(imu.rate, kMaxAngle, "rate of turn out of range", check);
+  require_within(imu.acceleration, kMaxAcceleration, "acceleration out of range", check);
+  check->pose({.rotation = {imu.world_from_base[0], imu.world_from_base[1], imu.world_from_base[2],
+                            imu.world_from_base[3]},
+               .translation = {}});
+}
+
+}  // namespace
+
+// ---- RigCommand
+
+template <>
+cairn_RigCommand encode(const RigCommand& message, Scratch*) {
+  cairn_RigCommand sample{};
+  sample.rig = borrow(message.rig);
+  sample.schema_version = kSchemaVersion;
+  sample.commander = borrow(message.commander);
+  sample.order = {message.order.session.value, message.order.seq};
+  sample.mode = static_cast<uint8_t>(message.mode);
+  put_vector(message.target, sample.target);
+  std::copy(message.angles.begin(), message.angles.end(), sample.angles);
+  std::copy(message.rates.begin(), message.rates.end(), sample.rates);
+  return sample;
+}
+
+template <>
+RigCommand decode_key<RigCommand>(const cairn_RigCommand& sample) {
+  RigCommand message;
+  message.rig = get_text(sample.rig);
+  return message;
+}
+
+template <>
+Result<RigCommand> decode<RigCommand>(const cairn_RigCommand& sample) {
+  Check check;
+  check.schema(sample.schema_version);
+  require_name(sample.rig, false, "not the name of a rig", &check);
+  require_name(sample.commander, false, "not the name of a commander", &check);
+  check.command(sample.order);
+  require_mode(sample.mode, &check);
+  for (const double value : sample.target) check.length(value);
+  require_within(sample.angles, kMaxAngle, "angle out of range", &check);
+  require_within(sample.rates, kMaxAngle, "rate out of range", &check);
+  if (!check.passed()) return unfit(check.what());
+  RigCommand message = decode_key<RigCommand>(sample);
+  message.commander = get_text(sample.commander);
+  message.order = decode_command(sample.order);
+  message.mode = static_cast<RigMode>(sample.mode);
+  message.target = Eigen::Vector3d(sample.target);
+  std::copy(std::begin(sample.angles), std::end(sample.angles), message.angles.begin());
+  std::copy(std::begin(sample.rates), std::end(sample.rates), message.rates.begin());
+  return message;
+}
+
+template <>
+size_t payload_bytes<RigCommand>(const cairn_RigCommand& sample) {
+  return sizeof(sample) + text_bytes(sample.rig) + text_bytes(sample.commander);
+}
+
+// ---- RigState
+
+template <>
+cairn_RigState encode(const RigState& message, Scratch*) {
+  cairn_RigState sample{};
+  sample.rig = borrow(message.rig);
+  sample.schema_version = kSchemaVersion;
+  sample.time = message.time.nanoseconds;
+  sample.mode = static_cast<uint8_t>(message.mode);
+  sample.commander = borrow(message.commander);
+  sample.order = {message.order.session.value, message.order.seq};
+  sample.refusal = borrow(message.refusal);
+  sample.stopped = message.stopped;
+  sample.drives_idle = message.drives_idle;
+  for (size_t i = 0; i < message.axes.size(); ++i) sample.axes[i] = encode_axis(message.axes.at(i));
+  sample.has_imu = message.has_imu;
+  sample.imu = encode_imu(message.imu);
+  sample.trouble = borrow(message.trouble);
+  return sample;
+}
+
+template <>
+RigState decode_key<RigState>(const cairn_RigState& sample) {
+  RigState message;
+  message.rig = get_text(sample.rig);
+  return message;
+}
+
+template <>
+Result<RigState> decode<RigState>(const cairn_RigState& sample) {
+  Check check;
+  check.schema(sample.schema_version);
+  require_name(sample.rig, false, "not the name of a rig", &check);
+  require_mode(sample.mode, &check);
+  require_name(sample.commander, true, "not the name of a commander", &check);
+  check.text(sample.refusal, kMaxRigText);
+  for (const cairn_RigAxis& axis : sample.axes) check_axis(axis, &check);
+  check_imu(sample.imu, &check);
+  check.text(sample.trouble, kMaxRigText);
+  if (!check.passed()) return unfit(check.what());
+  RigState message = decode_key<RigState>(sample);
+  message.time = {sample.time};
+  message.mode = static_cast<RigMode>(sample.mode);
+  message.commander = get_text(sample.commander);
+  message.order = decode_command(sample.order);
+  message.refusal = get_text(sample.refusal);
+  message.stopped = sample.stopped;
+  message.drives_idle = sample.drives_idle;
+  for (size_t i = 0; i < message.axes.size(); ++i) message.axes.at(i) = decode_axis(sample.axes[i]);
+  message.has_imu = sample.has_imu;
+  message.imu = decode_imu(sample.imu);
+  message.trouble = get_text(sample.trouble);
+  return message;
+}
+
+template <>
+size_t payload_bytes<RigState>(const cairn_RigState& sample) {
+  return sizeof(sample) + text_bytes(sample.rig) + text_bytes(sample.commander) + text_bytes(sample.refusal) +
+         text_bytes(sample.trouble);
+}
+
+}  // namespace cairn::wire::internal

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "common/base/time.h"
+#include "common/wire/messages.h"
+
+/// What a rig, its commander and the server say to each other: the topics RigState and RigCommand, in the
+/// partition of the rig. Arrays of two are pan and tilt. Angles of the axes: pan turns to the left, tilt up;
+/// at 0, 0 the camera looks along the base's x (base: x forward, y left, z up).
+namespace cairn::wire {
+
+/// What a rig is told to do, and what it does.
+enum class RigMode : uint8_t {
+  kIdle = 0,       ///< the drives let go
+  kHome = 1,       ///< finds out where the axes stand
+  kNeutral = 2,    ///< ahead
+  kFollow = 3,     ///< ahead, slowly with the wearer
+  kLock = 4,       ///< a direction of the world
+  kFixate = 5,     ///< a point of the map
+  kSaccade = 6,    ///< to other angles, as fast as may be
+  kSearch = 7,     ///< looks around
+  kJog = 8,        ///< by hand
+  kClear = 9,      ///< faults are forgotten; of a command only
+  kStop = 10,      ///< emergency stop, by anybody, until it is cleared
+  kClearStop = 11  ///< of a command only
+};
+inline constexpr RigMode kLastRigMode = RigMode::kClearStop;
+
+/// Topic RigCommand: a commander's order. It is said again and again, at 20 Hz or more, as long as it holds:
+/// a rig without a commander lets its drives go. An order is carried out when its number is new; said again,
+/// it moves the target and nothing else, so that drives that were let go do not start by themselves.
+struct RigCommand {
+  std::string rig;        ///< name
+  std::string commander;  ///< name
+  CommandId order;
+  RigMode mode = RigMode::kIdle;
+  /// Lock: a direction of the world (z up), of any length; 0: where the camera looks at that moment.
+  /// Fixate: the point, in the map [its unit].
+  Eigen::Vector3d target = Eigen::Vector3d::Zero();
+  std::array<double, 2> angles{};  ///< saccade [rad]
+  std::array<double, 2> rates{};   ///< jog [rad/s]
+};
+
+enum class RigAxisCondition : uint8_t {
+  kUnknown = 0,  ///< not homed
+  kHoming = 1,
+  kIdle = 2,
+  kActivating = 3,
+  kActive = 4,
+  kClearing = 5,
+  kFaulted = 6,
+  kStopped = 7,
+};
+
+struct RigAxisState {
+  RigAxisCondition condition = RigAxisCondition::kUnknown;
+  uint8_t fault = 0;  ///< 0: none; else which, from 1: hw/README.md
+  bool position_known = false;
+  double position = 0;  ///< [rad]
+  double rate = 0;      ///< [rad/s]
+};
+
+/// Of the IMU's newest sample, in the base's axes.
+struct RigImu {
+  Timestamp time;                                          ///< when it was taken, by the host's clock
+  Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
+  Eigen::Vector3f acceleration = Eigen::Vector3f::Zero();  ///< likewise [m/s^2]
+  bool attitude_known = false;
+  Eigen::Quaterniond world_from_base = Eigen::Quaterniond::Identity();  ///< z up, heading 0 at the start
+  int64_t clock_offset = 0;  ///< what the IMU's own time lacks to the host's [ns]
+};
+
+/// Topic RigState: stream.
+struct RigState {
+  std::string rig;
+  Timestamp time;                 ///< by the host's clock
+  RigMode mode = RigMode::kIdle;  ///< what it does
+  std::string commander;          ///< empty: none
+  CommandId order;                ///< the last one that was judged; of session 0: none yet
+  std::string refusal;            ///< why that was not carried out, for a person; empty: it was
+  bool stopped = false;           ///< emergency stop
+  bool drives_idle = true;        ///< told so, and nothing told since
+  std::array<RigAxisState, 2> axes;
+  bool has_imu = false;
+  RigImu imu;
+  std::string trouble;  ///< what keeps it from moving and what helps, for a person; empty: nothing
+};
+
+/// Of a text in RigState: a state is one packet.
+constexpr size_t kMaxRigText = 360;
+
+}  // namespace cairn::wire
