@@ -12,7 +12,27 @@ constexpr double kTrusted = 0.2;        // further from gravity, an acceleration
 constexpr double kUprighting = 0.3;     // [1/s]: slow beside a step of the wearer
 constexpr double kBiasLearning = 0.02;  // [1/s^2]
 
+constexpr double kRest = 1;            // [s]
+constexpr double kRestSpread = 0.04;   // [rad/s]: noise stays within it, a wearer does not
+constexpr double kHighestBias = 0.03;  // [rad/s]
+constexpr int kMostRests = 20;         // that are averaged
+
 }  // namespace
+
+void Attitude::learn_at_rest(const Eigen::Vector3d& rate, double step) {
+  second_.least = second_.samples == 0 ? rate : second_.least.cwiseMin(rate);
+  second_.most = second_.samples == 0 ? rate : second_.most.cwiseMax(rate);
+  second_.sum += rate;
+  second_.time += step;
+  ++second_.samples;
+  if (second_.time < kRest) return;
+  const Eigen::Vector3d mean = second_.sum / second_.samples;
+  if ((second_.most - second_.least).maxCoeff() < kRestSpread && mean.norm() < kHighestBias) {
+    rests_ = std::min(rests_ + 1, kMostRests);
+    bias_ += (mean - bias_) / rests_;
+  }
+  second_ = {};
+}
 
 void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step) {
   const double strength = acceleration.norm();
@@ -34,6 +54,7 @@ void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& accele
     bias_ -= kBiasLearning * step * wrong;
     correction = kUprighting * wrong;
   }
+  learn_at_rest(rate, step);
   rate_ = rate - bias_;
   const Eigen::Vector3d turn = (rate_ + correction) * step;
   const double angle = turn.norm();

@@ -6,9 +6,9 @@
 
 namespace cairn {
 
-/// How the base stands in the world, from its gyro and, slowly, from where its accelerometer finds up. What
-/// the gyro shows while the base does not turn is learnt, but for the part about the vertical, which nothing
-/// here can tell: the heading drifts by that. Pure.
+/// How the base stands in the world, from its gyro and, slowly, from where its accelerometer finds up. The
+/// gyro's bias is learnt: all of it in each second of rest, and else but for the part about the vertical, by
+/// which the heading drifts. A slow and even turn, below 1.7 deg/s, cannot be told from a bias. Pure.
 class Attitude {
  public:
   /// One sample: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the base's axes, `step` [s]
@@ -23,6 +23,18 @@ class Attitude {
   [[nodiscard]] bool is_known() const { return known_; }
 
  private:
+  /// What the gyro has shown since a second ago or less.
+  struct Second {
+    double time = 0;  ///< [s]
+    int samples = 0;
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    Eigen::Vector3d least = Eigen::Vector3d::Zero();
+    Eigen::Vector3d most = Eigen::Vector3d::Zero();
+  };
+  void learn_at_rest(const Eigen::Vector3d& rate, double step);
+
+  Second second_;
+  int rests_ = 0;
   bool known_ = false;
   Eigen::Quaterniond world_from_base_ = Eigen::Quaterniond::Identity();
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();

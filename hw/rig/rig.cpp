@@ -47,7 +47,8 @@ Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
       axes_{Axis(configuration.axes[0], configuration.period, configuration.drive_deadline, now),
             Axis(configuration.axes[1], configuration.period, configuration.drive_deadline, now)},
       now_(now),
-      next_(now + configuration.period) {
+      next_(now + configuration.period),
+      sampled_(now) {
   if (configuration.imu) imu_.emplace(configuration.imu->rate, configuration.imu_deadline, now);
 }
 
@@ -109,6 +110,20 @@ Status Rig::handle(const rig_command::Point& point, MonotonicTime) {
   if (!std::all_of(point.demands.begin(), point.demands.end(), is_finite))
     return refuse("a demand that is no number moves nothing");
   for (size_t i = 0; i < axes_.size(); ++i) axes_.at(i).demand(point.demands.at(i));
+  pointing_.reset();
+  return {};
+}
+
+Status Rig::handle(const rig_command::Aim& aim, MonotonicTime) {
+  if (const auto* lock = std::get_if<pointing::Lock>(&aim.pointing)) {
+    if (!lock->direction.allFinite() || lock->direction.norm() == 0)
+      return refuse("a direction to lock must be finite and not 0");
+    if (!imu_) return refuse("this rig has no IMU and cannot lock; add `imu:` to its configuration");
+  }
+  const auto demands = demands_of(aim.pointing, attitude_, 0);
+  if (!std::all_of(demands.begin(), demands.end(), is_finite))
+    return refuse("a demand that is no number moves nothing");
+  pointing_ = aim.pointing;
   return {};
 }
 
@@ -136,12 +151,32 @@ void Rig::receive(const CanFrame& frame, MonotonicTime now) {
   if (const auto from_drive = odrive::decode(frame, nodes_)) {
     axes_.at(from_drive->node == nodes_[0] ? 0 : 1).receive(from_drive->message, now);
   } else if (const auto from_imu = xsens::decode(frame); from_imu && imu_) {
-    imu_->receive(*from_imu, now);
+    sense(*from_imu, now);
   } else {
     ++counters_.strange_frames;
   }
   watch(now);
   collect();
+}
+
+void Rig::sense(const xsens::Message& message, MonotonicTime now) {
+  imu_->receive(message, now);
+  if (const auto sample = sampler_.receive(message)) {
+    attitude_.update(sample->rate, sample->acceleration, sample->step);
+    sampled_ = now;
+  }
+}
+
+/// Ahead of the newest sample by its age. The profile adds the period until the next setpoint.
+void Rig::aim(MonotonicTime now) {
+  if (!pointing_) return;
+  const double lead = std::chrono::duration<double>(now - sampled_).count();
+  auto demands = demands_of(*pointing_, attitude_, axes_[0].position().value_or(0));
+  for (size_t i = 0; i < axes_.size(); ++i) {
+    Demand& demand = demands.at(i);
+    if (demand.position) *demand.position += demand.rate * lead;
+    axes_.at(i).demand(demand);
+  }
 }
 
 void Rig::advance(MonotonicTime now) {
@@ -155,6 +190,7 @@ void Rig::advance(MonotonicTime now) {
     next_ = now;
   }
   for (; next_ <= now; next_ += configuration_.period) {
+    aim(next_);
     for (Axis& axis : axes_) axis.advance(next_);
     watch(next_);
     collect();

@@ -9,8 +9,11 @@
 #include <vector>
 
 #include "hw/can/can_bus.h"
+#include "hw/rig/attitude.h"
 #include "hw/rig/axis.h"
+#include "hw/rig/imu_sampler.h"
 #include "hw/rig/imu_watch.h"
+#include "hw/rig/pointing.h"
 #include "hw/rig/rig_configuration.h"
 
 namespace cairn {
@@ -24,6 +27,10 @@ struct Idle {};
 struct Point {
   std::array<Demand, 2> demands;  ///< by AxisName
 };
+/// From now on, by the rig itself.
+struct Aim {
+  Pointing pointing;
+};
 struct ClearFaults {};
 /// Emergency stop: at once, by anybody, until it is cleared.
 struct Stop {};
@@ -35,7 +42,8 @@ struct ClearStop {
 struct RigCommand {
   std::string commander;
   std::variant<rig_command::Stay, rig_command::Home, rig_command::Activate, rig_command::Idle,
-               rig_command::Point, rig_command::ClearFaults, rig_command::Stop, rig_command::ClearStop>
+               rig_command::Point, rig_command::Aim, rig_command::ClearFaults, rig_command::Stop,
+               rig_command::ClearStop>
       what;
 };
 
@@ -61,7 +69,8 @@ struct RigCounters {
   uint64_t late = 0;            ///< times that advance() came several periods late
 };
 
-/// The rig without bus, threads and clock: commands and frames in, frames out. Its watchdog idles both drives
+/// The rig without bus, threads and clock: commands and frames in, frames out. The IMU sits on the base, its
+/// axes along those of the base. The rig's watchdog idles both drives
 /// when commander, IMU or a drive is silent for longer than its deadline, when an axis has a fault, and when
 /// time runs back. What has come is to be handed in before advance(), which takes silence for death.
 class Rig {
@@ -81,6 +90,7 @@ class Rig {
   [[nodiscard]] std::vector<OutgoingFrame> take_frames();
 
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
+  [[nodiscard]] const Attitude& attitude() const { return attitude_; }
   [[nodiscard]] bool is_stopped() const { return stopped_; }
   [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
   [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
@@ -94,6 +104,7 @@ class Rig {
   [[nodiscard]] Status handle(const rig_command::Activate&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Idle&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Point& point, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Aim& aim, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::ClearFaults&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Stop&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::ClearStop& clear, MonotonicTime now);
@@ -102,6 +113,8 @@ class Rig {
   [[nodiscard]] bool may_move() const;
   [[nodiscard]] std::optional<Halt> what_is_wrong(MonotonicTime now) const;
   [[nodiscard]] std::optional<Halt> imu_trouble(MonotonicTime now) const;
+  void sense(const xsens::Message& message, MonotonicTime now);
+  void aim(MonotonicTime now);
   void watch(MonotonicTime now);
   void halt_for(Halt reason);
   void collect();
@@ -110,8 +123,12 @@ class Rig {
   std::vector<odrive::Node> nodes_;
   std::array<Axis, 2> axes_;
   std::optional<ImuWatch> imu_;
+  ImuSampler sampler_;
+  Attitude attitude_;
+  std::optional<Pointing> pointing_;
   MonotonicTime now_;
   MonotonicTime next_;
+  MonotonicTime sampled_;  ///< when the newest sample of the IMU came
   std::string commander_;
   MonotonicTime commanded_;
   bool stopped_ = false;

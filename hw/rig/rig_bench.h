@@ -41,8 +41,8 @@ inline std::vector<simulated::DriveOptions> sound_drives(double pan, double tilt
 /// ever beyond its hard limits is checked at each millisecond.
 class RigBench {
  public:
-  explicit RigBench(uint32_t seed, double pan = 0, double tilt = 0)
-      : configuration_(read_rig(kRigText).value()),
+  explicit RigBench(uint32_t seed, double pan = 0, double tilt = 0, const std::string& text = kRigText)
+      : configuration_(read_rig(text).value()),
         bus_(sound_drives(pan, tilt), {}, seed, now_),
         rig_(configuration_, now_) {}
 
