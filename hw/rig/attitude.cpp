@@ -19,10 +19,21 @@ constexpr int kMostRests = 20;         // that are averaged
 
 }  // namespace
 
-void Attitude::learn_at_rest(const Eigen::Vector3d& rate, double step) {
+Eigen::Vector3d Attitude::off_upright(const Eigen::Vector3d& acceleration) const {
+  return acceleration.normalized().cross(world_from_imu_.conjugate() * Eigen::Vector3d::UnitZ());
+}
+
+void Attitude::turn_by(const Eigen::Vector3d& turn) {
+  const double angle = turn.norm();
+  if (angle > 0) world_from_imu_ = world_from_imu_ * Eigen::AngleAxisd(angle, turn / angle);
+  world_from_imu_.normalize();
+}
+
+void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step) {
   second_.least = second_.samples == 0 ? rate : second_.least.cwiseMin(rate);
   second_.most = second_.samples == 0 ? rate : second_.most.cwiseMax(rate);
   second_.sum += rate;
+  second_.acceleration += acceleration;
   second_.time += step;
   ++second_.samples;
   if (second_.time < kRest) return;
@@ -30,6 +41,7 @@ void Attitude::learn_at_rest(const Eigen::Vector3d& rate, double step) {
   if ((second_.most - second_.least).maxCoeff() < kRestSpread && mean.norm() < kHighestBias) {
     rests_ = std::min(rests_ + 1, kMostRests);
     bias_ += (mean - bias_) / rests_;
+    turn_by(off_upright(second_.acceleration));
   }
   second_ = {};
 }
@@ -39,27 +51,23 @@ void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& accele
   const bool trusted = std::abs(strength / kGravity - 1) < kTrusted;
   if (!known_) {
     if (!trusted) return;
-    world_from_base_ = Eigen::Quaterniond::FromTwoVectors(acceleration, Eigen::Vector3d::UnitZ());
-    const double heading = std::atan2((world_from_base_ * Eigen::Vector3d::UnitX()).y(),
-                                      (world_from_base_ * Eigen::Vector3d::UnitX()).x());
-    world_from_base_ = Eigen::AngleAxisd(-heading, Eigen::Vector3d::UnitZ()) * world_from_base_;
+    world_from_imu_ = Eigen::Quaterniond::FromTwoVectors(acceleration, Eigen::Vector3d::UnitZ());
+    const double heading = std::atan2((world_from_imu_ * Eigen::Vector3d::UnitX()).y(),
+                                      (world_from_imu_ * Eigen::Vector3d::UnitX()).x());
+    world_from_imu_ = Eigen::AngleAxisd(-heading, Eigen::Vector3d::UnitZ()) * world_from_imu_;
     rate_ = rate;
     known_ = true;
     return;
   }
   Eigen::Vector3d correction = Eigen::Vector3d::Zero();
   if (trusted) {
-    const Eigen::Vector3d up = world_from_base_.conjugate() * Eigen::Vector3d::UnitZ();
-    const Eigen::Vector3d wrong = (acceleration / strength).cross(up);
+    const Eigen::Vector3d wrong = off_upright(acceleration);
     bias_ -= kBiasLearning * step * wrong;
     correction = kUprighting * wrong;
   }
-  learn_at_rest(rate, step);
+  learn_at_rest(rate, acceleration, step);
   rate_ = rate - bias_;
-  const Eigen::Vector3d turn = (rate_ + correction) * step;
-  const double angle = turn.norm();
-  if (angle > 0) world_from_base_ = world_from_base_ * Eigen::AngleAxisd(angle, turn / angle);
-  world_from_base_.normalize();
+  turn_by((rate_ + correction) * step);
 }
 
 }  // namespace cairn

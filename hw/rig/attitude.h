@@ -6,37 +6,42 @@
 
 namespace cairn {
 
-/// How the base stands in the world, from its gyro and, slowly, from where its accelerometer finds up. The
-/// gyro's bias is learnt: all of it in each second of rest, and else but for the part about the vertical, by
-/// which the heading drifts. A slow and even turn, below 1.7 deg/s, cannot be told from a bias. Pure.
+/// How what carries the IMU stands in the world, from its gyro and, slowly, from where its accelerometer
+/// finds up. The gyro's bias is learnt: all of it in each second of rest, which also tells at once where up
+/// is; and else but for the part about the vertical, by which the heading drifts. A slow and even turn,
+/// below 1.7 deg/s, cannot be told from a bias. Pure.
 class Attitude {
  public:
-  /// One sample: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the base's axes, `step` [s]
-  /// after the one before. The first one sets up, with heading 0.
+  /// One sample, means since the one before: rate of turn [rad/s] and acceleration [m/s^2, up at rest] in the
+  /// IMU's axes, `step` [s] after the one before. The first one sets up, with heading 0.
   void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step);
 
-  /// The world (z up) from the base.
-  [[nodiscard]] const Eigen::Quaterniond& world_from_base() const { return world_from_base_; }
-  /// Of the newest sample, without bias, in the base's axes [rad/s].
+  /// The world (z up) from the IMU.
+  [[nodiscard]] const Eigen::Quaterniond& world_from_imu() const { return world_from_imu_; }
+  /// Of the newest sample, without bias, in the IMU's axes [rad/s].
   [[nodiscard]] const Eigen::Vector3d& rate() const { return rate_; }
   [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_; }
   [[nodiscard]] bool is_known() const { return known_; }
 
  private:
-  /// What the gyro has shown since a second ago or less.
+  /// What has been measured since a second ago or less.
   struct Second {
     double time = 0;  ///< [s]
     int samples = 0;
-    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();           ///< of rates
+    Eigen::Vector3d acceleration = Eigen::Vector3d::Zero();  ///< sum
     Eigen::Vector3d least = Eigen::Vector3d::Zero();
     Eigen::Vector3d most = Eigen::Vector3d::Zero();
   };
-  void learn_at_rest(const Eigen::Vector3d& rate, double step);
+  void learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step);
+  /// How far the attitude is from where an acceleration finds up: a turn in the IMU's axes, for small ones.
+  [[nodiscard]] Eigen::Vector3d off_upright(const Eigen::Vector3d& acceleration) const;
+  void turn_by(const Eigen::Vector3d& turn);
 
   Second second_;
   int rests_ = 0;
   bool known_ = false;
-  Eigen::Quaterniond world_from_base_ = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond world_from_imu_ = Eigen::Quaterniond::Identity();
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_ = Eigen::Vector3d::Zero();
 };

@@ -218,7 +218,7 @@ void Axis::go_on(axis_state::Activating& state, MonotonicTime now) {
 
 void Axis::go_on(axis_state::Active& state, MonotonicTime now) {
   state.profile.advance(demand_);
-  set_input(state.profile.for_axis_at(position_at(now)));
+  set_input(state.profile.for_axis_at(*position_at(now)));
   if (state.stall.is_stuck(state.profile.position(), *position_)) fail_with(AxisFault::kStuck);
 }
 
@@ -233,8 +233,8 @@ void Axis::go_on(axis_state::Stopped&, MonotonicTime) {
   keep_idle();
 }
 
-/// Of an active axis, which has gone on since it was heard.
-double Axis::position_at(MonotonicTime now) const {
+std::optional<double> Axis::position_at(MonotonicTime now) const {
+  if (!position()) return std::nullopt;
   return *position_ + rate_ * std::chrono::duration<double>(now - estimated_).count();
 }
 

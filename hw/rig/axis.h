@@ -79,6 +79,8 @@ class Axis {
   /// Where the motor's encoder has it; nothing while that is not known. The axis is within the gear's
   /// backlash of it.
   [[nodiscard]] std::optional<double> position() const;
+  /// Likewise, as it has gone on since its drive was heard.
+  [[nodiscard]] std::optional<double> position_at(MonotonicTime now) const;
   [[nodiscard]] double rate() const { return rate_; }  ///< [rad/s]
 
  private:
@@ -102,7 +104,6 @@ class Axis {
   void keep_idle();
   void rest();
   void set_input(const Setpoint& setpoint);
-  [[nodiscard]] double position_at(MonotonicTime now) const;
   [[nodiscard]] double period_seconds() const { return std::chrono::duration<double>(period_).count(); }
 
   AxisConfiguration configuration_;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw/rig/kinematics.h"
 
-#include <Eigen/Geometry>
 #include <cmath>
 
 namespace cairn {
@@ -11,11 +10,19 @@ constexpr double kUpright = 1e-6;  // of a direction's length: less of it is lev
 
 }  // namespace
 
+Eigen::Quaterniond base_from_head(const PanTilt& angles) {
+  return Eigen::AngleAxisd(angles.pan, Eigen::Vector3d::UnitZ()) *
+         Eigen::AngleAxisd(-angles.tilt, Eigen::Vector3d::UnitY());
+}
+
+Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates) {
+  return {rates.pan * std::sin(angles.tilt), -rates.tilt, rates.pan * std::cos(angles.tilt)};
+}
+
 Eigen::Matrix3d base_from_camera(const PanTilt& angles) {
   Eigen::Matrix3d ahead;  // the camera at 0, 0
   ahead << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  return Eigen::AngleAxisd(angles.pan, Eigen::Vector3d::UnitZ()) *
-         Eigen::AngleAxisd(-angles.tilt, Eigen::Vector3d::UnitY()) * ahead;
+  return base_from_head(angles) * ahead;
 }
 
 Eigen::Vector3d optical_axis(const PanTilt& angles) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace cairn {
 
@@ -11,6 +12,11 @@ struct PanTilt {
   double pan = 0;
   double tilt = 0;
 };
+
+/// The base from the head, which is what the tilt axis turns: its x is where the camera looks, y left, z up.
+[[nodiscard]] Eigen::Quaterniond base_from_head(const PanTilt& angles);
+/// How the head turns against the base while the axes turn at `rates`: [rad/s], in the head's axes.
+[[nodiscard]] Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates);
 
 /// The base from the camera. Base: what pan turns on, x forward, y left, z up. Camera: x right, y down, z
 /// forward.

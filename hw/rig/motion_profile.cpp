@@ -44,16 +44,19 @@ void MotionProfile::advance(const Demand& demand) {
     wanted += std::copysign(stopping_rate(std::abs(ahead)), ahead);
   }
   const double step = limits_.acceleration * period_;
+  const double before = rate_;
   // The limits last: from a rate that they allow they are kept within the acceleration.
   rate_ = std::clamp(std::clamp(wanted, rate_ - step, rate_ + step), -highest_rate(position_ - low),
                      highest_rate(high - position_));
   position_ += rate_ * period_;
+  acceleration_ = (rate_ - before) / period_;
 }
 
 Setpoint MotionProfile::for_axis_at(double measured) const {
   const double up = coasting_rate(limits_.high - measured);
   const double down = coasting_rate(measured - limits_.low);
-  const double rate = std::clamp(rate_, -down, up);
+  const double rate = std::clamp(rate_ + acceleration_ * limits_.lag, -std::min(down, limits_.rate),
+                                 std::min(up, limits_.rate));
   const double ahead = measured + rate * period_;  // until the next setpoint
   return {
       std::clamp(position_, ahead - (down + rate) * limits_.reaction, ahead + (up - rate) * limits_.reaction),

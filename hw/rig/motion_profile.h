@@ -14,6 +14,7 @@ struct MotionLimits {
   double acceleration = 0;  ///< [rad/s^2]
   double coasting = 0;      ///< what friction alone slows an axis by that is let go [rad/s^2]
   double reaction = 0;      ///< of the drive: 1 over its position gain [s]
+  double lag = 0;           ///< of the drive's rate behind a setpoint's that changes evenly [s]
 };
 
 /// Where an axis should go: to `position`, which itself moves on at `rate`; without one, on at `rate`.
@@ -54,6 +55,7 @@ class MotionProfile {
   double period_;
   double position_;
   double rate_ = 0;
+  double acceleration_ = 0;  ///< of the newest period
 };
 
 }  // namespace cairn

@@ -5,7 +5,8 @@ namespace cairn {
 namespace {
 
 struct DemandsOf {
-  const Attitude& attitude;
+  const BaseMotion& base;
+  double ahead;
   double pan;
 
   std::array<Demand, 2> operator()(const pointing::Neutral& neutral) const {
@@ -15,18 +16,18 @@ struct DemandsOf {
     return {Demand{std::nullopt, jog.rates.pan}, Demand{std::nullopt, jog.rates.tilt}};
   }
   std::array<Demand, 2> operator()(const pointing::Lock& lock) const {
-    if (!attitude.is_known()) return {};
-    const Eigen::Vector3d direction = attitude.world_from_base().conjugate() * lock.direction;
+    if (!base.is_known() || !lock.direction) return {};
+    const Eigen::Vector3d direction = base.world_from_base(ahead).conjugate() * *lock.direction;
     const PanTilt angles = look_along(direction, pan);
-    const PanTilt rates = rates_to_hold(direction, attitude.rate());
+    const PanTilt rates = rates_to_hold(direction, base.rate(ahead));
     return {Demand{angles.pan, rates.pan}, Demand{angles.tilt, rates.tilt}};
   }
 };
 
 }  // namespace
 
-std::array<Demand, 2> demands_of(const Pointing& pointing, const Attitude& attitude, double pan) {
-  return std::visit(DemandsOf{attitude, pan}, pointing);
+std::array<Demand, 2> demands_of(const Pointing& pointing, const BaseMotion& base, double ahead, double pan) {
+  return std::visit(DemandsOf{base, ahead, pan}, pointing);
 }
 
 }  // namespace cairn

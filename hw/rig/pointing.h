@@ -3,9 +3,10 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <variant>
 
-#include "hw/rig/attitude.h"
+#include "hw/rig/base_motion.h"
 #include "hw/rig/kinematics.h"
 #include "hw/rig/motion_profile.h"
 
@@ -21,17 +22,18 @@ struct Neutral {
 struct Jog {
   PanTilt rates;  ///< [rad/s]
 };
-/// A fixed direction of the world, of any length above 0.
+/// A fixed direction of the world, of any length above 0; without one, that in which the camera looks when it
+/// begins.
 struct Lock {
-  Eigen::Vector3d direction;
+  std::optional<Eigen::Vector3d> direction;
 };
 }  // namespace pointing
 using Pointing = std::variant<pointing::Neutral, pointing::Jog, pointing::Lock>;
 
-/// What the axes are told now, pan and tilt. Lock follows the attitude, with the gyro as feed-forward, and
-/// not the encoders: the gear's backlash is larger than what is to be held. Until the attitude is known it
-/// stays where it is. `pan`: where pan stands [rad], for directions straight up and down. Pure.
-[[nodiscard]] std::array<Demand, 2> demands_of(const Pointing& pointing, const Attitude& attitude,
+/// What the axes are told, pan and tilt, for `ahead` [s] after the IMU's newest sample. Lock follows the
+/// motion of the base, and stays where it is until that is known. `pan`: where pan stands [rad], for
+/// directions straight up and down. Pure.
+[[nodiscard]] std::array<Demand, 2> demands_of(const Pointing& pointing, const BaseMotion& base, double ahead,
                                                double pan);
 
 }  // namespace cairn

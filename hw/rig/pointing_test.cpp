@@ -7,6 +7,8 @@
 #include <numbers>
 #include <random>
 
+#include "hw/rig/attitude.h"
+#include "hw/rig/backlash.h"
 #include "hw/rig/test_gait.h"
 
 namespace cairn {
@@ -72,49 +74,60 @@ TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
   EXPECT_FALSE(attitude.is_known());
   const Vector3d up = truth.conjugate() * kUp;
   for (int i = 0; i < 3'000; ++i) attitude.update(bias, 9.81 * up, kPeriod);
-  EXPECT_LT(angle_between(attitude.world_from_base().conjugate() * kUp, up), 0.1 * kDegree);
+  EXPECT_LT(angle_between(attitude.world_from_imu().conjugate() * kUp, up), 0.1 * kDegree);
   EXPECT_LT((attitude.bias() - bias).norm(), 1e-4);
 }
 
-TEST(Pointing, LockHoldsTheOpticalAxisWhileTheWearerWalks) {
-  const MotionLimits limits{
-      .low = -1, .high = 1, .margin = 0.08, .rate = 2, .acceleration = 10, .coasting = 5, .reaction = 0.05};
-  const uint32_t seed = std::random_device()();
-  SCOPED_TRACE(seed);
-  std::mt19937 random(seed);
-  std::normal_distribution<double> noise(0, 1);
-  const auto any = [&](double size) {
-    return Vector3d(size * noise(random), size * noise(random), size * noise(random));
-  };
-  const Gait gait{1.0};
-  const Vector3d target = Vector3d(1, 0.2, 0.1).normalized();
-  const Vector3d bias(0.004, -0.004, 0.0005);
-  Attitude attitude;
-  std::array<MotionProfile, 2> axes = {MotionProfile(limits, kPeriod, 0), MotionProfile(limits, kPeriod, 0)};
-  double held = 0;
-  double fixed = 0;
-  for (int i = 0; i < 2000; ++i) {
+TEST(Backlash, AMotorToldBeforehandMakesTheAxisFollow) {
+  constexpr double kPlay = 0.3 * kDegree;
+  Backlash gear(kPlay);
+  double most = 0;
+  for (int i = 0; i < 500; ++i) {
     const double t = i * kPeriod;
-    attitude.update(gait.rate(t) + bias + any(0.003), gait.acceleration(t) + any(0.02), kPeriod);
-    const auto demands = demands_of(pointing::Lock{target}, attitude, axes[0].position());
-    for (size_t axis = 0; axis < 2; ++axis) axes.at(axis).advance(demands.at(axis));
-    if (i < 200) continue;  // until it has found the direction
-    const Eigen::Quaterniond base = gait.world_from_base(t + kPeriod);
-    held += std::pow(angle_between(base * optical_axis({axes[0].position(), axes[1].position()}), target), 2);
-    fixed += std::pow(angle_between(base * optical_axis(look_along(target)), target), 2);
+    const double axis = gear.follow(gear.motor_for(0.1 * std::sin(5 * t), 0.5 * std::cos(5 * t)));
+    if (i > 50) most = std::max(most, std::abs(axis - 0.1 * std::sin(5 * t)));
   }
-  EXPECT_LT(std::sqrt(held), std::sqrt(fixed) / 10) << std::sqrt(held / 1800) / kDegree << " deg";
+  EXPECT_LT(most, kPlay / 10);  // half of it without
+  const double there = gear.motor_for(0, 1);
+  EXPECT_EQ(gear.motor_for(0, -1e-3), there);  // noise does not make it cross
 }
 
-TEST(Pointing, TheOtherModesAreWhatTheySay) {
-  const Attitude attitude;
-  const auto neutral = demands_of(pointing::Neutral{{0.1, -0.2}}, attitude, 0);
+TEST(BaseMotion, IsSeenThroughTheHeadThatTurnsOnItAndForetold) {
+  const Gait gait{1.5};
+  BaseMotion base;
+  double worst = 0;
+  for (int i = 0; i < 400; ++i) {
+    const double t = i * kPeriod;
+    const PanTilt angles{0.5 * std::sin(9 * t), 0.3 * std::cos(7 * t)};
+    base.update(gait.world_from_base(t) * base_from_head(angles), angles, kPeriod);
+    EXPECT_LT(base.world_from_base(0).angularDistance(gait.world_from_base(t)), 1e-7);
+    worst = std::max(worst, base.world_from_base(0.02).angularDistance(gait.world_from_base(t + 0.02)));
+  }
+  EXPECT_LT(worst, 0.25 * kDegree);  // 2 degrees without
+  base.update(gait.world_from_base(9), {}, 0);
+  EXPECT_EQ(base.rate(0).norm(), 0);  // nobody knows
+}
+
+TEST(Kinematics, TheRateOfTheHeadIsTheDerivative) {
+  const PanTilt angles{0.4, -0.3};
+  const PanTilt rates{0.7, 1.1};
+  constexpr double kStep = 1e-6;
+  const Eigen::AngleAxisd turn(
+      base_from_head(angles).conjugate() *
+      base_from_head({angles.pan + rates.pan * kStep, angles.tilt + rates.tilt * kStep}));
+  EXPECT_LT((turn.angle() / kStep * turn.axis() - rate_of_head(angles, rates)).norm(), 1e-5);
+  EXPECT_TRUE(optical_axis(angles).isApprox(base_from_head(angles) * kAhead));
+}
+
+TEST(Pointing, TheModesAreWhatTheySay) {
+  const BaseMotion base;
+  const auto neutral = demands_of(pointing::Neutral{{0.1, -0.2}}, base, 0, 0);
   EXPECT_EQ(neutral[0].position, 0.1);
   EXPECT_EQ(neutral[1].position, -0.2);
-  const auto jog = demands_of(pointing::Jog{{0.3, -0.4}}, attitude, 0);
+  const auto jog = demands_of(pointing::Jog{{0.3, -0.4}}, base, 0, 0);
   EXPECT_FALSE(jog[0].position);
   EXPECT_EQ(jog[1].rate, -0.4);
-  const auto lock = demands_of(pointing::Lock{kAhead}, attitude, 0);  // without attitude: stay
+  const auto lock = demands_of(pointing::Lock{kAhead}, base, 0, 0);  // it is not known how it stands: stay
   EXPECT_FALSE(lock[0].position);
   EXPECT_EQ(lock[0].rate, 0);
 }

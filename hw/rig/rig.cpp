@@ -7,7 +7,8 @@
 namespace cairn {
 namespace {
 
-constexpr int kMostPeriods = 5;  // made up for at once; setpoints of longer ago are left out
+constexpr double kOnTheWire = 0.002;  // [s] that a sample and a setpoint are on their way
+constexpr int kMostPeriods = 5;       // made up for at once; setpoints of longer ago are left out
 
 bool is_urgent(const odrive::Message& message) {
   const auto* state = std::get_if<odrive::SetAxisState>(&message);
@@ -46,6 +47,7 @@ Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
       nodes_(configuration.nodes()),
       axes_{Axis(configuration.axes[0], configuration.period, configuration.drive_deadline, now),
             Axis(configuration.axes[1], configuration.period, configuration.drive_deadline, now)},
+      backlash_{Backlash(configuration.axes[0].backlash), Backlash(configuration.axes[1].backlash)},
       now_(now),
       next_(now + configuration.period),
       sampled_(now) {
@@ -116,14 +118,17 @@ Status Rig::handle(const rig_command::Point& point, MonotonicTime) {
 
 Status Rig::handle(const rig_command::Aim& aim, MonotonicTime) {
   if (const auto* lock = std::get_if<pointing::Lock>(&aim.pointing)) {
-    if (!lock->direction.allFinite() || lock->direction.norm() == 0)
+    if (lock->direction && (!lock->direction->allFinite() || lock->direction->norm() == 0))
       return refuse("a direction to lock must be finite and not 0");
     if (!imu_) return refuse("this rig has no IMU and cannot lock; add `imu:` to its configuration");
   }
-  const auto demands = demands_of(aim.pointing, attitude_, 0);
+  const auto demands = demands_of(aim.pointing, base_, 0, 0);
   if (!std::all_of(demands.begin(), demands.end(), is_finite))
     return refuse("a demand that is no number moves nothing");
   pointing_ = aim.pointing;
+  if (auto* lock = std::get_if<pointing::Lock>(&*pointing_);
+      lock != nullptr && !lock->direction && attitude_.is_known())
+    lock->direction = attitude_.world_from_imu() * Eigen::Vector3d::UnitX();
   return {};
 }
 
@@ -164,17 +169,23 @@ void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   if (const auto sample = sampler_.receive(message)) {
     attitude_.update(sample->rate, sample->acceleration, sample->step);
     sampled_ = now;
+    const auto pan = axes_[0].position_at(now);
+    const auto tilt = axes_[1].position_at(now);
+    if (attitude_.is_known() && pan && tilt)
+      base_.update(attitude_.world_from_imu(), {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)},
+                   sample->step);
   }
 }
 
-/// Ahead of the newest sample by its age. The profile adds the period until the next setpoint.
+/// A setpoint holds for a period: it is right in the middle of it. The profile adds a whole one.
 void Rig::aim(MonotonicTime now) {
   if (!pointing_) return;
-  const double lead = std::chrono::duration<double>(now - sampled_).count();
-  auto demands = demands_of(*pointing_, attitude_, axes_[0].position().value_or(0));
+  const double ahead =
+      std::chrono::duration<double>(now - sampled_ - configuration_.period / 2).count() + kOnTheWire;
+  auto demands = demands_of(*pointing_, base_, ahead, axes_[0].position().value_or(0));
   for (size_t i = 0; i < axes_.size(); ++i) {
     Demand& demand = demands.at(i);
-    if (demand.position) *demand.position += demand.rate * lead;
+    if (demand.position) demand.position = backlash_.at(i).motor_for(*demand.position, demand.rate);
     axes_.at(i).demand(demand);
   }
 }

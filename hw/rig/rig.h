@@ -11,6 +11,8 @@
 #include "hw/can/can_bus.h"
 #include "hw/rig/attitude.h"
 #include "hw/rig/axis.h"
+#include "hw/rig/backlash.h"
+#include "hw/rig/base_motion.h"
 #include "hw/rig/imu_sampler.h"
 #include "hw/rig/imu_watch.h"
 #include "hw/rig/pointing.h"
@@ -69,8 +71,8 @@ struct RigCounters {
   uint64_t late = 0;            ///< times that advance() came several periods late
 };
 
-/// The rig without bus, threads and clock: commands and frames in, frames out. The IMU sits on the base, its
-/// axes along those of the base. The rig's watchdog idles both drives
+/// The rig without bus, threads and clock: commands and frames in, frames out. The IMU sits on the head,
+/// which the tilt axis turns: x where the camera looks, y left, z up. The rig's watchdog idles both drives
 /// when commander, IMU or a drive is silent for longer than its deadline, when an axis has a fault, and when
 /// time runs back. What has come is to be handed in before advance(), which takes silence for death.
 class Rig {
@@ -90,7 +92,9 @@ class Rig {
   [[nodiscard]] std::vector<OutgoingFrame> take_frames();
 
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
+  /// Of the head, by the IMU on it.
   [[nodiscard]] const Attitude& attitude() const { return attitude_; }
+  [[nodiscard]] const BaseMotion& base() const { return base_; }
   [[nodiscard]] bool is_stopped() const { return stopped_; }
   [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
   [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
@@ -125,6 +129,8 @@ class Rig {
   std::optional<ImuWatch> imu_;
   ImuSampler sampler_;
   Attitude attitude_;
+  std::array<Backlash, 2> backlash_;
+  BaseMotion base_;
   std::optional<Pointing> pointing_;
   MonotonicTime now_;
   MonotonicTime next_;

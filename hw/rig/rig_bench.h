@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "hw/rig/rig.h"
+#include "hw/rig/test_gait.h"
 #include "hw/rig/test_rig.h"
 #include "hw/simulated/simulated_bus.h"
 
@@ -53,6 +54,7 @@ class RigBench {
   }
   void millisecond() {
     now_ += std::chrono::milliseconds(1);
+    move_imu();
     bus_.advance(now_);
     while (const auto got = bus_.receive()) rig_.receive(got->frame, now_);
     if (commander_lives &&
@@ -112,6 +114,16 @@ class RigBench {
   [[nodiscard]] double angle(AxisName name) {
     return name == AxisName::kPan ? bus_.drive(0).plant().angle() : -bus_.drive(1).plant().angle();
   }
+  [[nodiscard]] PanTilt angles() { return {angle(AxisName::kPan), angle(AxisName::kTilt)}; }
+  /// The wearer walks from now on.
+  void walk(const Gait& gait) {
+    gait_ = gait;
+    set_out_ = now_;
+  }
+  /// How the shoulder truly stands.
+  [[nodiscard]] Eigen::Quaterniond world_from_base() const { return gait_.world_from_base(walked()); }
+  /// Where the camera truly looks.
+  [[nodiscard]] Eigen::Vector3d view() { return world_from_base() * optical_axis(angles()); }
   [[nodiscard]] std::optional<AxisFault> fault(AxisName name) const { return rig_.axis(name).fault(); }
   [[nodiscard]] Rig& rig() { return rig_; }
   [[nodiscard]] simulated::SimulatedBus& bus() { return bus_; }
@@ -120,6 +132,15 @@ class RigBench {
   bool commander_lives = true;
 
  private:
+  [[nodiscard]] double walked() const { return std::chrono::duration<double>(now_ - set_out_).count(); }
+  /// It sits on the head.
+  void move_imu() {
+    const PanTilt rates{bus_.drive(0).plant().rate(), -bus_.drive(1).plant().rate()};
+    const Eigen::Quaterniond head_from_base = base_from_head(angles()).conjugate();
+    const Eigen::Vector3d rate = head_from_base * gait_.rate(walked()) + rate_of_head(angles(), rates);
+    const Eigen::Vector3d acceleration = head_from_base * gait_.acceleration(walked());
+    bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {acceleration.x(), acceleration.y(), acceleration.z()}});
+  }
   void send() {
     // One that is withheld is not sent again: the rig says idle and stop until the drive obeys.
     for (const OutgoingFrame& out : rig_.take_frames())
@@ -137,6 +158,8 @@ class RigBench {
   RigConfiguration configuration_;
   simulated::SimulatedBus bus_;
   Rig rig_;
+  Gait gait_{0};
+  MonotonicTime set_out_ = now_;
 };
 
 }  // namespace cairn::testing

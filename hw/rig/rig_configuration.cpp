@@ -20,6 +20,7 @@ constexpr double kRadians = std::numbers::pi / 180;
 constexpr size_t kLongestName = 32;
 constexpr double kLowestNode = 4;               // below are the identifiers of the IMU
 constexpr double kHighestFeedforward = 32.767;  // [turns/s], of SetInputPosition
+constexpr double kLongestLag = 50;              // [ms]
 constexpr double kSafeIdle = 100;               // [ms] from a death to idle drives, at most
 
 /// Reads the values of one mapping and remembers the first that is wrong: that is what the operator is told.
@@ -34,6 +35,12 @@ class Section {
   double number(const std::string& key, double least, double most) {
     const YAML::Node value = find(key);
     return value ? number_at(value, key, least, most) : least;
+  }
+  /// Likewise, `otherwise` where the key is not there.
+  double number_or(const std::string& key, double least, double most, double otherwise) {
+    if (known(key)) return number(key, least, most);
+    asked_.push_back(key);
+    return otherwise;
   }
   double positive(const std::string& key) {
     const YAML::Node value = find(key);
@@ -172,7 +179,9 @@ AxisConfiguration read_axis(Section& from) {
                  .rate = rate * kRadians,
                  .acceleration = from.positive("acceleration") * kRadians,
                  .coasting = from.positive("coasting") * kRadians,
-                 .reaction = 1 / from.positive("gain")};
+                 .reaction = 1 / from.positive("gain"),
+                 .lag = from.number_or("lag", 0, kLongestLag, 0) / 1000};
+  axis.backlash = from.number_or("backlash", 0, margin, 0) * kRadians;
   axis.current = from.positive("current");
   close(from);
   return axis;

@@ -24,6 +24,7 @@ struct AxisConfiguration {
   double home = 0;              ///< angle of the axis at its homing switch [rad]
   double neutral = 0;           ///< [rad]
   double current = 0;           ///< limit [A]
+  double backlash = 0;          ///< of the gear, from flank to flank [rad]
   MotionLimits limits;
 };
 

@@ -34,6 +34,8 @@ TEST(RigConfiguration, IsReadAsWritten) {
   EXPECT_NEAR(tilt.limits.acceleration, 500 * kRadians, 1e-12);
   EXPECT_NEAR(tilt.turns_per_radian, -20 / (2 * std::numbers::pi), 1e-12);
   EXPECT_NEAR(tilt.limits.reaction, 0.05, 1e-12);
+  EXPECT_NEAR(tilt.limits.lag, 0.007, 1e-12);
+  EXPECT_NEAR(tilt.backlash, 0.3 * kRadians, 1e-12);
   EXPECT_EQ(rig->drive_deadline, std::chrono::milliseconds(50));
   ASSERT_TRUE(rig->imu);
   EXPECT_EQ(rig->imu->rate, 100);
@@ -70,6 +72,8 @@ INSTANTIATE_TEST_SUITE_P(
         Impossible{"gain: 20", "gain: 20\n    gain: 21",
                    ".yaml:16: axes.pan: 'gain' is there twice; keep one"},
         Impossible{"gain: 20", "gain: -20", ".yaml:15: axes.pan: gain -20: expected a number above 0"},
+        Impossible{"lag: 7", "lag: -7", "axes.pan: lag -7: expected 0 to 50"},
+        Impossible{"backlash: 0.3", "backlash: 6", "axes.pan: backlash 6: expected 0 to 5"},
         Impossible{"gain: 20", "gain: 1e999", "gain '1e999': expected a number"},
         Impossible{"gain: 20", "gain: nan", "gain 'nan': expected a number"},
         Impossible{"gain: 20", "gain: [20]", "gain '': expected a number"},

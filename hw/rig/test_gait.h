@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -13,14 +14,17 @@ inline double angle_between(const Eigen::Vector3d& a, const Eigen::Vector3d& b) 
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// A shoulder that sways by 10 degrees about all axes, and goes up and down twice as often.
+/// A shoulder that sways by 10 degrees about all axes, and goes up and down twice as often. It sets out
+/// within a second: nobody is at speed at once.
 struct Gait {
-  double frequency;  ///< [Hz]
+  double frequency;  ///< [Hz]; 0: it stands still
 
   [[nodiscard]] Eigen::Quaterniond world_from_base(double t) const {
     using Eigen::AngleAxisd;
     using Eigen::Vector3d;
-    const double sway = std::numbers::pi / 18 * std::sin(2 * std::numbers::pi * frequency * t);
+    const double begun = std::clamp(t, 0.0, 1.0);
+    const double strength = begun * begun * (3 - 2 * begun);
+    const double sway = strength * std::numbers::pi / 18 * std::sin(2 * std::numbers::pi * frequency * t);
     return Eigen::Quaterniond(AngleAxisd(0.7 * sway, Vector3d::UnitZ()) *
                               AngleAxisd(sway, Vector3d::UnitY()) *
                               AngleAxisd(0.5 * sway, Vector3d::UnitX()));

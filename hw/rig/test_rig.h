@@ -7,6 +7,8 @@
 #include <cstdio>
 #include <fstream>
 #include <string>
+#include <string_view>
+#include <utility>
 
 #include "hw/rig/rig_configuration.h"
 
@@ -31,9 +33,24 @@ constexpr const char* kRigText =
     "    coasting: 250     # [deg/s^2] by friction alone\n"
     "    gain: 20\n"
     "    current: 5        # [A]\n"
+    "    lag: 7            # [ms]\n"
+    "    backlash: 0.3     # [deg]\n"
     "    neutral: 0\n"
     "  tilt: {node: 17, gear: -20, home: 36, position: [-40, 40], margin: 5, rate: 120, acceleration: 500, "
-    "coasting: 250, gain: 20, current: 5, neutral: 0}\n";
+    "coasting: 250, gain: 20, current: 5, neutral: 0, lag: 7, "
+    "backlash: 0.3}\n";
+
+/// One that is quick enough for a wearer who walks at 2 Hz.
+inline std::string walking_rig() {
+  std::string text = kRigText;
+  for (const auto& [from, to] : {std::pair{"rate: 120", "rate: 180"},
+                                 {"acceleration: 500", "acceleration: 2000"},
+                                 {"current: 5", "current: 10"}}) {
+    for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; ++at)
+      text.replace(at, std::string_view(from).size(), to);
+  }
+  return text;
+}
 
 /// What becomes of a configuration file with that text.
 inline Result<RigConfiguration> read_rig(const std::string& text) {

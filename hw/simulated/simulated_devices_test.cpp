@@ -243,5 +243,23 @@ TEST_F(Devices, TheImuTellsItsMotionWithBiasAndNoise) {
   EXPECT_NE(imu.rate_bias()[1], 0);
 }
 
+TEST_F(Devices, AnImuGivesTheMeanSinceTheSampleBefore) {
+  ImuOptions options;
+  options.rate_noise = options.rate_bias = 0;
+  SimulatedImu imu(options, 5, now_);
+  std::vector<CanFrame> frames;
+  for (int i = 0; i < 1000; ++i) {  // a trembling of 100 Hz would be a turn to one that samples at 100 Hz
+    imu.move({{i % 10 < 5 ? 1.0 : -1.0, 0, 0}, {0, 0, 9.8}});
+    imu.advance(now_ += 1ms, frames);
+  }
+  double most = 0;
+  for (size_t i = 4; i < frames.size(); ++i) {
+    const auto message = xsens::decode(frames[i]).value();
+    if (const auto* rate = std::get_if<xsens::RateOfTurn>(&message))
+      most = std::max(most, std::abs(rate->rate[0]));
+  }
+  EXPECT_LT(most, 0.01);
+}
+
 }  // namespace
 }  // namespace cairn::simulated

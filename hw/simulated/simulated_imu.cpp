@@ -18,12 +18,18 @@ std::array<double, 3> sum(std::array<double, 3> a, const std::array<double, 3>& 
   return a;
 }
 
+std::array<double, 3> scaled(std::array<double, 3> value, double factor) {
+  for (double& part : value) part *= factor;
+  return value;
+}
+
 }  // namespace
 
 SimulatedImu::SimulatedImu(const ImuOptions& options, uint32_t seed, MonotonicTime now)
     : options_(options), random_(seed), start_(now) {
   set_frequency(options.frequency);
-  next_ = now + std::chrono::nanoseconds(static_cast<int64_t>(random_()) % period_.count());
+  began_ = integrated_ = now;
+  next_ = now + std::chrono::nanoseconds(static_cast<int64_t>(random_()) % period_.count() + 1);
   rate_bias_ = noisy({}, options.rate_bias, random_);
   acceleration_bias_ = noisy({}, options.acceleration_bias, random_);
 }
@@ -34,12 +40,25 @@ void SimulatedImu::set_frequency(double frequency) {
 
 void SimulatedImu::advance(MonotonicTime now, std::vector<CanFrame>& out) {
   for (; next_ <= now; next_ += period_) sample(out);
+  integrate(now);
+}
+
+void SimulatedImu::integrate(MonotonicTime until) {
+  const double time = std::chrono::duration<double>(until - integrated_).count();
+  integral_.rate = sum(integral_.rate, scaled(motion_.rate, time));
+  integral_.acceleration = sum(integral_.acceleration, scaled(motion_.acceleration, time));
+  integrated_ = until;
 }
 
 void SimulatedImu::sample(std::vector<CanFrame>& out) {
-  const xsens::RateOfTurn rate{noisy(sum(motion_.rate, rate_bias_), options_.rate_noise, random_)};
+  integrate(next_);
+  const double share = 1 / std::chrono::duration<double>(next_ - began_).count();
+  const ImuMotion mean{scaled(integral_.rate, share), scaled(integral_.acceleration, share)};
+  integral_ = {{}, {}};
+  began_ = next_;
+  const xsens::RateOfTurn rate{noisy(sum(mean.rate, rate_bias_), options_.rate_noise, random_)};
   const xsens::Acceleration acceleration{
-      noisy(sum(motion_.acceleration, acceleration_bias_), options_.acceleration_noise, random_)};
+      noisy(sum(mean.acceleration, acceleration_bias_), options_.acceleration_noise, random_)};
   const auto ticks = static_cast<uint32_t>((next_ - start_) / kTick);
   const uint16_t count = count_++;
   if (muted_) return;

@@ -28,8 +28,9 @@ struct ImuOptions {
   double acceleration_bias = 0.03;
 };
 
-/// An Xsens MTi-600 on the bus, in simulated time: sample time, counter, rate of turn and acceleration. Same
-/// options, seed and calls, same frames.
+/// An Xsens MTi-600 on the bus, in simulated time: sample time, counter, rate of turn and acceleration, both
+/// as the mean since the sample before, as a device's strapdown integration gives them. Same options, seed
+/// and calls, same frames.
 class SimulatedImu {
  public:
   SimulatedImu(const ImuOptions& options, uint32_t seed, MonotonicTime now);
@@ -48,6 +49,7 @@ class SimulatedImu {
 
  private:
   void sample(std::vector<CanFrame>& out);
+  void integrate(MonotonicTime until);
 
   ImuOptions options_;
   std::mt19937 random_;
@@ -55,6 +57,9 @@ class SimulatedImu {
   MonotonicTime start_;
   MonotonicTime next_;
   ImuMotion motion_;
+  ImuMotion integral_{{}, {}};  ///< since the newest sample
+  MonotonicTime began_;         ///< of the integral
+  MonotonicTime integrated_;
   std::array<double, 3> rate_bias_{};
   std::array<double, 3> acceleration_bias_{};
   uint16_t count_ = 0;
