@@ -35,11 +35,14 @@ PanTilt look_along(const Eigen::Vector3d& direction, double pan) {
   return {upright ? pan : std::atan2(direction.y(), direction.x()), std::atan2(direction.z(), level)};
 }
 
-PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate) {
-  const Eigen::Vector3d ray = direction.normalized();
+PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,
+                      const Eigen::Vector3d& moving) {
+  const double length = direction.norm();
+  const Eigen::Vector3d ray = direction / length;
   const double level = ray.head<2>().norm();
   if (level < kUpright) return {};
-  const Eigen::Vector3d change = -rate.cross(ray);
+  const Eigen::Vector3d aside = (moving - moving.dot(ray) * ray) / length;
+  const Eigen::Vector3d change = aside - rate.cross(ray);
   return {(ray.x() * change.y() - ray.y() * change.x()) / (level * level), change.z() / level};
 }
 

@@ -26,8 +26,9 @@ struct PanTilt {
 /// The angles that look along a direction of the base, of any length above 0: pan in (-pi, pi], tilt in
 /// [-pi/2, pi/2]. Straight up and down every pan does: it stays `pan`.
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan = 0);
-/// How fast the axes must turn to keep looking along a direction that the world holds still, while the base
-/// turns at `rate` [rad/s], in its own axes. 0 straight up and down.
-[[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate);
+/// How fast the axes must turn to keep looking along a direction that changes in the world by `moving` a
+/// second, while the base turns at `rate` [rad/s]. All in the base's axes. 0 straight up and down.
+[[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,
+                                    const Eigen::Vector3d& moving = Eigen::Vector3d::Zero());
 
 }  // namespace cairn

@@ -2,17 +2,19 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
+#include <cstdint>
 #include <optional>
+#include <string_view>
 #include <variant>
+#include <vector>
 
-#include "hw/rig/base_motion.h"
+#include "common/base/time.h"
 #include "hw/rig/kinematics.h"
-#include "hw/rig/motion_profile.h"
 
 namespace cairn {
 
-/// What the camera is to look at.
+/// What the camera is to look at. Directions are of the rig's world, in which the attitude is told (z up),
+/// and of any length above 0.
 namespace pointing {
 /// Ahead, as the configuration says.
 struct Neutral {
@@ -22,18 +24,54 @@ struct Neutral {
 struct Jog {
   PanTilt rates;  ///< [rad/s]
 };
-/// A fixed direction of the world, of any length above 0; without one, that in which the camera looks when it
-/// begins.
+/// Level, and ahead of the wearer as the wearer slowly turns.
+struct Follow {};
+/// A fixed direction; without one, that in which the camera looks when it begins.
 struct Lock {
   std::optional<Eigen::Vector3d> direction;
 };
+/// A point of the world, wherever the wearer walks: that of the newest Sighting. Until there is one, and when
+/// they end, it holds the direction.
+struct Fixate {};
+/// To another direction as fast as the axes can, and then locked on it.
+struct Saccade {
+  std::optional<Eigen::Vector3d> direction;
+  PanTilt angles;  ///< without a direction, to that in which these look when it begins
+};
+/// All around within reach, a glance at each place, first at those where the map may be. What was looked at
+/// is remembered when the search goes on after another mode.
+struct Search {
+  enum class Pattern : uint8_t { kSpiral, kRaster };
+  Pattern pattern = Pattern::kSpiral;
+  PanTilt view{0.9, 0.7};               ///< how much the camera sees, across and upright [rad]
+  std::vector<Eigen::Vector3d> ranked;  ///< the likeliest first
+};
 }  // namespace pointing
-using Pointing = std::variant<pointing::Neutral, pointing::Jog, pointing::Lock>;
+using Pointing = std::variant<pointing::Neutral, pointing::Jog, pointing::Follow, pointing::Lock,
+                              pointing::Fixate, pointing::Saccade, pointing::Search>;
 
-/// What the axes are told, pan and tilt, for `ahead` [s] after the IMU's newest sample. Lock follows the
-/// motion of the base, and stays where it is until that is known. `pan`: where pan stands [rad], for
-/// directions straight up and down. Pure.
-[[nodiscard]] std::array<Demand, 2> demands_of(const Pointing& pointing, const BaseMotion& base, double ahead,
-                                               double pan);
+/// The modes as words, in the order of Pointing.
+enum class PointingMode : uint8_t { kNeutral, kJog, kFollow, kLock, kFixate, kSaccade, kSearch };
+[[nodiscard]] PointingMode mode_of(const Pointing& pointing);
+/// "neutral", "jog", ...
+[[nodiscard]] const char* to_string(PointingMode mode);
+[[nodiscard]] std::optional<PointingMode> pointing_mode(std::string_view word);
+
+/// Where the point to fixate was, as a camera saw it.
+struct Sighting {
+  MonotonicTime when;      ///< when the picture was taken, by the rig's clock
+  Eigen::Vector3d target;  ///< in the camera (x right, y down, z forward), in any unit of length that stays
+};
+
+/// How it goes.
+struct PointingState {
+  PointingMode mode = PointingMode::kNeutral;
+  bool on_target =
+      false;  ///< near it, by the IMU, for some time: half a degree, in a search a sixth of a view
+  bool out_of_reach = false;  ///< the target is beyond the soft limits
+  bool sees_target = false;   ///< fixate: sightings come
+  double looked_at = 0;       ///< search: share of the places within reach, of the present round
+  int rounds = 0;             ///< search: how often all of them were looked at
+};
 
 }  // namespace cairn

@@ -3,12 +3,18 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <vector>
 
 #include "hw/rig/attitude.h"
 #include "hw/rig/backlash.h"
+#include "hw/rig/base_motion.h"
+#include "hw/rig/head_history.h"
+#include "hw/rig/search_plan.h"
+#include "hw/rig/target_track.h"
 #include "hw/rig/test_gait.h"
 
 namespace cairn {
@@ -119,17 +125,101 @@ TEST(Kinematics, TheRateOfTheHeadIsTheDerivative) {
   EXPECT_TRUE(optical_axis(angles).isApprox(base_from_head(angles) * kAhead));
 }
 
-TEST(Pointing, TheModesAreWhatTheySay) {
-  const BaseMotion base;
-  const auto neutral = demands_of(pointing::Neutral{{0.1, -0.2}}, base, 0, 0);
-  EXPECT_EQ(neutral[0].position, 0.1);
-  EXPECT_EQ(neutral[1].position, -0.2);
-  const auto jog = demands_of(pointing::Jog{{0.3, -0.4}}, base, 0, 0);
-  EXPECT_FALSE(jog[0].position);
-  EXPECT_EQ(jog[1].rate, -0.4);
-  const auto lock = demands_of(pointing::Lock{kAhead}, base, 0, 0);  // it is not known how it stands: stay
-  EXPECT_FALSE(lock[0].position);
-  EXPECT_EQ(lock[0].rate, 0);
+TEST(Pointing, EachModeHasItsWord) {
+  for (const Pointing& pointing :
+       {Pointing(pointing::Neutral()), Pointing(pointing::Jog()), Pointing(pointing::Follow()),
+        Pointing(pointing::Lock()), Pointing(pointing::Fixate()), Pointing(pointing::Saccade()),
+        Pointing(pointing::Search())}) {
+    const PointingMode mode = mode_of(pointing);
+    EXPECT_EQ(pointing_mode(to_string(mode)), mode);
+  }
+  EXPECT_STREQ(to_string(PointingMode::kSearch), "search");
+  EXPECT_STREQ(to_string(mode_of(pointing::Fixate())), "fixate");
+  EXPECT_FALSE(pointing_mode("loock"));
+}
+
+TEST(HeadHistory, TellsHowTheHeadStoodBetweenSamples) {
+  using namespace std::chrono_literals;
+  const MonotonicTime start{1h};
+  HeadHistory history;
+  EXPECT_FALSE(history.at(start));
+  const auto turned = [](double angle) { return Eigen::Quaterniond(Eigen::AngleAxisd(angle, kUp)); };
+  for (int i = 0; i <= 200; ++i) history.add(start + i * 10ms, turned(0.01 * i));
+  EXPECT_LT(history.at(start + 1505ms)->angularDistance(turned(1.505)), 1e-6);
+  EXPECT_FALSE(history.at(start + 500ms));   // forgotten
+  EXPECT_TRUE(history.at(start + 2010ms));   // as good as now
+  EXPECT_FALSE(history.at(start + 2100ms));  // of the future
+  history.add(start, turned(0));             // time ran back
+  EXPECT_FALSE(history.at(start + 1505ms));
+}
+
+TEST(TargetTrack, ForetellsAPointThatTheWearerWalksPast) {
+  using namespace std::chrono_literals;
+  const MonotonicTime start{1h};
+  const auto truth = [](double t) { return Vector3d(2, 1 - t, 0.1); };
+  TargetTrack track;
+  EXPECT_FALSE(track.at(start));
+  for (int i = 0; i < 40; ++i) track.see(start + i * 33ms, truth(0.033 * i));
+  const auto late = track.at(start + 1400ms);
+  EXPECT_LT(angle_between(late->target, truth(1.4)), 0.2 * kDegree);
+  EXPECT_NEAR(late->rate.y(), -1, 0.05);
+  track.see(start, truth(9));  // older than what is known
+  EXPECT_EQ(track.at(start + 1400ms)->target, late->target);
+  EXPECT_TRUE(track.is_seen(start + 1400ms));
+  EXPECT_FALSE(track.is_seen(start + 9s));
+  EXPECT_EQ(track.at(start + 9s)->rate.norm(), 0);  // it stays where it was
+}
+
+/// All that is looked at until the plan has been through, in order.
+std::vector<Vector3d> looks(SearchPlan& plan, const SearchPlan::Reach& reach) {
+  std::vector<Vector3d> looked;
+  Vector3d from = kAhead;
+  while (looked.empty() || plan.looked_at(reach) < 1) {
+    from = plan.next(from, reach).value();
+    plan.look(from);
+    looked.push_back(from);
+    if (looked.size() > 1000) break;
+  }
+  return looked;
+}
+
+TEST(SearchPlan, LooksEverywhereWithinReachOnceAndNowhereElse) {
+  const auto reach = [](const Vector3d& direction) {
+    const PanTilt angles = look_along(direction);
+    return std::abs(angles.pan) < 1 && std::abs(angles.tilt) < 0.6;
+  };
+  for (const auto pattern : {pointing::Search::Pattern::kSpiral, pointing::Search::Pattern::kRaster}) {
+    SearchPlan plan({pattern, {0.9, 0.7}, {}}, kAhead);
+    const auto looked = looks(plan, reach);
+    for (size_t i = 0; i < looked.size(); ++i) {
+      EXPECT_TRUE(reach(looked[i]));
+      for (size_t j = 0; j < i; ++j) EXPECT_GT(angle_between(looked[i], looked[j]), 0.1);
+    }
+    // Whatever is within reach was in the picture.
+    for (double pan = -0.99; pan < 1; pan += 0.1) {
+      for (double tilt = -0.59; tilt < 0.6; tilt += 0.1) {
+        const bool seen = std::any_of(looked.begin(), looked.end(), [&](const Vector3d& look) {
+          const PanTilt at = look_along(look);
+          return std::abs(at.pan - pan) < 0.45 / std::cos(tilt) && std::abs(at.tilt - tilt) < 0.35;
+        });
+        EXPECT_TRUE(seen) << pan << " " << tilt;
+      }
+    }
+    EXPECT_TRUE(plan.next(kAhead, reach));  // and all over again
+    EXPECT_EQ(plan.looked_at(reach), 0);
+  }
+  SearchPlan nowhere({}, kAhead);
+  EXPECT_FALSE(nowhere.next(kAhead, [](const Vector3d&) { return false; }));
+}
+
+TEST(SearchPlan, BeginsWhereTheMapMayBe) {
+  const auto everywhere = [](const Vector3d&) { return true; };
+  const std::vector<Vector3d> ranked = {optical_axis({-2, 0.5}), optical_axis({1.5, -0.4})};
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, ranked}, kAhead);
+  const auto looked = looks(plan, everywhere);
+  EXPECT_LT(angle_between(looked.at(0), ranked[0]), 0.5);
+  EXPECT_LT(angle_between(looked.at(1), ranked[1]), 0.5);
+  EXPECT_LT(angle_between(looked.at(2), kAhead), 0.5);  // then around where it began
 }
 
 }  // namespace

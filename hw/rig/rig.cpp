@@ -7,8 +7,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kOnTheWire = 0.002;  // [s] that a sample and a setpoint are on their way
-constexpr int kMostPeriods = 5;       // made up for at once; setpoints of longer ago are left out
+constexpr int kMostPeriods = 5;  // made up for at once; setpoints of longer ago are left out
 
 bool is_urgent(const odrive::Message& message) {
   const auto* state = std::get_if<odrive::SetAxisState>(&message);
@@ -48,9 +47,9 @@ Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
       axes_{Axis(configuration.axes[0], configuration.period, configuration.drive_deadline, now),
             Axis(configuration.axes[1], configuration.period, configuration.drive_deadline, now)},
       backlash_{Backlash(configuration.axes[0].backlash), Backlash(configuration.axes[1].backlash)},
+      pointer_(configuration),
       now_(now),
-      next_(now + configuration.period),
-      sampled_(now) {
+      next_(now + configuration.period) {
   if (configuration.imu) imu_.emplace(configuration.imu->rate, configuration.imu_deadline, now);
 }
 
@@ -93,6 +92,7 @@ Status Rig::handle(const rig_command::Home&, MonotonicTime now) {
 Status Rig::handle(const rig_command::Activate&, MonotonicTime now) {
   if (Status is_ready = ready(); !is_ready) return is_ready;
   if (const auto trouble = imu_trouble(now)) return refuse(cairn::describe(*trouble));
+  pointer_.let_go();
   for (Axis& axis : axes_) {
     if (Status begun = axis.activate(now); !begun) {
       for (Axis& other : axes_) other.idle();
@@ -112,23 +112,7 @@ Status Rig::handle(const rig_command::Point& point, MonotonicTime) {
   if (!std::all_of(point.demands.begin(), point.demands.end(), is_finite))
     return refuse("a demand that is no number moves nothing");
   for (size_t i = 0; i < axes_.size(); ++i) axes_.at(i).demand(point.demands.at(i));
-  pointing_.reset();
-  return {};
-}
-
-Status Rig::handle(const rig_command::Aim& aim, MonotonicTime) {
-  if (const auto* lock = std::get_if<pointing::Lock>(&aim.pointing)) {
-    if (lock->direction && (!lock->direction->allFinite() || lock->direction->norm() == 0))
-      return refuse("a direction to lock must be finite and not 0");
-    if (!imu_) return refuse("this rig has no IMU and cannot lock; add `imu:` to its configuration");
-  }
-  const auto demands = demands_of(aim.pointing, base_, 0, 0);
-  if (!std::all_of(demands.begin(), demands.end(), is_finite))
-    return refuse("a demand that is no number moves nothing");
-  pointing_ = aim.pointing;
-  if (auto* lock = std::get_if<pointing::Lock>(&*pointing_);
-      lock != nullptr && !lock->direction && attitude_.is_known())
-    lock->direction = attitude_.world_from_imu() * Eigen::Vector3d::UnitX();
+  pointer_.let_go();
   return {};
 }
 
@@ -166,25 +150,22 @@ void Rig::receive(const CanFrame& frame, MonotonicTime now) {
 
 void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   imu_->receive(message, now);
-  if (const auto sample = sampler_.receive(message)) {
-    attitude_.update(sample->rate, sample->acceleration, sample->step);
-    sampled_ = now;
-    const auto pan = axes_[0].position_at(now);
-    const auto tilt = axes_[1].position_at(now);
-    if (attitude_.is_known() && pan && tilt)
-      base_.update(attitude_.world_from_imu(), {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)},
-                   sample->step);
-  }
+  const auto sample = sampler_.receive(message);
+  if (!sample) return;
+  attitude_.update(sample->rate, sample->acceleration, sample->step);
+  const auto pan = axes_[0].position_at(now);
+  const auto tilt = axes_[1].position_at(now);
+  if (!attitude_.is_known() || !pan || !tilt) return;
+  pointer_.sense(now, attitude_.world_from_imu(), {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)},
+                 sample->step);
 }
 
-/// A setpoint holds for a period: it is right in the middle of it. The profile adds a whole one.
+/// A setpoint holds for a period: it is to be right in the middle of it. The profile adds a whole one.
 void Rig::aim(MonotonicTime now) {
-  if (!pointing_) return;
-  const double ahead =
-      std::chrono::duration<double>(now - sampled_ - configuration_.period / 2).count() + kOnTheWire;
-  auto demands = demands_of(*pointing_, base_, ahead, axes_[0].position().value_or(0));
+  auto demands = pointer_.demands(now - configuration_.period / 2, axes_[0].position().value_or(0));
+  if (!demands) return;
   for (size_t i = 0; i < axes_.size(); ++i) {
-    Demand& demand = demands.at(i);
+    Demand& demand = demands->at(i);
     if (demand.position) demand.position = backlash_.at(i).motor_for(*demand.position, demand.rate);
     axes_.at(i).demand(demand);
   }

@@ -12,10 +12,9 @@
 #include "hw/rig/attitude.h"
 #include "hw/rig/axis.h"
 #include "hw/rig/backlash.h"
-#include "hw/rig/base_motion.h"
 #include "hw/rig/imu_sampler.h"
 #include "hw/rig/imu_watch.h"
-#include "hw/rig/pointing.h"
+#include "hw/rig/pointer.h"
 #include "hw/rig/rig_configuration.h"
 
 namespace cairn {
@@ -29,9 +28,13 @@ struct Idle {};
 struct Point {
   std::array<Demand, 2> demands;  ///< by AxisName
 };
-/// From now on, by the rig itself.
+/// From now on, by the rig itself, until it is activated anew. The same mode again moves its target.
 struct Aim {
   Pointing pointing;
+};
+/// For fixate.
+struct Sight {
+  Sighting sighting;
 };
 struct ClearFaults {};
 /// Emergency stop: at once, by anybody, until it is cleared.
@@ -44,8 +47,8 @@ struct ClearStop {
 struct RigCommand {
   std::string commander;
   std::variant<rig_command::Stay, rig_command::Home, rig_command::Activate, rig_command::Idle,
-               rig_command::Point, rig_command::Aim, rig_command::ClearFaults, rig_command::Stop,
-               rig_command::ClearStop>
+               rig_command::Point, rig_command::Aim, rig_command::Sight, rig_command::ClearFaults,
+               rig_command::Stop, rig_command::ClearStop>
       what;
 };
 
@@ -94,7 +97,9 @@ class Rig {
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
   /// Of the head, by the IMU on it.
   [[nodiscard]] const Attitude& attitude() const { return attitude_; }
-  [[nodiscard]] const BaseMotion& base() const { return base_; }
+  [[nodiscard]] const BaseMotion& base() const { return pointer_.base(); }
+  /// Of the mode that was aimed; nothing where demands come from the commander.
+  [[nodiscard]] std::optional<PointingState> pointing() const { return pointer_.state(); }
   [[nodiscard]] bool is_stopped() const { return stopped_; }
   [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
   [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
@@ -108,7 +113,12 @@ class Rig {
   [[nodiscard]] Status handle(const rig_command::Activate&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Idle&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Point& point, MonotonicTime now);
-  [[nodiscard]] Status handle(const rig_command::Aim& aim, MonotonicTime now);
+  [[nodiscard]] Status handle(const rig_command::Aim& aim, MonotonicTime) {
+    return pointer_.aim(aim.pointing);
+  }
+  [[nodiscard]] Status handle(const rig_command::Sight& sight, MonotonicTime) {
+    return pointer_.see(sight.sighting);
+  }
   [[nodiscard]] Status handle(const rig_command::ClearFaults&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::Stop&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::ClearStop& clear, MonotonicTime now);
@@ -130,11 +140,9 @@ class Rig {
   ImuSampler sampler_;
   Attitude attitude_;
   std::array<Backlash, 2> backlash_;
-  BaseMotion base_;
-  std::optional<Pointing> pointing_;
+  Pointer pointer_;
   MonotonicTime now_;
   MonotonicTime next_;
-  MonotonicTime sampled_;  ///< when the newest sample of the IMU came
   std::string commander_;
   MonotonicTime commanded_;
   bool stopped_ = false;

@@ -122,6 +122,8 @@ class RigBench {
   }
   /// How the shoulder truly stands.
   [[nodiscard]] Eigen::Quaterniond world_from_base() const { return gait_.world_from_base(walked()); }
+  /// From the point that the wearer walks around [m].
+  [[nodiscard]] Eigen::Vector3d position() const { return gait_.position(walked()); }
   /// Where the camera truly looks.
   [[nodiscard]] Eigen::Vector3d view() { return world_from_base() * optical_axis(angles()); }
   [[nodiscard]] std::optional<AxisFault> fault(AxisName name) const { return rig_.axis(name).fault(); }
@@ -158,7 +160,7 @@ class RigBench {
   RigConfiguration configuration_;
   simulated::SimulatedBus bus_;
   Rig rig_;
-  Gait gait_{0};
+  Gait gait_;
   MonotonicTime set_out_ = now_;
 };
 

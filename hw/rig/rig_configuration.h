@@ -49,7 +49,7 @@ struct RigConfiguration {
   [[nodiscard]] std::vector<odrive::Node> nodes() const { return {axes[0].node, axes[1].node}; }
 };
 
-/// From YAML; hw/README.md lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for an unknown,
+/// From YAML; shoulder.yaml lists the keys. Error kConfiguration, as FILE:LINE: WHAT; REMEDY, for an unknown,
 /// missing or repeated key, a number that is none, and whatever no rig can be.
 [[nodiscard]] Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& path);
 

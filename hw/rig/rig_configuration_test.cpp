@@ -41,6 +41,20 @@ TEST(RigConfiguration, IsReadAsWritten) {
   EXPECT_EQ(rig->imu->rate, 100);
 }
 
+/// The example that people start from has all keys: those of pan are those of the tests.
+TEST(RigConfiguration, TheExampleIsRead) {
+  const auto rig = read_rig_configuration(CAIRN_EXAMPLE_RIG);
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_NEAR(rig->axis(AxisName::kPan).limits.lag, 0.007, 1e-12);
+  const auto walking = read_rig(testing::walking_rig());
+  ASSERT_TRUE(walking);
+  for (const AxisName name : kAxisNames) {
+    EXPECT_EQ(rig->axis(name).limits.acceleration, walking->axis(name).limits.acceleration);
+    EXPECT_EQ(rig->axis(name).turns_per_radian, walking->axis(name).turns_per_radian);
+    EXPECT_EQ(rig->axis(name).backlash, walking->axis(name).backlash);
+  }
+}
+
 TEST(RigConfiguration, ARigMayHaveNoImu) {
   const auto rig = read_rig(changed("imu: {rate: 100}\n", ""));
   ASSERT_TRUE(rig) << rig.error().message;

@@ -196,7 +196,9 @@ TEST_P(RigFault, AnAxisThatHurriesAfterItsSetpointsMayBeLetGoToo) {
 class Mishaps {
  public:
   explicit Mishaps(uint32_t seed)
-      : random_(seed), bench_(seed, 50 * kDegree * unit(), 35 * kDegree * unit()) {}
+      : random_(seed), bench_(seed, 50 * kDegree * unit(), 35 * kDegree * unit()) {
+    bench_.walk({1});
+  }
 
   /// Milliseconds in which both axes were active.
   int run(std::chrono::milliseconds time) {
@@ -216,6 +218,16 @@ class Mishaps {
   Demand demand() {
     if (random_() % 2 == 0) return {std::nullopt, 10 * unit()};
     return {3 * unit(), random_() % 2 == 0 ? 0 : 4 * unit()};
+  }
+  Pointing aim() {
+    const Eigen::Vector3d direction(unit(), unit(), unit());
+    const std::array<Pointing, 6> all = {pointing::Neutral{{2 * unit(), 2 * unit()}},
+                                         pointing::Jog{{5 * unit(), 5 * unit()}},
+                                         pointing::Follow{},
+                                         pointing::Lock{direction},
+                                         pointing::Saccade{direction, {}},
+                                         pointing::Search{}};
+    return all.at(random_() % all.size());
   }
   /// What an operator does who wants it to run.
   void go_on() {
@@ -247,7 +259,8 @@ class Mishaps {
     if (what == 7) ask(rig_command::Stop{});
     if (what == 8) ask(rig_command::Idle{});
     if (what >= 9 && what <= 14) mend();
-    if (what > 14) ask(rig_command::Point{{demand(), demand()}});
+    if (what > 14 && what <= 19) ask(rig_command::Point{{demand(), demand()}});
+    if (what > 19) ask(rig_command::Aim{aim()});
   }
   void mend() {
     auto& bus = bench_.bus();

@@ -107,47 +107,18 @@ TEST(Rig, StrangeFramesDisturbNothing) {
   EXPECT_TRUE(bench.both<axis_state::Active>());
 }
 
-/// Of the camera's axis from where it looked before [rad], RMS over some seconds of walking: pixels are not
-/// in it, but all else is, from the gyro to an axis behind its backlash.
-double error_while_walking(uint32_t seed, double frequency, bool lock) {
-  RigBench bench(seed, 0, 0, testing::walking_rig());
-  bench.start();
-  EXPECT_TRUE(bench.command(rig_command::Aim{pointing::Neutral{look_along({1, 0.2, 0.1})}}));
-  bench.pass(4s);
-  if (lock) {
-    EXPECT_TRUE(bench.command(rig_command::Aim{pointing::Lock{}}));
-  }
-  const Eigen::Vector3d target = bench.view();
-  bench.walk({frequency});
-  bench.pass(2s);
-  double sum = 0;
-  constexpr int kMilliseconds = 8000;
-  for (int i = 0; i < kMilliseconds; ++i) {
-    bench.millisecond();
-    sum += std::pow(testing::angle_between(bench.view(), target), 2);
-  }
-  EXPECT_TRUE(bench.both<axis_state::Active>()) << bench.rig().describe();
-  return std::sqrt(sum / kMilliseconds);
-}
-
-class RigWalks : public ::testing::TestWithParam<uint32_t> {};
-INSTANTIATE_TEST_SUITE_P(Seeds, RigWalks, ::testing::Range(0U, 10U));
-
-TEST_P(RigWalks, LockHoldsTheCameraTenTimesBetter) {
-  for (const double frequency : {1.0, 1.5, 2.0}) {
-    const double fixed = error_while_walking(GetParam(), frequency, false);
-    const double held = error_while_walking(GetParam(), frequency, true);
-    EXPECT_LT(held, fixed / 10) << frequency << " Hz: " << held / kDegree << " of " << fixed / kDegree
-                                << " deg";
-    RecordProperty("times_" + std::to_string(frequency), std::to_string(fixed / held));
-  }
-}
-
 TEST(Rig, WhatCannotBeAimedAtIsRefused) {
   RigBench bench(kSeed);
   EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Lock{Eigen::Vector3d(0, 0, 0)}}));
   EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Lock{Eigen::Vector3d(std::nan(""), 0, 0)}}));
   EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Jog{{std::nan(""), 0}}}));
+  EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Saccade{Eigen::Vector3d(0, 0, 0), {}}}));
+  EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Search{.view = {0, 1}, .ranked = {}}}));
+  EXPECT_FALSE(bench.command(rig_command::Aim{pointing::Search{.ranked = {Eigen::Vector3d::Zero()}}}));
+  bench.pass(50ms);
+  EXPECT_FALSE(bench.command(rig_command::Sight{{bench.now() - 2s, {0, 0, 1}}}));
+  EXPECT_FALSE(bench.command(rig_command::Sight{{bench.now() + 2s, {0, 0, 1}}}));
+  EXPECT_FALSE(bench.command(rig_command::Sight{{bench.now(), {0, 0, 0}}}));
   std::string text = testing::kRigText;
   text.erase(text.find("imu: {rate: 100}"), 17);
   RigBench blind(kSeed, 0, 0, text);

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/pointer.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kFollowing = 1.0;  // [s]: a sway of the wearer at 1 Hz is a sixth of itself
+constexpr double kOnTarget = 0.5 * kDegree;
+constexpr double kSettling = 0.05;        // [s] on the target until it is said
+constexpr double kGlance = 0.15;          // [s]: some pictures that are still
+constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its picture is as good
+constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach
+constexpr double kSoonest = 1e-3;         // [s]
+constexpr std::chrono::seconds kRemembered(30);  // a search that went on longer ago begins anew
+constexpr double kLeastView = 0.05;              // [rad]
+constexpr double kMostView = 3;
+// [s] until a sample has come and a setpoint is with its drive, as frames of the bus take it.
+constexpr double kOnTheWire = 0.002;
+constexpr std::chrono::microseconds kOfSample(1000);  // of that until a sample has come
+constexpr std::chrono::milliseconds kGap(100);        // after it nobody knows how the base moved
+constexpr double kFurthest = 0.1;                     // [s] that the motion of the base is foretold
+
+bool is_direction(const Vector3d& direction) {
+  return direction.allFinite() && direction.norm() > 0 && std::isfinite(direction.norm());
+}
+
+bool is_finite(const PanTilt& angles) {
+  return std::isfinite(angles.pan) && std::isfinite(angles.tilt);
+}
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+tl::unexpected<Error> refuse(std::string why) {
+  return fail(ErrorCode::kRefused, std::move(why));
+}
+
+/// Whether there is sense in it.
+struct IsSound {
+  bool operator()(const pointing::Neutral& neutral) const { return is_finite(neutral.angles); }
+  bool operator()(const pointing::Jog& jog) const { return is_finite(jog.rates); }
+  bool operator()(const pointing::Follow&) const { return true; }
+  bool operator()(const pointing::Lock& lock) const {
+    return !lock.direction || is_direction(*lock.direction);
+  }
+  bool operator()(const pointing::Fixate&) const { return true; }
+  bool operator()(const pointing::Saccade& saccade) const {
+    return is_finite(saccade.angles) && (!saccade.direction || is_direction(*saccade.direction));
+  }
+  bool operator()(const pointing::Search& search) const {
+    const auto is_view = [](double view) { return view >= kLeastView && view <= kMostView; };
+    return is_view(search.view.pan) && is_view(search.view.tilt) &&
+           std::all_of(search.ranked.begin(), search.ranked.end(), is_direction);
+  }
+};
+
+bool needs_imu(const Pointing& pointing) {
+  return !std::holds_alternative<pointing::Neutral>(pointing) &&
+         !std::holds_alternative<pointing::Jog>(pointing);
+}
+
+}  // namespace
+
+Pointer::Pointer(const RigConfiguration& configuration) : configuration_(configuration) {}
+
+Status Pointer::aim(const Pointing& pointing) {
+  if (!std::visit(IsSound(), pointing))
+    return refuse("a number or a direction of that aim is not finite, 0, or no view of a camera");
+  if (needs_imu(pointing) && !configuration_.imu)
+    return refuse(std::string("this rig has no IMU and knows no ") + to_string(mode_of(pointing)) +
+                  "; add `imu:` to its configuration");
+  // Said again, a mode moves its target and does not begin anew.
+  const auto again = pointing_ && pointing_->index() == pointing.index();
+  const auto* lock = std::get_if<pointing::Lock>(&pointing);
+  begun_ = again && begun_ && (lock == nullptr || !lock->direction.has_value()) &&
+           !std::holds_alternative<pointing::Saccade>(pointing);
+  pointing_ = pointing;
+  if (const auto* search = std::get_if<pointing::Search>(&pointing); search != nullptr && plan_)
+    plan_->rank(search->ranked);
+  return {};
+}
+
+Status Pointer::see(const Sighting& sighting) {
+  if (!is_direction(sighting.target))
+    return refuse("a sighting at no distance, or of no number, shows nothing");
+  const auto world_from_head = history_.at(sighting.when);
+  if (!world_from_head) return refuse("a sighting of the future or of more than a second ago tells nothing");
+  const Eigen::Quaterniond head_from_camera(base_from_camera({0, 0}));
+  track_.see(sighting.when, *world_from_head * (head_from_camera * sighting.target));
+  return {};
+}
+
+void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head, const PanTilt& angles,
+                    double step) {
+  base_.update(world_from_head, angles, now - sampled_ > kGap ? 0 : step);
+  world_from_head_ = world_from_head;
+  history_.add(now - kOfSample, world_from_head);
+  sampled_ = now;
+}
+
+bool Pointer::is_within_reach(const Vector3d& direction) const {
+  const PanTilt angles = look_along(base_.world_from_base(ahead_).conjugate() * direction);
+  const auto holds = [this](AxisName name, double angle) {
+    const MotionLimits& limits = configuration_.axis(name).limits;
+    return angle >= limits.low + limits.margin && angle <= limits.high - limits.margin;
+  };
+  return holds(AxisName::kPan, angles.pan) && holds(AxisName::kTilt, angles.tilt);
+}
+
+/// What the mode keeps from its beginning.
+void Pointer::begin() {
+  begun_ = true;
+  on_target_for_ = sought_for_ = 0;
+  held_ = view();
+  if (const auto* lock = std::get_if<pointing::Lock>(&*pointing_); lock != nullptr && lock->direction)
+    held_ = *lock->direction;
+  if (const auto* saccade = std::get_if<pointing::Saccade>(&*pointing_)) {
+    held_ = saccade->direction ? *saccade->direction
+                               : Vector3d(base_.world_from_base(ahead_) * optical_axis(saccade->angles));
+  }
+  if (std::holds_alternative<pointing::Fixate>(*pointing_)) track_.forget();
+  if (const auto* search = std::get_if<pointing::Search>(&*pointing_)) {
+    if (!plan_ || !plan_->is_for(*search) || !searched_ || then_ - *searched_ > kRemembered)
+      plan_.emplace(*search, view());
+    plan_->rank(search->ranked);
+    held_ = plan_->next(view(), [this](const Vector3d& to) { return is_within_reach(to); }).value_or(view());
+  }
+}
+
+/// The heading of the base goes ahead of what is looked along, no further than the axis can turn.
+Pointer::Target Pointer::target_of(const pointing::Follow&, double step) {
+  const AxisConfiguration& pan = configuration_.axis(AxisName::kPan);
+  const double tilt = configuration_.axis(AxisName::kTilt).neutral;
+  const double heading = look_along(base_.world_from_base(ahead_) * optical_axis({pan.neutral, 0})).pan;
+  const double room =
+      std::min(pan.limits.high - pan.neutral, pan.neutral - pan.limits.low) - pan.limits.margin;
+  const double before = look_along(held_).pan;
+  const double behind = std::clamp(std::remainder(heading - before, 2 * std::numbers::pi), -room, room);
+  const double looked = heading - behind * std::exp(-step / kFollowing);
+  held_ = optical_axis({looked, tilt});
+  return {held_, behind / kFollowing * Vector3d::UnitZ().cross(held_)};
+}
+
+Pointer::Target Pointer::target_of(const pointing::Fixate&, double) {
+  state_.sees_target = track_.is_seen(then_);
+  const auto estimate = track_.at(then_);
+  if (!estimate || !is_direction(estimate->target)) return {held_};
+  held_ = estimate->target;
+  return {held_, estimate->rate};
+}
+
+Pointer::Target Pointer::target_of(const pointing::Search&, double step) {
+  const auto reach = [this](const Vector3d& direction) { return is_within_reach(direction); };
+  searched_ = then_;
+  sought_for_ += step;
+  if (on_target_for_ >= kGlance || sought_for_ >= kPatience) {
+    plan_->look(held_);
+    held_ = plan_->next(view(), reach).value_or(view());
+    on_target_for_ = sought_for_ = 0;
+  }
+  state_.looked_at = plan_->looked_at(reach);
+  state_.rounds = plan_->rounds();
+  return {held_};
+}
+
+Pointer::Demands Pointer::towards(const Target& target, double pan) {
+  const Eigen::Quaterniond base_from_world = base_.world_from_base(ahead_).conjugate();
+  const Vector3d direction = base_from_world * target.direction;
+  const PanTilt angles = look_along(direction, pan);
+  const PanTilt rates = rates_to_hold(direction, base_.rate(ahead_), base_from_world * target.moving);
+  return {Demand{angles.pan, rates.pan}, Demand{angles.tilt, rates.tilt}};
+}
+
+void Pointer::judge(const Vector3d& direction, double step) {
+  const auto* search = std::get_if<pointing::Search>(&*pointing_);
+  const double near =
+      search == nullptr ? kOnTarget : kShareOfView * std::min(search->view.pan, search->view.tilt);
+  const double off = angle_between(view(), direction);
+  on_target_for_ = off < near ? on_target_for_ + step : 0;
+  state_.on_target = on_target_for_ >= kSettling;
+  state_.out_of_reach = !is_within_reach(direction);
+}
+
+std::optional<Pointer::Demands> Pointer::demands(MonotonicTime then, double pan) {
+  const double step = std::clamp(std::chrono::duration<double>(then - then_).count(), kSoonest, 0.1);
+  then_ = then;
+  if (!pointing_) return std::nullopt;
+  state_ = {};
+  state_.mode = mode_of(*pointing_);
+  if (const auto* neutral = std::get_if<pointing::Neutral>(&*pointing_))
+    return Demands{Demand{neutral->angles.pan, 0}, Demand{neutral->angles.tilt, 0}};
+  if (const auto* jog = std::get_if<pointing::Jog>(&*pointing_))
+    return Demands{Demand{std::nullopt, jog->rates.pan}, Demand{std::nullopt, jog->rates.tilt}};
+  if (!base_.is_known()) return Demands{};  // it is not known where that is: stay
+  ahead_ = std::min(kFurthest, std::chrono::duration<double>(then - sampled_).count() + kOnTheWire);
+  if (!begun_) begin();
+  const Target target = std::visit([&](const auto& mode) { return target_of(mode, step); }, *pointing_);
+  judge(target.direction, step);
+  return towards(target, pan);
+}
+
+std::optional<PointingState> Pointer::state() const {
+  return pointing_ ? std::optional(state_) : std::nullopt;
+}
+
+}  // namespace cairn

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "hw/rig/base_motion.h"
+#include "hw/rig/head_history.h"
+#include "hw/rig/motion_profile.h"
+#include "hw/rig/pointing.h"
+#include "hw/rig/rig_configuration.h"
+#include "hw/rig/search_plan.h"
+#include "hw/rig/target_track.h"
+
+namespace cairn {
+
+/// Makes modes and targets into demands of the axes. What is demanded stays within nothing: limits are the
+/// axes' own. Pure: the clock is handed in.
+class Pointer {
+ public:
+  explicit Pointer(const RigConfiguration& configuration);
+
+  /// Errors: kRefused for what is no direction or no number, and for what needs an IMU that the rig has not.
+  [[nodiscard]] Status aim(const Pointing& pointing);
+  /// Error kRefused for one that is of the future, older than what is remembered of the head, or no number.
+  [[nodiscard]] Status see(const Sighting& sighting);
+  /// Demands come from others now.
+  void let_go() { pointing_.reset(); }
+
+  /// A sample of the IMU.
+  void sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head, const PanTilt& angles,
+             double step);
+  /// For setpoints that act at `then`; nothing while nothing is aimed at. `pan`: where pan stands [rad].
+  [[nodiscard]] std::optional<std::array<Demand, 2>> demands(MonotonicTime then, double pan);
+
+  [[nodiscard]] const BaseMotion& base() const { return base_; }
+  /// Nothing while nothing is aimed at.
+  [[nodiscard]] std::optional<PointingState> state() const;
+
+ private:
+  using Demands = std::array<Demand, 2>;
+  /// What to look along, in the world's axes.
+  struct Target {
+    Eigen::Vector3d direction;
+    Eigen::Vector3d moving = Eigen::Vector3d::Zero();  ///< [1/s] in the unit of the direction
+  };
+
+  [[nodiscard]] Target target_of(const pointing::Follow&, double step);
+  [[nodiscard]] Target target_of(const pointing::Fixate&, double step);
+  [[nodiscard]] Target target_of(const pointing::Search&, double step);
+  template <typename Holding>
+  [[nodiscard]] Target target_of(const Holding&, double) {
+    return {held_};
+  }
+  [[nodiscard]] Demands towards(const Target& target, double pan);
+  void begin();
+  void judge(const Eigen::Vector3d& direction, double step);
+  [[nodiscard]] bool is_within_reach(const Eigen::Vector3d& direction) const;
+  [[nodiscard]] Eigen::Vector3d view() const { return world_from_head_ * Eigen::Vector3d::UnitX(); }
+
+  RigConfiguration configuration_;
+  std::optional<Pointing> pointing_;
+  bool begun_ = false;
+  BaseMotion base_;
+  Eigen::Quaterniond world_from_head_ = Eigen::Quaterniond::Identity();
+  HeadHistory history_;
+  MonotonicTime sampled_;
+  MonotonicTime then_;
+  double ahead_ = 0;                                 ///< of `then_` to the newest sample [s]
+  Eigen::Vector3d held_ = Eigen::Vector3d::UnitX();  ///< the direction that the mode keeps
+  TargetTrack track_;
+  std::optional<SearchPlan> plan_;
+  std::optional<MonotonicTime> searched_;  ///< when last
+  double on_target_for_ = 0;               ///< [s]
+  double sought_for_ = 0;                  ///< search: since this place was chosen [s]
+  PointingState state_;
+};
+
+}  // namespace cairn

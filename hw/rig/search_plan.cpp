@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/rig/search_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace cairn {
+namespace {
+
+constexpr double kOverlap = 0.75;      // of a view: the next one shows a part of it again
+constexpr double kLeastStep = 0.1;     // [rad]
+constexpr double kBeforeOthers = 1e3;  // of one criterion over the next
+
+double angle(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+/// As many places as views go around, less an overlap.
+int count(double round, double view) {
+  return std::max(1, static_cast<int>(std::ceil(round / std::max(kLeastStep, kOverlap * view) - 1e-9)));
+}
+
+}  // namespace
+
+SearchPlan::SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin)
+    : pattern_(search.pattern), view_(search.view) {
+  const PanTilt middle = look_along(begin);
+  const int rows = count(std::numbers::pi / 2, search.view.tilt);  // above the horizon, and below
+  step_ = std::numbers::pi / 2 / rows;
+  for (int row = -rows; row <= rows; ++row) {
+    const double tilt = row * step_;
+    const int columns = count(2 * std::numbers::pi * std::cos(tilt), search.view.pan);
+    for (int column = 0; column < columns; ++column) {
+      const double pan = middle.pan + 2 * std::numbers::pi * column / columns;
+      const int aside = std::min(column, columns - column);
+      const int above = std::abs(row - static_cast<int>(std::lround(middle.tilt / step_)));
+      places_.push_back({optical_axis({pan, tilt}), row, std::max(aside, above)});
+    }
+  }
+  rank(search.ranked);
+}
+
+SearchPlan::Place& SearchPlan::nearest(const Eigen::Vector3d& direction) {
+  return *std::min_element(places_.begin(), places_.end(), [&](const Place& a, const Place& b) {
+    return angle(a.direction, direction) < angle(b.direction, direction);
+  });
+}
+
+bool SearchPlan::is_for(const pointing::Search& search) const {
+  return search.pattern == pattern_ && search.view.pan == view_.pan && search.view.tilt == view_.tilt;
+}
+
+void SearchPlan::rank(const std::vector<Eigen::Vector3d>& ranked) {
+  for (Place& place : places_) place.rank = static_cast<int>(ranked.size());
+  for (size_t i = ranked.size(); i-- > 0;) nearest(ranked[i]).rank = static_cast<int>(i);
+}
+
+void SearchPlan::look(const Eigen::Vector3d& direction) {
+  nearest(direction).looked = true;
+}
+
+double SearchPlan::cost(const Place& place, const Eigen::Vector3d& from) const {
+  const double along = pattern_ == pointing::Search::Pattern::kSpiral
+                           ? place.ring
+                           : std::abs(place.row - std::round(look_along(from).tilt / step_));
+  return (place.rank * kBeforeOthers + along) * kBeforeOthers + angle(place.direction, from);
+}
+
+std::optional<Eigen::Vector3d> SearchPlan::next(const Eigen::Vector3d& from, const Reach& within_reach) {
+  std::vector<Place*> reached;
+  for (Place& place : places_) {
+    if (within_reach(place.direction)) reached.push_back(&place);
+  }
+  if (reached.empty()) return std::nullopt;
+  if (std::all_of(reached.begin(), reached.end(), [](const Place* place) { return place->looked; })) {
+    for (Place* place : reached) place->looked = false;
+    ++rounds_;
+  }
+  const Place* best = nullptr;
+  for (const Place* place : reached) {
+    if (!place->looked && (best == nullptr || cost(*place, from) < cost(*best, from))) best = place;
+  }
+  return best->direction;
+}
+
+double SearchPlan::looked_at(const Reach& within_reach) const {
+  int reached = 0;
+  int looked = 0;
+  for (const Place& place : places_) {
+    if (!within_reach(place.direction)) continue;
+    ++reached;
+    looked += place.looked ? 1 : 0;
+  }
+  return reached == 0 ? 1 : static_cast<double>(looked) / reached;
+}
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "hw/rig/kinematics.h"
+#include "hw/rig/pointing.h"
+
+namespace cairn {
+
+/// Where to look next: the world's directions as places a view apart, of which those within reach are looked
+/// at, each once before any twice, ranked ones first, the others in a spiral around where it began or in
+/// rows. Pure.
+class SearchPlan {
+ public:
+  using Reach = std::function<bool(const Eigen::Vector3d&)>;
+
+  /// From a camera that looks in direction `begin`.
+  SearchPlan(const pointing::Search& search, const Eigen::Vector3d& begin);
+
+  /// Whether it was made for such a search; its ranking may differ.
+  [[nodiscard]] bool is_for(const pointing::Search& search) const;
+  /// Of length 1; nothing where nothing is within reach. `from`: where the camera looks.
+  [[nodiscard]] std::optional<Eigen::Vector3d> next(const Eigen::Vector3d& from, const Reach& within_reach);
+  /// The place in this direction was looked at.
+  void look(const Eigen::Vector3d& direction);
+  /// New places to begin with; what was looked at stays known.
+  void rank(const std::vector<Eigen::Vector3d>& ranked);
+  /// How often all that was within reach had been looked at.
+  [[nodiscard]] int rounds() const { return rounds_; }
+  /// Share of the places within reach that were looked at in the present round.
+  [[nodiscard]] double looked_at(const Reach& within_reach) const;
+
+ private:
+  struct Place {
+    Eigen::Vector3d direction;
+    int row;
+    int ring;  ///< around where it began
+    bool looked = false;
+    int rank = 0;
+  };
+  [[nodiscard]] Place& nearest(const Eigen::Vector3d& direction);
+  [[nodiscard]] double cost(const Place& place, const Eigen::Vector3d& from) const;
+
+  pointing::Search::Pattern pattern_;
+  PanTilt view_;
+  double step_;  ///< [rad] between rows
+  std::vector<Place> places_;
+  int rounds_ = 0;
+};
+
+}  // namespace cairn
