@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <deque>
+#include <optional>
+#include <span>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// What a gyro says: the mean rate since the sample before, in the IMU's axes [rad/s].
+struct GyroSample {
+  Timestamp when;  ///< the end of it, by the IMU's clock
+  Eigen::Vector3d rate;
+};
+
+/// What a tracker says of how the camera stands.
+struct CameraRotation {
+  Timestamp when;  ///< by the camera's clock
+  Eigen::Quaterniond map_from_camera;
+};
+
+/// What gyro and camera are to each other, from a motion that both have seen.
+struct CameraAndGyro {
+  double offset = 0;       ///< what a stamp of the camera lacks to the IMU's of the same moment [s]
+  double sigma = 0;        ///< standard deviation of that [s]
+  double residual = 0;     ///< RMS of the camera's rate less the gyro's [rad/s]
+  double correlation = 0;  ///< share of the camera's turning that the gyro explains: 0 to 1
+  Eigen::Vector3d bias;    ///< of the gyro, in its axes [rad/s]
+  Eigen::Quaterniond camera_from_imu;
+  bool rotation_known = false;  ///< camera_from_imu: not from turning about one axis only
+};
+
+/// Shifts the one against the other until they agree. Stamps in ascending order; offsets up to 0.3 s are
+/// found. Errors: kRefused for too few pictures, for a camera that hardly turned, and for two that do not
+/// turn alike; the message says what to do. Pure.
+[[nodiscard]] Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
+                                                          std::span<const CameraRotation> camera);
+
+/// The same for a rig at work: from the last 20 seconds of both. One whose stamps run back begins anew. Pure.
+class ClockOffset {
+ public:
+  void sense(const GyroSample& sample);
+  void see(const CameraRotation& rotation);
+
+  /// Some milliseconds of work: once in a few seconds is enough. Errors: as above.
+  [[nodiscard]] Result<CameraAndGyro> estimate() const;
+
+ private:
+  std::deque<GyroSample> gyro_;
+  std::deque<CameraRotation> camera_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/calibration/hand_eye.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "common/geometry/se3.h"
+
+namespace cairn {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+constexpr size_t kFewest = 8;
+constexpr double kLeastRange = 10 * std::numbers::pi / 180;
+constexpr int kSteps = 30;
+constexpr int kRounds = 3;            // of leaving out what does not fit
+constexpr double kOutlier = 4;        // times the median
+constexpr double kLeastError = 1e-4;  // [rad]: nothing that fits so well is left out
+constexpr double kLeastShare = 2.0 / 3;
+constexpr double kMostResidual = 2 * std::numbers::pi / 180;  // no gear and no tracker is so bad
+constexpr double kDone = 1e-10;
+
+/// camera: where the camera should stand after `found`.
+Quaterniond expected(const HandEye& found, const Glance& glance) {
+  return found.map_from_base * base_from_head(glance.angles) * found.head_from_camera;
+}
+
+Vector3d rotation_error(const HandEye& found, const Glance& glance) {
+  return so3_log(expected(found, glance).conjugate() * glance.map_from_camera);
+}
+
+/// Gauss-Newton for both rotations: of least squares, or of least errors, to which some that are far off do
+/// not matter.
+void fit_rotations(const std::vector<Glance>& glances, bool squares, HandEye& found) {
+  for (int step = 0; step < kSteps; ++step) {
+    Matrix6d normal = Matrix6d::Zero();
+    Vector6d right = Vector6d::Zero();
+    for (const Glance& glance : glances) {
+      Eigen::Matrix<double, 3, 6> jacobian;  // by a turn of the base, and of the camera, each in its own axes
+      jacobian.leftCols<3>() =
+          (base_from_head(glance.angles) * found.head_from_camera).conjugate().toRotationMatrix();
+      jacobian.rightCols<3>() = Matrix3d::Identity();
+      const Vector3d error = rotation_error(found, glance);
+      const double weight = squares ? 1 : 1 / std::max(kLeastError, error.norm());
+      normal += weight * jacobian.transpose() * jacobian;
+      right += weight * jacobian.transpose() * error;
+    }
+    const Vector6d change = normal.ldlt().solve(right);
+    found.map_from_base = (found.map_from_base * so3_exp(change.head<3>())).normalized();
+    found.head_from_camera = (found.head_from_camera * so3_exp(change.tail<3>())).normalized();
+    if (change.norm() < kDone) return;
+  }
+}
+
+/// Linear: the camera's centre is at base_in_map + map_from_head * camera_in_head.
+void fit_positions(const std::vector<Glance>& glances, HandEye& found) {
+  Matrix6d normal = Matrix6d::Zero();
+  Vector6d right = Vector6d::Zero();
+  const auto jacobian_of = [&](const Glance& glance) {
+    Eigen::Matrix<double, 3, 6> jacobian;
+    jacobian.leftCols<3>() = Matrix3d::Identity();
+    jacobian.rightCols<3>() = (found.map_from_base * base_from_head(glance.angles)).toRotationMatrix();
+    return jacobian;
+  };
+  for (const Glance& glance : glances) {
+    const auto jacobian = jacobian_of(glance);
+    normal += jacobian.transpose() * jacobian;
+    right += jacobian.transpose() * glance.camera_in_map;
+  }
+  const Vector6d solution = normal.ldlt().solve(right);
+  found.base_in_map = solution.head<3>();
+  found.camera_in_head = solution.tail<3>();
+  double sum = 0;
+  for (const Glance& glance : glances)
+    sum += (glance.camera_in_map - jacobian_of(glance) * solution).squaredNorm();
+  found.position_residual = std::sqrt(sum / static_cast<double>(glances.size()));
+}
+
+/// Those of `all` that fit.
+std::vector<Glance> fitting(std::span<const Glance> all, const HandEye& found) {
+  std::vector<double> errors;
+  for (const Glance& glance : all) errors.push_back(rotation_error(found, glance).norm());
+  std::vector<double> sorted = errors;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<long>(sorted.size() / 2), sorted.end());
+  const double most = kOutlier * std::max(kLeastError, sorted[sorted.size() / 2]);
+  std::vector<Glance> fit;
+  for (size_t i = 0; i < all.size(); ++i) {
+    if (errors[i] <= most) fit.push_back(all[i]);
+  }
+  return fit;
+}
+
+/// The base as most glances have it if the camera sits as it should.
+HandEye begin(std::span<const Glance> glances) {
+  HandEye found;
+  found.head_from_camera = nominal_head_from_camera();
+  double least = HUGE_VAL;
+  for (const Glance& from : glances) {
+    HandEye tried = found;
+    tried.map_from_base =
+        from.map_from_camera * (base_from_head(from.angles) * found.head_from_camera).conjugate();
+    double sum = 0;  // not of squares: some may be far off
+    for (const Glance& glance : glances) sum += rotation_error(tried, glance).norm();
+    if (sum < least) {
+      least = sum;
+      found = tried;
+    }
+  }
+  return found;
+}
+
+double range(std::span<const Glance> glances, double PanTilt::*angle) {
+  const auto [low, high] = std::minmax_element(
+      glances.begin(), glances.end(),
+      [angle](const Glance& a, const Glance& b) { return a.angles.*angle < b.angles.*angle; });
+  return high->angles.*angle - low->angles.*angle;
+}
+
+}  // namespace
+
+Quaterniond nominal_head_from_camera() {
+  return Quaterniond(base_from_camera({0, 0}));
+}
+
+Result<HandEye> calibrate_hand_eye(std::span<const Glance> glances) {
+  if (glances.size() < kFewest)
+    return fail(ErrorCode::kRefused, fmt::format("{} glances of {} needed; look at more places of the map",
+                                                 glances.size(), kFewest));
+  for (const auto& [name, angle] : {std::pair{"pan", &PanTilt::pan}, {"tilt", &PanTilt::tilt}}) {
+    if (range(glances, angle) < kLeastRange)
+      return fail(
+          ErrorCode::kRefused,
+          fmt::format("the glances hardly differ in {}; look at places at least 10 degrees apart", name));
+  }
+  HandEye found = begin(glances);
+  std::vector<Glance> used(glances.begin(), glances.end());
+  for (int round = 0; round <= kRounds; ++round) {
+    fit_rotations(used, round > 0, found);
+    if (round < kRounds) used = fitting(glances, found);
+  }
+  double sum = 0;
+  for (const Glance& glance : used) sum += rotation_error(found, glance).squaredNorm();
+  found.used = used.size();
+  found.rotation_residual = std::sqrt(sum / static_cast<double>(used.size()));
+  if (static_cast<double>(used.size()) < kLeastShare * static_cast<double>(glances.size()) ||
+      found.rotation_residual > kMostResidual)
+    return fail(
+        ErrorCode::kRefused,
+        fmt::format(
+            "{} of {} glances fit each other, within {:.1f} degrees; let the base stand still and the "
+            "map be tracked",
+            used.size(), glances.size(), found.rotation_residual * 180 / std::numbers::pi));
+  fit_positions(used, found);
+  return found;
+}
+
+}  // namespace cairn
