@@ -39,8 +39,8 @@ struct SampleGrid {
   /// Of the pixels that are (x, y) [template px] away.
   [[nodiscard]] SampleGrid moved(float x, float y) const {
     const auto part = [](float across, int per_i, float down, int per_j) {
-      return static_cast<int>(
-          std::lround(across * static_cast<float>(per_i) + down * static_cast<float>(per_j)));
+      const float way = across * static_cast<float>(per_i) + down * static_cast<float>(per_j);
+      return static_cast<int>(way + std::copysign(0.5, way));  // as std::lround(), which is a call
     };
     SampleGrid other = *this;
     other.u_origin += part(x, u_per_i, y, u_per_j);
@@ -100,42 +100,118 @@ void warp_scalar(const SourcePatch& source, const SampleGrid& grid, RingedTempla
   }
 }
 
-/// Eight samples as the low bytes of the result.
-CAIRN_AVX2 CAIRN_INLINE __m128i sample_fixed_avx2(const SourcePatch& source, __m256i u, __m256i v) {
+/// Where eight samples lie: the pixel to the upper left of each, and how far [1/256 px] they are from it.
+struct Spots {
+  __m256i index;
+  __m256i fx;
+  __m256i fy;
+};
+
+CAIRN_AVX2 CAIRN_INLINE Spots spots_avx2(__m256i u, __m256i v) {
   const __m256i zero = _mm256_setzero_si256();
   const __m256i limit = _mm256_set1_epi32(kMaxCoordinate);
   const __m256i byte = _mm256_set1_epi32(255);
   u = _mm256_min_epi32(_mm256_max_epi32(u, zero), limit);
   v = _mm256_min_epi32(_mm256_max_epi32(v, zero), limit);
-  const __m256i index = _mm256_add_epi32(
-      _mm256_mullo_epi16(_mm256_srli_epi32(v, kFractionBits), _mm256_set1_epi32(kSourcePatchSize)),
-      _mm256_srli_epi32(u, kFractionBits));
-  // A gather takes four bytes of which two are wanted: the first two in the upper row, the last two in the
-  // lower, so that neither reads beyond the patch.
-  const auto* upper = reinterpret_cast<const int*>(source.data());
-  const auto* lower = reinterpret_cast<const int*>(source.data() + kSourcePatchSize - 2);
-  const __m256i top_bytes = _mm256_i32gather_epi32(upper, index, 1);
-  const __m256i bottom_bytes = _mm256_i32gather_epi32(lower, index, 1);
+  const __m256i row =
+      _mm256_mullo_epi16(_mm256_srli_epi32(v, kFractionBits), _mm256_set1_epi32(kSourcePatchSize));
+  return {_mm256_add_epi32(row, _mm256_srli_epi32(u, kFractionBits)),
+          _mm256_and_si256(_mm256_srli_epi32(u, 8), byte), _mm256_and_si256(_mm256_srli_epi32(v, 8), byte)};
+}
 
-  const __m256i fx = _mm256_and_si256(_mm256_srli_epi32(u, 8), byte);
-  const __m256i fy = _mm256_and_si256(_mm256_srli_epi32(v, 8), byte);
+/// The values of eight samples, from the two bytes at the begin of `top` and the two at the end of `bottom`.
+CAIRN_AVX2 CAIRN_INLINE __m256i blend_avx2(const Spots& spots, __m256i top_bytes, __m256i bottom_bytes) {
   const __m256i weights =
-      _mm256_or_si256(_mm256_slli_epi32(fx, 16), _mm256_sub_epi32(_mm256_set1_epi32(256), fx));
+      _mm256_or_si256(_mm256_slli_epi32(spots.fx, 16), _mm256_sub_epi32(_mm256_set1_epi32(256), spots.fx));
   const __m256i spread_first = _mm256_setr_epi8(0, -1, 1, -1, 4, -1, 5, -1, 8, -1, 9, -1, 12, -1, 13, -1,  //
                                                 0, -1, 1, -1, 4, -1, 5, -1, 8, -1, 9, -1, 12, -1, 13, -1);
   const __m256i spread_last = _mm256_setr_epi8(2, -1, 3, -1, 6, -1, 7, -1, 10, -1, 11, -1, 14, -1, 15, -1,  //
                                                2, -1, 3, -1, 6, -1, 7, -1, 10, -1, 11, -1, 14, -1, 15, -1);
   const __m256i top = _mm256_madd_epi16(_mm256_shuffle_epi8(top_bytes, spread_first), weights);
   const __m256i bottom = _mm256_madd_epi16(_mm256_shuffle_epi8(bottom_bytes, spread_last), weights);
-  const __m256i blend = _mm256_mullo_epi32(_mm256_sub_epi32(bottom, top), fy);
+  const __m256i blend = _mm256_mullo_epi32(_mm256_sub_epi32(bottom, top), spots.fy);
   const __m256i sum =
       _mm256_add_epi32(_mm256_add_epi32(_mm256_slli_epi32(top, 8), blend), _mm256_set1_epi32(1 << 15));
-  const __m256i values = _mm256_srli_epi32(sum, 16);
+  return _mm256_srli_epi32(sum, 16);
+}
+
+/// As the low bytes of the result.
+CAIRN_AVX2 CAIRN_INLINE __m128i bytes_avx2(__m256i values) {
   const __m128i words = _mm_packus_epi32(_mm256_castsi256_si128(values), _mm256_extracti128_si256(values, 1));
   return _mm_packus_epi16(words, words);
 }
 
-CAIRN_AVX2 void warp_avx2(const SourcePatch& source, const SampleGrid& grid, RingedTemplate* out) {
+/// Samples a patch as it is.
+struct SinglePixels {
+  const SourcePatch& source;
+
+  CAIRN_AVX2 CAIRN_INLINE __m128i sample(__m256i u, __m256i v) const {
+    const Spots spots = spots_avx2(u, v);
+    // A gather takes four bytes of which two are wanted: the first two in the upper row, the last two in the
+    // lower, so that neither reads beyond the patch.
+    const auto* upper = reinterpret_cast<const int*>(source.data());
+    const auto* lower = reinterpret_cast<const int*>(source.data() + kSourcePatchSize - 2);
+    return bytes_avx2(blend_avx2(spots, _mm256_i32gather_epi32(upper, spots.index, 1),
+                                 _mm256_i32gather_epi32(lower, spots.index, 1)));
+  }
+};
+
+/// The ways from the middle of a smear to its samples, in 16.16 fixed point.
+struct SmearWays {
+  static constexpr size_t kMost = kSourcePatchSize;
+  std::array<int, kMost> u;
+  std::array<int, kMost> v;
+  size_t count = 0;
+
+  /// The mean of so many values, rounded; exact for their sums.
+  [[nodiscard]] int half() const { return static_cast<int>(count / 2); }
+  [[nodiscard]] int reciprocal() const { return static_cast<int>((0xFFFFU + count) / count); }
+};
+
+/// Samples a patch all along a smear, and the mean is a sample. One gather finds all that goes into a value,
+/// since each pixel is put together with the one to its right and the two below: that pays where there are
+/// more samples than one.
+struct SmearedPixels {
+  alignas(64) std::array<uint8_t, 4 * kSourcePatchPixels> quads;
+  const SmearWays& ways;
+
+  CAIRN_AVX2 SmearedPixels(const SourcePatch& source, const SmearWays& smear_ways) : ways(smear_ways) {
+    constexpr size_t kBlock = 16;
+    constexpr size_t kBelow = kSourcePatchSize;
+    constexpr size_t kLast = kSourcePatchPixels - kBelow - 1 - kBlock;  // reads up to the end of the patch
+    for (size_t begin = 0; begin < kLast + kBlock; begin += kBlock) {
+      const size_t i = std::min(begin, kLast);
+      const auto at = [&](size_t k) { return _mm_loadu_si128(vector_at(source.data() + k)); };
+      const __m128i here = at(i);
+      const __m128i right = at(i + 1);
+      const __m128i below = at(i + kBelow);
+      const __m128i beside = at(i + kBelow + 1);
+      auto* out = reinterpret_cast<__m128i*>(quads.data() + 4 * i);
+      const __m128i upper_low = _mm_unpacklo_epi8(here, right);
+      const __m128i upper_high = _mm_unpackhi_epi8(here, right);
+      const __m128i lower_low = _mm_unpacklo_epi8(below, beside);
+      const __m128i lower_high = _mm_unpackhi_epi8(below, beside);
+      _mm_storeu_si128(out, _mm_unpacklo_epi16(upper_low, lower_low));
+      _mm_storeu_si128(out + 1, _mm_unpackhi_epi16(upper_low, lower_low));
+      _mm_storeu_si128(out + 2, _mm_unpacklo_epi16(upper_high, lower_high));
+      _mm_storeu_si128(out + 3, _mm_unpackhi_epi16(upper_high, lower_high));
+    }
+  }
+
+  CAIRN_AVX2 CAIRN_INLINE __m128i sample(__m256i u, __m256i v) const {
+    __m256i sum = _mm256_set1_epi32(ways.half());
+    for (size_t k = 0; k < ways.count; ++k) {
+      const Spots spots = spots_avx2(_mm256_add_epi32(u, _mm256_set1_epi32(ways.u[k])),
+                                     _mm256_add_epi32(v, _mm256_set1_epi32(ways.v[k])));
+      const __m256i quad = _mm256_i32gather_epi32(reinterpret_cast<const int*>(quads.data()), spots.index, 4);
+      sum = _mm256_add_epi32(sum, blend_avx2(spots, quad, quad));
+    }
+    return bytes_avx2(_mm256_srli_epi32(_mm256_mullo_epi32(sum, _mm256_set1_epi32(ways.reciprocal())), 16));
+  }
+};
+
+template <class Pixels>
+CAIRN_AVX2 CAIRN_INLINE void warp_avx2(const Pixels& source, const SampleGrid& grid, RingedTemplate* out) {
   const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
   // The columns to the left and right first: the row loads of the gradients then find the rows stored last.
   const __m256i u_along_j = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.u_per_j));
@@ -143,17 +219,59 @@ CAIRN_AVX2 void warp_avx2(const SourcePatch& source, const SampleGrid& grid, Rin
   for (const int i : {-1, kTemplateSize}) {
     alignas(16) std::array<uint8_t, 16> column;
     _mm_store_si128(reinterpret_cast<__m128i*>(column.data()),
-                    sample_fixed_avx2(source, _mm256_add_epi32(_mm256_set1_epi32(grid.u(i, 0)), u_along_j),
-                                      _mm256_add_epi32(_mm256_set1_epi32(grid.v(i, 0)), v_along_j)));
+                    source.sample(_mm256_add_epi32(_mm256_set1_epi32(grid.u(i, 0)), u_along_j),
+                                  _mm256_add_epi32(_mm256_set1_epi32(grid.v(i, 0)), v_along_j)));
     for (int j = 0; j < kTemplateSize; ++j) *out->at(i, j) = column[static_cast<size_t>(j)];
   }
   const __m256i u_along_i = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.u_per_i));
   const __m256i v_along_i = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.v_per_i));
   for (int j = -1; j <= kTemplateSize; ++j) {
     _mm_storel_epi64(reinterpret_cast<__m128i*>(out->at(0, j)),
-                     sample_fixed_avx2(source, _mm256_add_epi32(_mm256_set1_epi32(grid.u(0, j)), u_along_i),
-                                       _mm256_add_epi32(_mm256_set1_epi32(grid.v(0, j)), v_along_i)));
+                     source.sample(_mm256_add_epi32(_mm256_set1_epi32(grid.u(0, j)), u_along_i),
+                                   _mm256_add_epi32(_mm256_set1_epi32(grid.v(0, j)), v_along_i)));
   }
+}
+
+CAIRN_AVX2 void warp_single_avx2(const SourcePatch& source, const SampleGrid& grid, RingedTemplate* out) {
+  warp_avx2(SinglePixels{source}, grid, out);
+}
+
+CAIRN_AVX2 void warp_smeared_avx2(const SourcePatch& source, const SampleGrid& grid, const SmearWays& ways,
+                                  RingedTemplate* out) {
+  warp_avx2(SmearedPixels(source, ways), grid, out);
+}
+
+/// To the samples of a smear of this way [template px], the middle of which is `aside`.
+SmearWays smear_ways(const SampleGrid& grid, const Eigen::Vector2f& along, const Eigen::Vector2f& aside) {
+  // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
+  // the whole way.
+  constexpr float kPart = 1.5F;
+  SmearWays ways;
+  ways.count = static_cast<size_t>(std::ceil(along.norm() / kPart)) + 1;
+  const auto n = static_cast<float>(ways.count);
+  const float spread = ways.count == 1 ? 0 : 1 / std::sqrt(n * n - 1);
+  for (size_t k = 0; k < ways.count; ++k) {
+    const float part = spread * (static_cast<float>(k) - 0.5F * (n - 1));
+    const SampleGrid there = grid.moved(aside.x() + part * along.x(), aside.y() + part * along.y());
+    ways.u[k] = there.u_origin - grid.u_origin;
+    ways.v[k] = there.v_origin - grid.v_origin;
+  }
+  return ways;
+}
+
+/// Where each sample of a smear shows the patch, one after the other.
+void warp_smeared_scalar(const SourcePatch& source, const SampleGrid& grid, const SmearWays& ways,
+                         RingedTemplate* out) {
+  std::array<int, RingedTemplate::kPixels> sums{};
+  for (size_t k = 0; k < ways.count; ++k) {
+    SampleGrid there = grid;
+    there.u_origin += ways.u[k];
+    there.v_origin += ways.v[k];
+    warp_scalar(source, there, out);
+    for (size_t i = 0; i < sums.size(); ++i) sums[i] += out->pixels[i];
+  }
+  for (size_t i = 0; i < sums.size(); ++i)
+    out->pixels[i] = static_cast<uint8_t>((sums[i] + ways.half()) * ways.reciprocal() >> 16);
 }
 
 /// Sums over the template of products of its gradients (unhalved) and itself.
@@ -241,14 +359,6 @@ void invert_hessian(const TemplateSums& s, PatchTemplate* out) {
   out->inverse_hessian(2, 2) = static_cast<float>(1 / n - cross.dot(mean_gradient));
 }
 
-void warp_patch(const SourcePatch& source, const SampleGrid& grid, Simd simd, RingedTemplate* out) {
-  if (simd == Simd::kAvx2) {
-    warp_avx2(source, grid, out);
-  } else {
-    warp_scalar(source, grid, out);
-  }
-}
-
 void finish_template(const RingedTemplate& ringed, int level, PatchTemplate* out) {
   const TemplateSums sums = fill_template(ringed, out);
   out->sum = sums.value;
@@ -287,7 +397,11 @@ bool kernels::make_template(const SourcePatch& source, const Warp& level0_from_s
   const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
   if (!grid) return false;
   RingedTemplate ringed;
-  warp_patch(source, *grid, simd, &ringed);
+  if (simd == Simd::kAvx2) {
+    warp_single_avx2(source, *grid, &ringed);
+  } else {
+    warp_scalar(source, *grid, &ringed);
+  }
   finish_template(ringed, level, out);
   return true;
 }
@@ -299,34 +413,22 @@ bool make_template(const SourcePatch& source, const Warp& level0_from_source, in
 bool kernels::make_smeared_template(const SourcePatch& source, const Warp& level0_from_source, int level,
                                     const Eigen::Vector2f& smear, const Eigen::Vector2f& aside,
                                     PatchTemplate* out, Simd simd) {
-  constexpr int kMostSamples = kSourcePatchSize;
+  constexpr auto kLongest = static_cast<float>(SmearWays::kMost);
   const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
   Eigen::Vector2f along = smear / static_cast<float>(1 << level);
   if (!grid || !along.allFinite()) return false;
   const auto fits = [&] {
-    return along.norm() < kMostSamples && grid->moved(along.x() / 2, along.y() / 2).is_inside() &&
+    return along.norm() < kLongest && grid->moved(along.x() / 2, along.y() / 2).is_inside() &&
            grid->moved(-along.x() / 2, -along.y() / 2).is_inside();
   };
   while (!fits()) along *= 0.8F;
-  const float length = along.norm();
-  // One for each pixel and a half, which interpolation bridges, and spread so that their variance is that of
-  // the whole way.
-  constexpr float kPart = 1.5F;
-  const int samples = static_cast<int>(std::ceil(length / kPart)) + 1;
-  const auto n = static_cast<float>(samples);
-  const float spread = samples == 1 ? 0 : 1 / std::sqrt(n * n - 1);
-  std::array<uint16_t, RingedTemplate::kPixels> sums{};
-  RingedTemplate ringed{};
-  for (int k = 0; k < samples; ++k) {
-    const float part = spread * (static_cast<float>(k) - 0.5F * (n - 1));
-    warp_patch(source, grid->moved(aside.x() + part * along.x(), aside.y() + part * along.y()), simd,
-               &ringed);
-    for (size_t i = 0; i < sums.size(); ++i) sums[i] = static_cast<uint16_t>(sums[i] + ringed.pixels[i]);
+  const SmearWays ways = smear_ways(*grid, along, aside);
+  RingedTemplate ringed;
+  if (simd == Simd::kAvx2) {
+    warp_smeared_avx2(source, *grid, ways, &ringed);
+  } else {
+    warp_smeared_scalar(source, *grid, ways, &ringed);
   }
-  const auto half = static_cast<uint32_t>(samples / 2);
-  const uint32_t reciprocal = (0xFFFFU + static_cast<uint32_t>(samples)) / static_cast<uint32_t>(samples);
-  for (size_t i = 0; i < sums.size(); ++i)
-    ringed.pixels[i] = static_cast<uint8_t>((sums[i] + half) * reciprocal >> 16);
   finish_template(ringed, level, out);
   return true;
 }

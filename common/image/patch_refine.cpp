@@ -26,9 +26,15 @@ struct ResidualSums {
 /// Weights of the four neighbours of a sub-pixel position (Keys, ICASSP 1981: the cubic with a = -1/2).
 using CubicWeights = std::array<float, 4>;
 
-CubicWeights cubic_weights(float t) {
-  return {((-0.5F * t + 1.0F) * t - 0.5F) * t, (1.5F * t - 2.5F) * t * t + 1.0F,
-          ((-1.5F * t + 2.0F) * t + 0.5F) * t, (0.5F * t - 0.5F) * t * t};
+/// Its four polynomials, a lane each.
+CAIRN_INLINE CubicWeights cubic_weights(float position) {
+  const __m128 t = _mm_set1_ps(position);
+  __m128 w = _mm_mul_ps(_mm_setr_ps(-0.5F, 1.5F, -1.5F, 0.5F), t);
+  w = _mm_mul_ps(_mm_add_ps(w, _mm_setr_ps(1.0F, -2.5F, 2.0F, -0.5F)), t);
+  w = _mm_mul_ps(_mm_add_ps(w, _mm_setr_ps(-0.5F, 0.0F, 0.5F, 0.0F)), t);
+  CubicWeights weights;
+  _mm_storeu_ps(weights.data(), _mm_add_ps(w, _mm_setr_ps(0.0F, 1.0F, 0.0F, 0.0F)));
+  return weights;
 }
 
 /// An 8x8 window of an image at a sub-pixel position, sampled by cubic convolution. Bilinear samples would be
@@ -167,6 +173,7 @@ CAIRN_AVX2 ResidualSums residual_sums_avx2(const PatchTemplate& patch, const Win
   __m256 a = across_avx2(window, 0);
   __m256 b = across_avx2(window, 1);
   __m256 c = across_avx2(window, 2);
+#pragma GCC unroll 8
   for (int j = 0; j < kTemplateSize; ++j) {
     const size_t k = static_cast<size_t>(j) * kTemplateSize;
     const __m256 d = across_avx2(window, j + 3);
@@ -183,7 +190,7 @@ CAIRN_AVX2 ResidualSums residual_sums_avx2(const PatchTemplate& patch, const Win
   return {sum_of_lanes_avx2(xr), sum_of_lanes_avx2(yr), sum_of_lanes_avx2(sum), sum_of_lanes_avx2(rr)};
 }
 
-ResidualSums residual_sums(const PatchTemplate& patch, const Window& window, Simd simd) {
+CAIRN_INLINE ResidualSums residual_sums(const PatchTemplate& patch, const Window& window, Simd simd) {
   switch (simd) {
     case Simd::kAvx2:
       return residual_sums_avx2(patch, window);
@@ -196,13 +203,14 @@ ResidualSums residual_sums(const PatchTemplate& patch, const Window& window, Sim
 }
 
 /// The window whose template pixel (4, 4) lies at (x, y); nothing unless its 11x11 pixels are in the image.
-std::optional<Window> window_at(const GrayView& image, const Eigen::Vector2f& position) {
+CAIRN_INLINE std::optional<Window> window_at(const GrayView& image, const Eigen::Vector2f& position) {
   // Compared as floats first: a diverged position may not fit an int, and NaN is inside of nothing.
   if (!image.contains(position.x(), position.y(), kHalf + 1)) return std::nullopt;
-  const float x = std::floor(position.x());
-  const float y = std::floor(position.y());
-  const uint8_t* pixels = image.row(static_cast<int>(y) - kHalf - 1) + static_cast<int>(x) - kHalf - 1;
-  return Window{pixels, image.stride, cubic_weights(position.x() - x), cubic_weights(position.y() - y)};
+  const int x = static_cast<int>(position.x());
+  const int y = static_cast<int>(position.y());
+  const uint8_t* pixels = image.row(y - kHalf - 1) + x - kHalf - 1;
+  return Window{pixels, image.stride, cubic_weights(position.x() - static_cast<float>(x)),
+                cubic_weights(position.y() - static_cast<float>(y))};
 }
 
 }  // namespace
