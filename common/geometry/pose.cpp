@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "common/geometry/normal_equations.h"
 #include "common/geometry/robust.h"
 #include "common/geometry/sampling.h"
 
@@ -22,43 +23,6 @@ constexpr size_t kMinObservations = 4;
 constexpr double kKnownDepth = 0.2;
 
 using Linearised = PoseWorkspace::Linearised;
-
-/// Upper triangle, row by row, of sum w J^T J; and sum w J^T r. The rows of x and of y are summed side by
-/// side: two lanes of a register.
-struct NormalEquations {
-  std::array<Eigen::Array2d, 21> upper;
-  std::array<Eigen::Array2d, 6> sums;
-
-  NormalEquations() {
-    upper.fill(Eigen::Array2d::Zero());
-    sums.fill(Eigen::Array2d::Zero());
-  }
-
-  void add(const Linearised& o, double weight) {
-    const auto& j = o.d_residual_d_xi;
-    size_t k = 0;
-    for (size_t row = 0; row < 6; ++row) {
-      const Eigen::Array2d weighted = weight * j[row];
-      sums[row] += weighted * o.residual;
-      for (size_t column = row; column < 6; ++column) upper[k++] += weighted * j[column];
-    }
-  }
-
-  [[nodiscard]] Vector6d gradient() const {
-    Vector6d g;
-    for (int i = 0; i < 6; ++i) g[i] = sums[static_cast<size_t>(i)].sum();
-    return g;
-  }
-
-  [[nodiscard]] Matrix6d information() const {
-    Matrix6d m;
-    size_t k = 0;
-    for (int i = 0; i < 6; ++i) {
-      for (int j = i; j < 6; ++j) m(i, j) = m(j, i) = upper[k++].sum();
-    }
-    return m;
-  }
-};
 
 void linearise(const Camera& camera, const SE3& camera_from_map,
                std::span<const PointObservation> observations, std::vector<Linearised>& out) {
@@ -152,13 +116,12 @@ double cutoff_for(int iteration, const PoseOptions& options, PoseWorkspace* work
   return std::clamp(tukey_squared_cutoff(squared), options.min_squared_cutoff, options.max_squared_cutoff);
 }
 
-NormalEquations accumulate(const std::vector<Linearised>& linearised, double cutoff) {
-  NormalEquations sum;
-  for (const auto& o : linearised) {
-    if (!o.in_view) continue;
-    if (const double weight = tukey_weight(o.squared, cutoff); weight > 0) sum.add(o, weight);
+void weigh(std::span<const Linearised> linearised, double cutoff, std::vector<double>* weights) {
+  weights->resize(linearised.size());
+  for (size_t i = 0; i < linearised.size(); ++i) {
+    const Linearised& o = linearised[i];
+    (*weights)[i] = o.in_view ? tukey_weight(o.squared, cutoff) : 0.0;
   }
-  return sum;
 }
 
 /// Cholesky of a matrix that must be safely positive definite: nothing if a direction of the pose is not
@@ -180,22 +143,18 @@ tl::unexpected<Error> singular() {
 Status summarise(const SE3& pose, const std::vector<Linearised>& linearised, double cutoff,
                  const std::optional<PositionPrior>& position, PoseEstimate* estimate) {
   estimate->camera_from_map = pose;
-  estimate->weights.resize(linearised.size());
+  weigh(linearised, cutoff, &estimate->weights);
   estimate->inliers = 0;
-  NormalEquations sum;
   double total_weight = 0;
   double total_squared = 0;
   for (size_t i = 0; i < linearised.size(); ++i) {
-    const Linearised& o = linearised[i];
-    const double weight = o.in_view ? tukey_weight(o.squared, cutoff) : 0.0;
-    estimate->weights[i] = weight;
+    const double weight = estimate->weights[i];
     if (!(weight > 0)) continue;
-    sum.add(o, weight);
     ++estimate->inliers;
     total_weight += weight;
-    total_squared += weight * o.squared;
+    total_squared += weight * linearised[i].squared;
   }
-  estimate->information = sum.information();
+  estimate->information = sum_up(linearised, estimate->weights).information();
   Matrix6d information = estimate->information;
   Vector6d gradient = Vector6d::Zero();
   if (position) add_prior(*position, pose, &information, &gradient);
@@ -271,7 +230,8 @@ Status optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
   SE3 pose = camera_from_map_start;
   for (int iteration = 0; iteration < options.iterations; ++iteration) {
     linearise(camera, pose, observations, supplement.bearings, linearised);
-    const NormalEquations sum = accumulate(linearised, cutoff_for(iteration, options, workspace));
+    weigh(linearised, cutoff_for(iteration, options, workspace), &estimate->weights);
+    const NormalEquations sum = sum_up(linearised, estimate->weights);
     Matrix6d information = sum.information() + options.prior * Matrix6d::Identity();
     Vector6d gradient = sum.gradient();
     if (supplement.position) add_prior(*supplement.position, pose, &information, &gradient);

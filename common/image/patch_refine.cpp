@@ -158,8 +158,10 @@ CAIRN_AVX2 CAIRN_INLINE __m256 blend_avx2(const CubicWeights& w, __m256 a, __m25
 }
 CAIRN_AVX2 CAIRN_INLINE __m256 across_avx2(const Window& window, int j) {
   const uint8_t* p = window.pixels + j * window.stride;
-  return blend_avx2(window.across, bytes_to_floats_avx2(p), bytes_to_floats_avx2(p + 1),
-                    bytes_to_floats_avx2(p + 2), bytes_to_floats_avx2(p + 3));
+  const __m256 first = bytes_to_floats_avx2(p);     // pixels 0 1 2 3 | 4 5 6 7
+  const __m256 last = bytes_to_floats_avx2(p + 3);  //        3 4 5 6 | 7 8 9 10
+  return blend_avx2(window.across, first, _mm256_shuffle_ps(first, last, _MM_SHUFFLE(1, 0, 2, 1)),
+                    _mm256_shuffle_ps(first, last, _MM_SHUFFLE(2, 1, 3, 2)), last);
 }
 CAIRN_AVX2 CAIRN_INLINE float sum_of_lanes_avx2(__m256 v) {
   return sum_of_lanes(_mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1)));

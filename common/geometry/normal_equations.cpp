@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/geometry/normal_equations.h"
+
+#include <immintrin.h>
+
+namespace cairn {
+namespace {
+
+using Linearised = PoseWorkspace::Linearised;
+
+NormalEquations sum_two(std::span<const Linearised> observations, std::span<const double> weights) {
+  NormalEquations sum;
+  for (size_t i = 0; i < observations.size(); ++i) {
+    if (!(weights[i] > 0)) continue;
+    const auto& j = observations[i].d_residual_d_xi;
+    size_t k = 0;
+    for (size_t row = 0; row < 6; ++row) {
+      const Eigen::Array2d weighted = weights[i] * j[row];
+      sum.sums[row] += weighted * observations[i].residual;
+      for (size_t column = row; column < 6; ++column) sum.upper[k++] += weighted * j[column];
+    }
+  }
+  return sum;
+}
+
+/// Two columns side by side. Those of an odd row begin with one that lies below the diagonal: it is not kept.
+__attribute__((target("avx2"))) NormalEquations sum_four(std::span<const Linearised> observations,
+                                                         std::span<const double> weights) {
+  constexpr size_t kPairs = 3;
+  __m256d upper[6][kPairs];
+  __m256d sums[kPairs];
+  for (auto& row : upper) {
+    for (__m256d& pair : row) pair = _mm256_setzero_pd();
+  }
+  for (__m256d& pair : sums) pair = _mm256_setzero_pd();
+  for (size_t i = 0; i < observations.size(); ++i) {
+    if (!(weights[i] > 0)) continue;
+    const double* j = observations[i].d_residual_d_xi[0].data();
+    const __m256d weight = _mm256_set1_pd(weights[i]);
+    const __m256d residual =
+        _mm256_broadcast_pd(reinterpret_cast<const __m128d*>(observations[i].residual.data()));
+#pragma GCC unroll 3
+    for (size_t p = 0; p < kPairs; ++p) {
+      const __m256d weighted = _mm256_mul_pd(weight, _mm256_loadu_pd(j + 4 * p));
+      const __m256d even = _mm256_permute2f128_pd(weighted, weighted, 0x00);
+      const __m256d odd = _mm256_permute2f128_pd(weighted, weighted, 0x11);
+      sums[p] = _mm256_add_pd(sums[p], _mm256_mul_pd(weighted, residual));
+#pragma GCC unroll 3
+      for (size_t q = p; q < kPairs; ++q) {
+        const __m256d columns = _mm256_loadu_pd(j + 4 * q);
+        upper[2 * p][q] = _mm256_add_pd(upper[2 * p][q], _mm256_mul_pd(even, columns));
+        upper[2 * p + 1][q] = _mm256_add_pd(upper[2 * p + 1][q], _mm256_mul_pd(odd, columns));
+      }
+    }
+  }
+  std::array<std::array<double, 12>, 7> sums_of_rows;  // x and y of six columns; last, those of the residual
+  for (size_t p = 0; p < kPairs; ++p) {
+    for (size_t row = 0; row < 6; ++row) _mm256_storeu_pd(&sums_of_rows[row][4 * p], upper[row][p]);
+    _mm256_storeu_pd(&sums_of_rows[6][4 * p], sums[p]);
+  }
+  NormalEquations sum;
+  size_t k = 0;
+  for (size_t row = 0; row < 6; ++row) {
+    sum.sums[row] = {sums_of_rows[6][2 * row], sums_of_rows[6][2 * row + 1]};
+    for (size_t column = row; column < 6; ++column)
+      sum.upper[k++] = {sums_of_rows[row][2 * column], sums_of_rows[row][2 * column + 1]};
+  }
+  return sum;
+}
+
+}  // namespace
+
+NormalEquations::NormalEquations() {
+  upper.fill(Eigen::Array2d::Zero());
+  sums.fill(Eigen::Array2d::Zero());
+}
+
+Vector6d NormalEquations::gradient() const {
+  Vector6d g;
+  for (int i = 0; i < 6; ++i) g[i] = sums[static_cast<size_t>(i)].sum();
+  return g;
+}
+
+Matrix6d NormalEquations::information() const {
+  Matrix6d m;
+  size_t k = 0;
+  for (int i = 0; i < 6; ++i) {
+    for (int j = i; j < 6; ++j) m(i, j) = m(j, i) = upper[k++].sum();
+  }
+  return m;
+}
+
+SumLanes best_sum_lanes() {
+  static const SumLanes best = __builtin_cpu_supports("avx2") != 0 ? SumLanes::kFour : SumLanes::kTwo;
+  return best;
+}
+
+NormalEquations sum_up(std::span<const Linearised> observations, std::span<const double> weights,
+                       SumLanes lanes) {
+  return lanes == SumLanes::kFour ? sum_four(observations, weights) : sum_two(observations, weights);
+}
+
+}  // namespace cairn

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <span>
+
+#include "common/geometry/pose.h"
+
+namespace cairn {
+
+/// Upper triangle, row by row, of sum w J^T J; and sum w J^T r. The rows of x and of y are summed side by
+/// side: two lanes of a register. Private to common/geometry and its tests.
+struct NormalEquations {
+  std::array<Eigen::Array2d, 21> upper;
+  std::array<Eigen::Array2d, 6> sums;
+
+  NormalEquations();
+  [[nodiscard]] Vector6d gradient() const;
+  [[nodiscard]] Matrix6d information() const;
+};
+
+/// With what a program sums up: both give the same bytes.
+enum class SumLanes { kTwo, kFour };
+
+/// The most that this machine has (four: AVX2).
+[[nodiscard]] SumLanes best_sum_lanes();
+
+/// Of the observations whose weight is above 0; as many weights as observations.
+[[nodiscard]] NormalEquations sum_up(std::span<const PoseWorkspace::Linearised> observations,
+                                     std::span<const double> weights, SumLanes lanes = best_sum_lanes());
+
+}  // namespace cairn
