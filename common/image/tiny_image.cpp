@@ -117,42 +117,113 @@ class Aligner {
 
   WarpedRow& row(int y) { return rows_[static_cast<size_t>(y % 3)]; }
 
+  /// Where the pixels of a row lie in the current image: (u, v) = (u0 + c dx, v0 + s dx), dx from its middle.
+  struct RowPath {
+    float u0;
+    float v0;
+    float c;
+    float s;
+  };
+
   void warp_row(const TinyMotion& motion, int y) {
-    const int width = current_.width();
-    const int height = current_.height();
     const float c = std::cos(motion.angle);
     const float s = std::sin(motion.angle);
     const float dy = static_cast<float>(y) - center_.y();
-    const float u0 = center_.x() + motion.shift.x() - s * dy;
-    const float v0 = center_.y() + motion.shift.y() + c * dy;
-    const auto max_u = static_cast<float>(width - 1);
-    const auto max_v = static_cast<float>(height - 1);
-    const float* pixels = current_.values().data();
-    const float* weights = current_.weights().data();
+    const RowPath path{center_.x() + motion.shift.x() - s * dy, center_.y() + motion.shift.y() + c * dy, c,
+                       s};
     WarpedRow& out = row(y);
     // The pixels that stay inside are neighbours: u and v are monotonic along the row, also as rounded.
     out.begin = out.end = 0;
-    for (int x = 0; x < width; ++x) {
+    const int width = current_.width();
+    int x = 0;
+    for (; x + kLanes <= width; x += kLanes) {
+      if (!warp_group(path, x, &out)) warp_pixels(path, x, x + kLanes, &out);
+    }
+    warp_pixels(path, x, width, &out);
+  }
+
+  static void extend(int begin, int end, WarpedRow* row) {
+    if (row->end == 0) row->begin = begin;
+    row->end = end;
+  }
+
+  void warp_pixels(const RowPath& path, int begin, int end, WarpedRow* out) const {
+    const int width = current_.width();
+    const int height = current_.height();
+    for (int x = begin; x < end; ++x) {
       const float dx = static_cast<float>(x) - center_.x();
-      const float u = u0 + c * dx;
-      const float v = v0 + s * dx;
-      if (!(u >= 0 && v >= 0 && u <= max_u && v <= max_v)) {
-        if (out.end > 0) break;
+      const float u = path.u0 + path.c * dx;
+      const float v = path.v0 + path.s * dx;
+      if (!(u >= 0 && v >= 0 && u <= static_cast<float>(width - 1) && v <= static_cast<float>(height - 1)))
         continue;
-      }
-      if (out.end == 0) out.begin = x;
-      out.end = x + 1;
+      extend(x, x + 1, out);
       const int iu = std::min(static_cast<int>(u), width - 2);
       const int iv = std::min(static_cast<int>(v), height - 2);
       const float fu = u - static_cast<float>(iu);
       const float fv = v - static_cast<float>(iv);
-      const float* p = pixels + iv * width + iu;
+      const float* p = current_.values().data() + iv * width + iu;
       const float top = p[0] + fu * (p[1] - p[0]);
       const float bottom = p[width] + fu * (p[width + 1] - p[width]);
-      out.values[static_cast<size_t>(x)] = top + fv * (bottom - top);
+      out->values[static_cast<size_t>(x)] = top + fv * (bottom - top);
       const int nearest = (iv + (fv > 0.5F ? 1 : 0)) * width + iu + (fu > 0.5F ? 1 : 0);
-      out.weights[static_cast<size_t>(x)] = weights[nearest];
+      out->weights[static_cast<size_t>(x)] = current_.weights()[static_cast<size_t>(nearest)];
     }
+  }
+
+  /// The same for as many pixels as there are lanes; false when one of them is outside. Whole numbers as
+  /// floats: they are far below 2^24.
+  [[nodiscard]] bool warp_group(const RowPath& path, int x, WarpedRow* out) const {
+    const int width = current_.width();
+    const auto all = [](float value) { return _mm_set1_ps(value); };
+    const __m128 one = all(1);
+    const __m128 max_u = all(static_cast<float>(width - 1));
+    const __m128 max_v = all(static_cast<float>(current_.height() - 1));
+    const __m128 lane = _mm_setr_ps(0, 1, 2, 3);
+    const __m128 dx = _mm_sub_ps(_mm_add_ps(all(static_cast<float>(x)), lane), all(center_.x()));
+    const __m128 u = _mm_add_ps(all(path.u0), _mm_mul_ps(all(path.c), dx));
+    const __m128 v = _mm_add_ps(all(path.v0), _mm_mul_ps(all(path.s), dx));
+    const __m128 zero = _mm_setzero_ps();
+    const __m128 inside = _mm_and_ps(_mm_and_ps(_mm_cmpge_ps(u, zero), _mm_cmpge_ps(v, zero)),
+                                     _mm_and_ps(_mm_cmple_ps(u, max_u), _mm_cmple_ps(v, max_v)));
+    if (_mm_movemask_ps(inside) != (1 << kLanes) - 1) return false;
+    extend(x, x + kLanes, out);
+    const auto floor_below = [](__m128 at, __m128 limit) {
+      return _mm_min_ps(_mm_cvtepi32_ps(_mm_cvttps_epi32(at)), limit);
+    };
+    const __m128 iu = floor_below(u, _mm_sub_ps(max_u, one));
+    const __m128 iv = floor_below(v, _mm_sub_ps(max_v, one));
+    const __m128 fu = _mm_sub_ps(u, iu);
+    const __m128 fv = _mm_sub_ps(v, iv);
+    const auto indices = [&](__m128 across, __m128 down) {
+      std::array<int, kLanes> index;
+      _mm_storeu_si128(
+          reinterpret_cast<__m128i*>(index.data()),
+          _mm_cvttps_epi32(_mm_add_ps(_mm_mul_ps(down, all(static_cast<float>(width))), across)));
+      return index;
+    };
+    const auto at = indices(iu, iv);
+    const auto blend = [](__m128 a, __m128 b, __m128 share) {
+      return _mm_add_ps(a, _mm_mul_ps(share, _mm_sub_ps(b, a)));
+    };
+    const auto between = [&](const float* pixels) {
+      const auto two = [&](int first, int second) {
+        const __m128 low = _mm_loadl_pi(zero, reinterpret_cast<const __m64*>(pixels + first));
+        return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(pixels + second));
+      };
+      const __m128 a = two(at[0], at[1]);
+      const __m128 b = two(at[2], at[3]);
+      return blend(_mm_shuffle_ps(a, b, _MM_SHUFFLE(2, 0, 2, 0)),
+                   _mm_shuffle_ps(a, b, _MM_SHUFFLE(3, 1, 3, 1)), fu);
+    };
+    const float* pixels = current_.values().data();
+    _mm_storeu_ps(&out->values[static_cast<size_t>(x)], blend(between(pixels), between(pixels + width), fv));
+    const auto rounded_up = [&](__m128 fraction) {
+      return _mm_and_ps(_mm_cmpgt_ps(fraction, all(0.5F)), one);
+    };
+    const auto nearest = indices(_mm_add_ps(iu, rounded_up(fu)), _mm_add_ps(iv, rounded_up(fv)));
+    for (size_t i = 0; i < nearest.size(); ++i)
+      out->weights[static_cast<size_t>(x) + i] = current_.weights()[static_cast<size_t>(nearest[i])];
+    return true;
   }
 
   /// Adds the pixels of row y of which all four neighbours are known.
