@@ -128,10 +128,6 @@ double range(std::span<const Glance> glances, double PanTilt::*angle) {
 
 }  // namespace
 
-Quaterniond nominal_head_from_camera() {
-  return Quaterniond(base_from_camera({0, 0}));
-}
-
 Result<HandEye> calibrate_hand_eye(std::span<const Glance> glances) {
   if (glances.size() < kFewest)
     return fail(ErrorCode::kRefused, fmt::format("{} glances of {} needed; look at more places of the map",

@@ -28,9 +28,6 @@ struct HandEye {
   size_t used = 0;               ///< of the glances: those that fit
 };
 
-/// Nominal: the camera looks along the head's x, upright.
-[[nodiscard]] Eigen::Quaterniond nominal_head_from_camera();
-
 /// Finds it from glances at one map, in any order. Errors: kRefused for fewer than 8 of them, for pan or tilt
 /// that hardly differ (10 degrees are needed), and where more than a third of them does not fit the others;
 /// the message says what to do. Pure.

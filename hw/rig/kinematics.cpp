@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw/rig/kinematics.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace cairn {
 namespace {
@@ -19,10 +21,14 @@ Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates) {
   return {rates.pan * std::sin(angles.tilt), -rates.tilt, rates.pan * std::cos(angles.tilt)};
 }
 
-Eigen::Matrix3d base_from_camera(const PanTilt& angles) {
-  Eigen::Matrix3d ahead;  // the camera at 0, 0
+Eigen::Quaterniond nominal_head_from_camera() {
+  Eigen::Matrix3d ahead;
   ahead << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  return base_from_head(angles) * ahead;
+  return Eigen::Quaterniond(ahead);
+}
+
+Eigen::Matrix3d base_from_camera(const PanTilt& angles) {
+  return (base_from_head(angles) * nominal_head_from_camera()).toRotationMatrix();
 }
 
 Eigen::Vector3d optical_axis(const PanTilt& angles) {
@@ -33,6 +39,16 @@ PanTilt look_along(const Eigen::Vector3d& direction, double pan) {
   const double level = direction.head<2>().norm();
   const bool upright = level < kUpright * direction.norm();
   return {upright ? pan : std::atan2(direction.y(), direction.x()), std::atan2(direction.z(), level)};
+}
+
+PanTilt look_along(const Eigen::Vector3d& direction, double pan, const Eigen::Vector3d& axis) {
+  const Eigen::Vector3d ray = direction.normalized();
+  const double upright = std::hypot(axis.x(), axis.z());
+  const double tilt = std::asin(std::clamp(ray.z() / upright, -1.0, 1.0)) - std::atan2(axis.z(), axis.x());
+  const Eigen::Vector3d tilted = base_from_head({0, tilt}) * axis;
+  if (ray.head<2>().norm() < kUpright) return {pan, tilt};
+  const double turn = std::atan2(ray.y(), ray.x()) - std::atan2(tilted.y(), tilted.x());
+  return {std::remainder(turn, 2 * std::numbers::pi), tilt};
 }
 
 PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,

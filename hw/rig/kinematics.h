@@ -18,7 +18,10 @@ struct PanTilt {
 /// How the head turns against the base while the axes turn at `rates`: [rad/s], in the head's axes.
 [[nodiscard]] Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates);
 
-/// The base from the camera. Base: what pan turns on, x forward, y left, z up. Camera: x right, y down, z
+/// The head from a camera that looks along the head's x, upright.
+[[nodiscard]] Eigen::Quaterniond nominal_head_from_camera();
+
+/// The base from such a camera. Base: what pan turns on, x forward, y left, z up. Camera: x right, y down, z
 /// forward.
 [[nodiscard]] Eigen::Matrix3d base_from_camera(const PanTilt& angles);
 /// Where the camera looks, in the base: of length 1.
@@ -26,6 +29,8 @@ struct PanTilt {
 /// The angles that look along a direction of the base, of any length above 0: pan in (-pi, pi], tilt in
 /// [-pi/2, pi/2]. Straight up and down every pan does: it stays `pan`.
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan = 0);
+/// Likewise for a camera that looks along `axis` of the head, of length 1 and not straight to the side.
+[[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan, const Eigen::Vector3d& axis);
 /// How fast the axes must turn to keep looking along a direction that changes in the world by `moving` a
 /// second, while the base turns at `rate` [rad/s]. All in the base's axes. 0 straight up and down.
 [[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,

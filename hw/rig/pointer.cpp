@@ -71,7 +71,9 @@ bool needs_imu(const Pointing& pointing) {
 
 }  // namespace
 
-Pointer::Pointer(const RigConfiguration& configuration) : configuration_(configuration) {}
+Pointer::Pointer(const RigConfiguration& configuration)
+    : configuration_(configuration),
+      camera_axis_(configuration.calibration.head_from_camera * Vector3d::UnitZ()) {}
 
 Status Pointer::aim(const Pointing& pointing) {
   if (!std::visit(IsSound(), pointing))
@@ -93,10 +95,10 @@ Status Pointer::aim(const Pointing& pointing) {
 Status Pointer::see(const Sighting& sighting) {
   if (!is_direction(sighting.target))
     return refuse("a sighting at no distance, or of no number, shows nothing");
-  const auto world_from_head = history_.at(sighting.when);
+  const MonotonicTime when = sighting.when + configuration_.calibration.offset;
+  const auto world_from_head = history_.at(when);
   if (!world_from_head) return refuse("a sighting of the future or of more than a second ago tells nothing");
-  const Eigen::Quaterniond head_from_camera(base_from_camera({0, 0}));
-  track_.see(sighting.when, *world_from_head * (head_from_camera * sighting.target));
+  track_.see(when, *world_from_head * (configuration_.calibration.head_from_camera * sighting.target));
   return {};
 }
 
@@ -109,7 +111,7 @@ void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head
 }
 
 bool Pointer::is_within_reach(const Vector3d& direction) const {
-  const PanTilt angles = look_along(base_.world_from_base(ahead_).conjugate() * direction);
+  const PanTilt angles = look_along(base_.world_from_base(ahead_).conjugate() * direction, 0, camera_axis_);
   const auto holds = [this](AxisName name, double angle) {
     const MotionLimits& limits = configuration_.axis(name).limits;
     return angle >= limits.low + limits.margin && angle <= limits.high - limits.margin;
@@ -125,8 +127,9 @@ void Pointer::begin() {
   if (const auto* lock = std::get_if<pointing::Lock>(&*pointing_); lock != nullptr && lock->direction)
     held_ = *lock->direction;
   if (const auto* saccade = std::get_if<pointing::Saccade>(&*pointing_)) {
-    held_ = saccade->direction ? *saccade->direction
-                               : Vector3d(base_.world_from_base(ahead_) * optical_axis(saccade->angles));
+    held_ = saccade->direction
+                ? *saccade->direction
+                : Vector3d(base_.world_from_base(ahead_) * (base_from_head(saccade->angles) * camera_axis_));
   }
   if (std::holds_alternative<pointing::Fixate>(*pointing_)) track_.forget();
   if (const auto* search = std::get_if<pointing::Search>(&*pointing_)) {
@@ -176,7 +179,7 @@ Pointer::Target Pointer::target_of(const pointing::Search&, double step) {
 Pointer::Demands Pointer::towards(const Target& target, double pan) {
   const Eigen::Quaterniond base_from_world = base_.world_from_base(ahead_).conjugate();
   const Vector3d direction = base_from_world * target.direction;
-  const PanTilt angles = look_along(direction, pan);
+  const PanTilt angles = look_along(direction, pan, camera_axis_);
   const PanTilt rates = rates_to_hold(direction, base_.rate(ahead_), base_from_world * target.moving);
   return {Demand{angles.pan, rates.pan}, Demand{angles.tilt, rates.tilt}};
 }

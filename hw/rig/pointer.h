@@ -58,9 +58,10 @@ class Pointer {
   void begin();
   void judge(const Eigen::Vector3d& direction, double step);
   [[nodiscard]] bool is_within_reach(const Eigen::Vector3d& direction) const;
-  [[nodiscard]] Eigen::Vector3d view() const { return world_from_head_ * Eigen::Vector3d::UnitX(); }
+  [[nodiscard]] Eigen::Vector3d view() const { return world_from_head_ * camera_axis_; }
 
   RigConfiguration configuration_;
+  Eigen::Vector3d camera_axis_;  ///< in the head
   std::optional<Pointing> pointing_;
   bool begun_ = false;
   BaseMotion base_;

@@ -53,6 +53,18 @@ TEST(Kinematics, LookingAlongTheOpticalAxisGivesTheAnglesBack) {
   EXPECT_NEAR(look_along(-kUp, 0.7).tilt, -std::numbers::pi / 2, 1e-12);
 }
 
+TEST(Kinematics, ACameraThatSitsAskewLooksAlongItsOwnAxis) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(-1, 1);
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3d axis = Vector3d(1, 0.3 * unit(random), 0.3 * unit(random)).normalized();
+    const PanTilt angles{3.1 * unit(random), unit(random)};
+    const PanTilt back = look_along(2 * (base_from_head(angles) * axis), 0, axis);
+    EXPECT_NEAR(back.pan, angles.pan, 1e-9);
+    EXPECT_NEAR(back.tilt, angles.tilt, 1e-9);
+  }
+}
+
 TEST(Kinematics, TheRatesThatHoldADirectionAreTheDerivatives) {
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0, 1);

@@ -152,7 +152,8 @@ void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   imu_->receive(message, now);
   const auto sample = sampler_.receive(message);
   if (!sample) return;
-  attitude_.update(sample->rate, sample->acceleration, sample->step);
+  const Eigen::Quaterniond& head_from_imu = configuration_.calibration.head_from_imu;
+  attitude_.update(head_from_imu * sample->rate, head_from_imu * sample->acceleration, sample->step);
   const auto pan = axes_[0].position_at(now);
   const auto tilt = axes_[1].position_at(now);
   if (!attitude_.is_known() || !pan || !tilt) return;

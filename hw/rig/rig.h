@@ -75,7 +75,7 @@ struct RigCounters {
 };
 
 /// The rig without bus, threads and clock: commands and frames in, frames out. The IMU sits on the head,
-/// which the tilt axis turns: x where the camera looks, y left, z up. The rig's watchdog idles both drives
+/// which the tilt axis turns, as the configuration's calibration says. The rig's watchdog idles both drives
 /// when commander, IMU or a drive is silent for longer than its deadline, when an axis has a fault, and when
 /// time runs back. What has come is to be handed in before advance(), which takes silence for death.
 class Rig {

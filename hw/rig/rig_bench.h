@@ -125,7 +125,10 @@ class RigBench {
   /// From the point that the wearer walks around [m].
   [[nodiscard]] Eigen::Vector3d position() const { return gait_.position(walked()); }
   /// Where the camera truly looks.
-  [[nodiscard]] Eigen::Vector3d view() { return world_from_base() * optical_axis(angles()); }
+  [[nodiscard]] Eigen::Vector3d view() { return world_from_camera() * Eigen::Vector3d::UnitZ(); }
+  [[nodiscard]] Eigen::Quaterniond world_from_camera() {
+    return world_from_base() * base_from_head(angles()) * configuration_.calibration.head_from_camera;
+  }
   [[nodiscard]] std::optional<AxisFault> fault(AxisName name) const { return rig_.axis(name).fault(); }
   [[nodiscard]] Rig& rig() { return rig_; }
   [[nodiscard]] simulated::SimulatedBus& bus() { return bus_; }
@@ -138,9 +141,11 @@ class RigBench {
   /// It sits on the head.
   void move_imu() {
     const PanTilt rates{bus_.drive(0).plant().rate(), -bus_.drive(1).plant().rate()};
-    const Eigen::Quaterniond head_from_base = base_from_head(angles()).conjugate();
-    const Eigen::Vector3d rate = head_from_base * gait_.rate(walked()) + rate_of_head(angles(), rates);
-    const Eigen::Vector3d acceleration = head_from_base * gait_.acceleration(walked());
+    const Eigen::Quaterniond imu_from_head = configuration_.calibration.head_from_imu.conjugate();
+    const Eigen::Quaterniond imu_from_base = imu_from_head * base_from_head(angles()).conjugate();
+    const Eigen::Vector3d rate =
+        imu_from_base * gait_.rate(walked()) + imu_from_head * rate_of_head(angles(), rates);
+    const Eigen::Vector3d acceleration = imu_from_base * gait_.acceleration(walked());
     bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {acceleration.x(), acceleration.y(), acceleration.z()}});
   }
   void send() {

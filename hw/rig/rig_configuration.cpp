@@ -20,6 +20,8 @@ constexpr double kRadians = std::numbers::pi / 180;
 constexpr size_t kLongestName = 32;
 constexpr double kLowestNode = 4;               // below are the identifiers of the IMU
 constexpr double kHighestFeedforward = 32.767;  // [turns/s], of SetInputPosition
+constexpr double kLeastAhead = 0.2;             // of a camera's axis: the rest is to the side
+constexpr double kLargestOffset = 1000;         // [ms]
 constexpr double kLongestLag = 50;              // [ms]
 constexpr double kSafeIdle = 100;               // [ms] from a death to idle drives, at most
 
@@ -61,6 +63,18 @@ class Section {
     if (range[0] >= range[1])
       refuse(value, fmt::format("{}: the limits are crossed; write the lower one first", key));
     return range;
+  }
+  /// Three numbers; zeros where the key is not there.
+  Eigen::Vector3d vector_or_zero(const std::string& key, double most) {
+    asked_.push_back(key);
+    if (!known(key)) return Eigen::Vector3d::Zero();
+    const YAML::Node value = node_[key];
+    if (!value.IsSequence() || value.size() != 3) {
+      refuse(value, fmt::format("{}: expected three numbers, `{}: [0, 0, 0]`", key, key));
+      return Eigen::Vector3d::Zero();
+    }
+    return {number_at(value[0], key, -most, most), number_at(value[1], key, -most, most),
+            number_at(value[2], key, -most, most)};
   }
   std::string word(const std::string& key) {
     const YAML::Node value = find(key);
@@ -198,6 +212,23 @@ void read_deadlines(Section& from, RigConfiguration& rig) {
   close(from);
 }
 
+RigCalibration read_calibration(Section& from) {
+  const auto turned = [&](const char* key) {
+    const Eigen::Vector3d turn = from.vector_or_zero(key, 180) * kRadians;
+    return Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.stableNormalized()));
+  };
+  RigCalibration calibration;
+  calibration.head_from_camera = turned("camera") * nominal_head_from_camera();
+  from.require(std::hypot((calibration.head_from_camera * Eigen::Vector3d::UnitZ()).x(),
+                          (calibration.head_from_camera * Eigen::Vector3d::UnitZ()).z()) > kLeastAhead,
+               "camera", "it would look along the tilt axis, which turns it to nowhere");
+  calibration.head_from_imu = turned("imu");
+  calibration.offset = std::chrono::nanoseconds(
+      std::llround(1e6 * from.number_or("offset", -kLargestOffset, kLargestOffset, 0)));
+  close(from);
+  return calibration;
+}
+
 void read_axes(Section& from, RigConfiguration& rig) {
   for (const AxisName name : kAxisNames) {
     auto section = from.section(to_string(name));
@@ -234,6 +265,10 @@ Result<RigConfiguration> read_rig_configuration(const std::filesystem::path& pat
   if (auto section = root.section("imu", true)) {
     rig.imu = ImuConfiguration{section->number("rate", 50, 400)};
     close(*section);
+    root.take_error(*section);
+  }
+  if (auto section = root.section("calibration", true)) {
+    rig.calibration = read_calibration(*section);
     root.take_error(*section);
   }
   if (auto section = root.section("axes")) {

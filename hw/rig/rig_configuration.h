@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Geometry>
 #include <array>
 #include <chrono>
 #include <filesystem>
@@ -10,6 +11,7 @@
 
 #include "common/base/result.h"
 #include "hw/can/odrive.h"
+#include "hw/rig/kinematics.h"
 #include "hw/rig/motion_profile.h"
 
 namespace cairn {
@@ -32,6 +34,13 @@ struct ImuConfiguration {
   double rate = 100;  ///< samples [Hz]
 };
 
+/// How camera and IMU sit on the head, as a calibration finds it.
+struct RigCalibration {
+  Eigen::Quaterniond head_from_camera = nominal_head_from_camera();
+  Eigen::Quaterniond head_from_imu = Eigen::Quaterniond::Identity();
+  std::chrono::nanoseconds offset{0};  ///< what a stamp of the camera lacks to the IMU's of the same moment
+};
+
 /// What cairn-rig --config reads. A rig that could be built.
 struct RigConfiguration {
   std::string name;
@@ -42,6 +51,7 @@ struct RigConfiguration {
   std::chrono::milliseconds drive_deadline{50};
   std::optional<ImuConfiguration> imu;  ///< none: the rig has none
   std::array<AxisConfiguration, 2> axes;
+  RigCalibration calibration;
 
   [[nodiscard]] const AxisConfiguration& axis(AxisName name) const {
     return axes.at(static_cast<size_t>(name));

@@ -55,6 +55,15 @@ TEST(RigConfiguration, TheExampleIsRead) {
   }
 }
 
+TEST(RigConfiguration, ACalibrationIsRead) {
+  const auto rig =
+      read_rig(changed("axes:", "calibration: {camera: [0, 0, 10], imu: [90, 0, 0], offset: -2.5}\naxes:"));
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_GT((rig->calibration.head_from_camera * Eigen::Vector3d::UnitZ()).y(), 0.1);  // it looks to the left
+  EXPECT_NEAR((rig->calibration.head_from_imu * Eigen::Vector3d::UnitY()).z(), 1, 1e-12);
+  EXPECT_EQ(rig->calibration.offset, std::chrono::microseconds(-2500));
+}
+
 TEST(RigConfiguration, ARigMayHaveNoImu) {
   const auto rig = read_rig(changed("imu: {rate: 100}\n", ""));
   ASSERT_TRUE(rig) << rig.error().message;
@@ -108,6 +117,10 @@ INSTANTIATE_TEST_SUITE_P(
         Impossible{"commander: 60", "commander: 500", "deadlines: commander 500: expected 20 to 80"},
         Impossible{"period: 10", "period: 0", "period 0: expected 2 to 20"},
         Impossible{"rate: 100}", "rate: 1000}", "imu: rate 1000: expected 50 to 400"},
+        Impossible{"axes:", "calibration: {camera: [0, 0, 90]}\naxes:",
+                   "calibration: camera: it would look along the tilt axis"},
+        Impossible{"axes:", "calibration: {imu: 5}\naxes:", "imu: expected three numbers"},
+        Impossible{"axes:", "calibration: {offset: 9999}\naxes:", "offset 9999: expected -1000 to 1000"},
         Impossible{"name: shoulder\n", "", "name is missing; add `name: ...`"}));
 
 TEST(RigConfiguration, WhatIsNoMappingIsRefused) {
