@@ -7,7 +7,10 @@
 namespace cairn {
 namespace {
 
-constexpr int kMostPeriods = 5;  // made up for at once; setpoints of longer ago are left out
+constexpr double kInStep = 0.01;  // of a sample: the rates of two clocks that are meant to be the same
+constexpr double kBehindSample = 0.0003;  // [s]: later than most samples, which do not come evenly
+constexpr double kStepShare = 0.02;       // of a period, each sample
+constexpr int kMostPeriods = 5;           // made up for at once; setpoints of longer ago are left out
 
 bool is_urgent(const odrive::Message& message) {
   const auto* state = std::get_if<odrive::SetAxisState>(&message);
@@ -154,11 +157,23 @@ void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   if (!sample) return;
   const Eigen::Quaterniond& head_from_imu = configuration_.calibration.head_from_imu;
   attitude_.update(head_from_imu * sample->rate, head_from_imu * sample->acceleration, sample->step);
+  fall_in_step(now);
   const auto pan = axes_[0].position_at(now);
   const auto tilt = axes_[1].position_at(now);
   if (!attitude_.is_known() || !pan || !tilt) return;
   pointer_.sense(now, attitude_.world_from_imu(), {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)},
                  sample->step);
+}
+
+/// Little by little, so that setpoints stay a period apart.
+void Rig::fall_in_step(MonotonicTime sampled) {
+  const double period = std::chrono::duration<double>(configuration_.period).count();
+  const double samples = period * configuration_.imu->rate;
+  if (samples < 0.5 || std::abs(samples - std::round(samples)) > kInStep) return;
+  const double due = std::chrono::duration<double>(next_ - sampled).count();
+  const double late = std::remainder(due - kBehindSample, 1 / configuration_.imu->rate);
+  const double shift = std::clamp(late, -kStepShare * period, kStepShare * period);
+  next_ -= std::chrono::nanoseconds(std::llround(shift * 1e9));
 }
 
 /// A setpoint holds for a period: it is to be right in the middle of it. The profile adds a whole one.

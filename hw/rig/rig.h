@@ -88,7 +88,8 @@ class Rig {
   void receive(const CanFrame& frame, MonotonicTime now);
   /// Does what fell due until `now`.
   void advance(MonotonicTime now);
-  /// When something falls due.
+  /// When something falls due. Where a period is a whole number of the IMU's samples, that falls in step with
+  /// them: setpoints go out right behind the sample that they are made from.
   [[nodiscard]] MonotonicTime next_due() const { return next_; }
   /// To be sent, in order. What the bus withholds need not be kept: idle and stop are said again each period
   /// until the drive obeys.
@@ -129,6 +130,7 @@ class Rig {
   [[nodiscard]] std::optional<Halt> imu_trouble(MonotonicTime now) const;
   void sense(const xsens::Message& message, MonotonicTime now);
   void aim(MonotonicTime now);
+  void fall_in_step(MonotonicTime sampled);
   void watch(MonotonicTime now);
   void halt_for(Halt reason);
   void collect();

@@ -52,8 +52,10 @@ class RigBench {
     send();
     return done;
   }
-  void millisecond() {
-    now_ += std::chrono::milliseconds(1);
+  void millisecond() { step(std::chrono::milliseconds(1)); }
+  /// A millisecond is a whole number of steps.
+  void step(std::chrono::microseconds time) {
+    now_ += time;
     move_imu();
     bus_.advance(now_);
     while (const auto got = bus_.receive()) rig_.receive(got->frame, now_);

@@ -3,6 +3,10 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <chrono>
+#include <vector>
+
 #include "hw/rig/rig_bench.h"
 
 namespace cairn {
@@ -125,6 +129,30 @@ TEST(Rig, WhatCannotBeAimedAtIsRefused) {
   const Status refused = blind.command(rig_command::Aim{pointing::Lock{}});
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message, HasSubstr("has no IMU"));
+}
+
+TEST(Rig, SetpointsGoOutRightBehindTheSampleThatTheyAreMadeFrom) {
+  for (uint32_t seed = 0; seed < 5; ++seed) {
+    RigBench bench(seed);
+    ASSERT_NO_FATAL_FAILURE(bench.start());
+    ASSERT_TRUE(bench.command(rig_command::Aim{pointing::Lock{}}));
+    bench.pass(1s);
+    std::vector<double> waits;  // [ms]
+    Eigen::Vector3d rate = bench.rig().attitude().rate();
+    MonotonicTime sampled = bench.now();
+    MonotonicTime due = bench.rig().next_due();
+    for (int i = 0; i < 20'000; ++i) {
+      bench.step(50us);
+      if (bench.rig().attitude().rate() != rate) sampled = bench.now();
+      rate = bench.rig().attitude().rate();
+      if (bench.rig().next_due() > due + 5ms)
+        waits.push_back(std::chrono::duration<double, std::milli>(bench.now() - sampled).count());
+      due = bench.rig().next_due();
+    }
+    ASSERT_NEAR(static_cast<double>(waits.size()), 100, 2);
+    std::nth_element(waits.begin(), waits.begin() + 50, waits.end());
+    EXPECT_LT(waits[50], 0.5);
+  }
 }
 
 TEST(ImuWatch, ItsRateIsToldByItsOwnClockWhateverIsLost) {

@@ -12,7 +12,7 @@ constexpr double kWindow = 0.1;             // [s]
 constexpr double kTold = 0.5 * kDegree;     // setpoints that go less far in the window tell nothing: backlash
 constexpr double kStill = 0.3;              // of the way of the setpoints: an axis that goes less far stands
 constexpr double kStillFor = 0.04;          // [s]: what a start takes until the axis follows
-constexpr double kFarBehind = 4 * kDegree;  // beyond lost setpoints: an axis so far off is held
+constexpr double kFarBehind = 4 * kDegree;  // an axis so far off that comes no nearer is held
 constexpr double kBehindFor = 0.1;          // [s]
 
 }  // namespace
@@ -25,7 +25,10 @@ bool StallWatch::is_stuck(double setpoint, double measured) {
   const bool still = std::abs(way) >= kTold && gone * way < kStill * way * way;
   const bool apart = (setpoint - measured) * way > 0;  // one that catches up stands for a while, too
   still_for_ = still && apart ? still_for_ + period_ : 0;
-  behind_for_ = std::abs(setpoint - measured) > kFarBehind ? behind_for_ + period_ : 0;
+  // After lost setpoints one at its highest rate catches up slowly.
+  const double behind = setpoint - measured;
+  const bool comes = std::copysign(gone, behind * gone) >= kTold;
+  behind_for_ = std::abs(behind) > kFarBehind && !comes ? behind_for_ + period_ : 0;
   return still_for_ >= kStillFor || behind_for_ >= kBehindFor;
 }
 
