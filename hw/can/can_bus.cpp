@@ -4,9 +4,13 @@
 #include <poll.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
+#include <ctime>
 
 namespace cairn {
+
+using namespace std::chrono_literals;
 
 std::string describe(const BusHealth& health, std::string_view interface_name) {
   const std::string name(interface_name);
@@ -43,9 +47,11 @@ std::optional<ReceivedFrame> receive_until(CanBus& bus, MonotonicTime deadline) 
     const auto now = std::chrono::steady_clock::now();
     if (now >= deadline) return std::nullopt;
     const auto wait = std::min(deadline, bus.retry_at().value_or(deadline)) - now;
-    const auto rounded_up = std::chrono::ceil<std::chrono::milliseconds>(wait);
+    const auto longest = std::clamp<std::chrono::nanoseconds>(wait, 0ns, 60s);
+    const auto seconds = std::chrono::floor<std::chrono::seconds>(longest);
+    const timespec time{seconds.count(), (longest - seconds).count()};
     pollfd ready{bus.descriptor(), POLLIN, 0};
-    poll(&ready, 1, static_cast<int>(std::clamp<int64_t>(rounded_up.count(), 0, 60'000)));
+    ppoll(&ready, 1, &time, nullptr);  // not poll(): a setpoint is due between two milliseconds
   }
 }
 
