@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "hw/rig/stall_watch.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -11,7 +12,8 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kWindow = 0.1;             // [s]
 constexpr double kTold = 0.5 * kDegree;     // setpoints that go less far in the window tell nothing: backlash
 constexpr double kStill = 0.3;              // of the way of the setpoints: an axis that goes less far stands
-constexpr double kStillFor = 0.04;          // [s]: what a start takes until the axis follows
+constexpr double kStillFor = 0.04;          // [s]: what a start takes until the axis follows,
+constexpr double kStillPeriods = 3;         // and until it has been told and measured
 constexpr double kFarBehind = 4 * kDegree;  // an axis so far off that comes no nearer is held
 constexpr double kBehindFor = 0.1;          // [s]
 
@@ -29,7 +31,7 @@ bool StallWatch::is_stuck(double setpoint, double measured) {
   const double behind = setpoint - measured;
   const bool comes = std::copysign(gone, behind * gone) >= kTold;
   behind_for_ = std::abs(behind) > kFarBehind && !comes ? behind_for_ + period_ : 0;
-  return still_for_ >= kStillFor || behind_for_ >= kBehindFor;
+  return still_for_ >= std::max(kStillFor, kStillPeriods * period_) || behind_for_ >= kBehindFor;
 }
 
 }  // namespace cairn
