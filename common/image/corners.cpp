@@ -240,6 +240,63 @@ class NonMaximumSuppression {
   const std::vector<int>& scores_;
 };
 
+/// Of products of unhalved central differences.
+struct GradientSums {
+  int xx = 0;
+  int xy = 0;
+  int yy = 0;
+};
+
+GradientSums gradient_sums_scalar(const GrayView& image, int x, int y, int half_size) {
+  GradientSums sums;
+  for (int v = y - half_size; v <= y + half_size; ++v) {
+    const uint8_t* above = image.row(v - 1);
+    const uint8_t* here = image.row(v);
+    const uint8_t* below = image.row(v + 1);
+    for (int u = x - half_size; u <= x + half_size; ++u) {
+      const int gx = here[u + 1] - here[u - 1];
+      const int gy = below[u] - above[u];
+      sums.xx += gx * gx;
+      sums.xy += gx * gy;
+      sums.yy += gy * gy;
+    }
+  }
+  return sums;
+}
+
+constexpr int kSevenWide = 3;  ///< half size of the box that candidates are judged by
+
+/// The box is a lane narrower than a register: the lane to its left is read, for which there is always a
+/// pixel, and not counted.
+GradientSums gradient_sums_sse2(const GrayView& image, int x, int y) {
+  const __m128i zero = _mm_setzero_si128();
+  const __m128i counted = _mm_setr_epi16(0, -1, -1, -1, -1, -1, -1, -1);
+  const auto eight = [&](int u, int v) {
+    return _mm_unpacklo_epi8(_mm_loadl_epi64(vector_at(image.row(v) + u)), zero);
+  };
+  const int first = x - kSevenWide - 1;
+  __m128i xx = zero;
+  __m128i xy = zero;
+  __m128i yy = zero;
+  __m128i above = eight(first, y - kSevenWide - 1);
+  __m128i here = eight(first, y - kSevenWide);
+  for (int v = y - kSevenWide; v <= y + kSevenWide; ++v) {
+    const __m128i below = eight(first, v + 1);
+    const __m128i gx = _mm_and_si128(_mm_sub_epi16(eight(first + 1, v), eight(first - 1, v)), counted);
+    const __m128i gy = _mm_and_si128(_mm_sub_epi16(below, above), counted);
+    xx = _mm_add_epi32(xx, _mm_madd_epi16(gx, gx));
+    xy = _mm_add_epi32(xy, _mm_madd_epi16(gx, gy));
+    yy = _mm_add_epi32(yy, _mm_madd_epi16(gy, gy));
+    above = here;
+    here = below;
+  }
+  const auto sum = [](__m128i lanes) {
+    const __m128i pairs = _mm_add_epi32(lanes, _mm_unpackhi_epi64(lanes, lanes));
+    return _mm_cvtsi128_si32(_mm_add_epi32(pairs, _mm_srli_si128(pairs, 4)));
+  };
+  return {.xx = sum(xx), .xy = sum(xy), .yy = sum(yy)};
+}
+
 }  // namespace
 
 void kernels::detect_fast10(const GrayView& image, int threshold, CornerList* out, Simd simd) {
@@ -278,26 +335,13 @@ int fast10_score(const GrayView& image, int x, int y) {
 }
 
 float shi_tomasi(const GrayView& image, int x, int y, int half_size) {
-  int xx = 0;
-  int xy = 0;
-  int yy = 0;
-  for (int v = y - half_size; v <= y + half_size; ++v) {
-    const uint8_t* above = image.row(v - 1);
-    const uint8_t* here = image.row(v);
-    const uint8_t* below = image.row(v + 1);
-    for (int u = x - half_size; u <= x + half_size; ++u) {
-      const int gx = here[u + 1] - here[u - 1];
-      const int gy = below[u] - above[u];
-      xx += gx * gx;
-      xy += gx * gy;
-      yy += gy * gy;
-    }
-  }
+  const GradientSums sums = half_size == kSevenWide ? gradient_sums_sse2(image, x, y)
+                                                    : gradient_sums_scalar(image, x, y, half_size);
   const int side = 2 * half_size + 1;
   const double norm = 1.0 / (2.0 * side * side);
-  const double trace = norm * (static_cast<double>(xx) + yy);
-  const double difference = norm * (static_cast<double>(xx) - yy);
-  return static_cast<float>(0.5 * (trace - std::hypot(difference, 2.0 * norm * xy)));
+  const double trace = norm * (static_cast<double>(sums.xx) + sums.yy);
+  const double difference = norm * (static_cast<double>(sums.xx) - sums.yy);
+  return static_cast<float>(0.5 * (trace - std::hypot(difference, 2.0 * norm * sums.xy)));
 }
 
 std::vector<Candidate> find_candidates(const GrayView& image, const CornerList& corners, int barrier,
