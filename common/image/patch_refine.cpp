@@ -204,15 +204,17 @@ CAIRN_INLINE ResidualSums residual_sums(const PatchTemplate& patch, const Window
   return residual_sums_scalar(patch, window);
 }
 
-/// The window whose template pixel (4, 4) lies at (x, y); nothing unless its 11x11 pixels are in the image.
-CAIRN_INLINE std::optional<Window> window_at(const GrayView& image, const Eigen::Vector2f& position) {
+/// The window whose template pixel (4, 4) lies at (x, y); false unless its 11x11 pixels are in the image.
+CAIRN_INLINE bool place_window(const GrayView& image, const Eigen::Vector2f& position, Window* out) {
   // Compared as floats first: a diverged position may not fit an int, and NaN is inside of nothing.
-  if (!image.contains(position.x(), position.y(), kHalf + 1)) return std::nullopt;
+  if (!image.contains(position.x(), position.y(), kHalf + 1)) return false;
   const int x = static_cast<int>(position.x());
   const int y = static_cast<int>(position.y());
-  const uint8_t* pixels = image.row(y - kHalf - 1) + x - kHalf - 1;
-  return Window{pixels, image.stride, cubic_weights(position.x() - static_cast<float>(x)),
-                cubic_weights(position.y() - static_cast<float>(y))};
+  out->pixels = image.row(y - kHalf - 1) + x - kHalf - 1;
+  out->stride = image.stride;
+  out->across = cubic_weights(position.x() - static_cast<float>(x));
+  out->down = cubic_weights(position.y() - static_cast<float>(y));
+  return true;
 }
 
 }  // namespace
@@ -223,17 +225,18 @@ std::optional<Eigen::Vector2f> kernels::refine_patch(const PatchTemplate& patch,
   constexpr float kConverged = 0.03F;  // px
   if (patch.flat) return std::nullopt;
   Eigen::Vector2f position = start;
-  std::optional<Window> window = window_at(level_image, position);
-  for (int iteration = 0; window && iteration < max_iterations; ++iteration) {
-    const ResidualSums sums = residual_sums(patch, *window, simd);
+  Window window;
+  bool is_inside = place_window(level_image, position, &window);
+  for (int iteration = 0; is_inside && iteration < max_iterations; ++iteration) {
+    const ResidualSums sums = residual_sums(patch, window, simd);
     const Eigen::Vector3f gradient(0.5F * sums.xr, 0.5F * sums.yr, sums.r);
     const Eigen::Vector2f step = patch.inverse_hessian.topRows<2>() * gradient;
     position -= step;
     if (!((position - start).squaredNorm() <= max_shift * max_shift)) return std::nullopt;
-    window = window_at(level_image, position);
+    is_inside = place_window(level_image, position, &window);
     if (step.squaredNorm() >= kConverged * kConverged) continue;
-    if (!window) return std::nullopt;
-    if (residual_sums(patch, *window, simd).zmssd() > static_cast<float>(max_zmssd)) return std::nullopt;
+    if (!is_inside) return std::nullopt;
+    if (residual_sums(patch, window, simd).zmssd() > static_cast<float>(max_zmssd)) return std::nullopt;
     return position;
   }
   return std::nullopt;
