@@ -2,6 +2,7 @@
 #include "client/app/label_view.h"
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
@@ -18,20 +19,18 @@ constexpr double kNeighbourhood = 1.0 / 5;  ///< points that tell the surface po
 constexpr double kBefore = 1.15;
 constexpr int kLeastBefore = 2;
 constexpr size_t kLeastNeighbours = 3;
-constexpr size_t kMostNeighbours = 12;
+constexpr size_t kNeighbours = 12;    ///< and more where these are all to one side
 constexpr double kOneSurface = 1.3;   ///< neighbours differ less in distance than by this factor
 constexpr double kLeastFacing = 0.1;  ///< cosine of ray and normal below which a plane is seen edge-on
 
-/// The nearest seen points in the picture within `radius`, nearest first.
-std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vector2d& pixel, double radius,
-                               size_t most) {
+/// The seen points in the picture within `radius`, nearest first.
+std::vector<SeenPoint> nearest(std::span<const SeenPoint> seen, const Eigen::Vector2d& pixel, double radius) {
   std::vector<SeenPoint> near;
   std::copy_if(seen.begin(), seen.end(), std::back_inserter(near),
                [&](const SeenPoint& p) { return (p.pixel - pixel).norm() <= radius; });
   std::sort(near.begin(), near.end(), [&](const SeenPoint& a, const SeenPoint& b) {
     return (a.pixel - pixel).squaredNorm() < (b.pixel - pixel).squaredNorm();
   });
-  if (near.size() > most) near.resize(most);
   return near;
 }
 
@@ -54,23 +53,43 @@ std::vector<SeenPoint> without_strays(std::vector<SeenPoint> near) {
 
 /// Those at about the distance of the one pointed closest to: what lies behind it or before it is of another
 /// surface.
-std::vector<Eigen::Vector3d> on_one_surface(const std::vector<SeenPoint>& near) {
-  std::vector<Eigen::Vector3d> surface;
-  for (const SeenPoint& p : near) {
-    if (may_be_of_one_surface(near.front(), p)) surface.push_back(p.position);
+std::vector<SeenPoint> on_one_surface(std::vector<SeenPoint> near) {
+  const SeenPoint closest = near.front();
+  std::erase_if(near, [&closest](const SeenPoint& p) { return !may_be_of_one_surface(closest, p); });
+  return near;
+}
+
+/// Whether a plane through the points is known at the pixel as well as one point is: the leverage of linear
+/// regression. Points all to one side, one behind the other, leave it free to tilt about them.
+bool reach(const std::vector<SeenPoint>& points, const Eigen::Vector2d& pixel) {
+  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
+  for (const SeenPoint& p : points) {
+    const Eigen::Vector3d row(1, p.pixel.x() - pixel.x(), p.pixel.y() - pixel.y());
+    normal += row * row.transpose();
   }
-  return surface;
+  const Eigen::FullPivLU<Eigen::Matrix3d> solver(normal);
+  return solver.isInvertible() && solver.inverse()(0, 0) <= 1;
+}
+
+/// Of the points around, nearest first, so many of one surface as tell where it is at the pixel; all there
+/// are, if these do not.
+std::vector<SeenPoint> surface_around(std::span<const SeenPoint> near, const Eigen::Vector2d& pixel) {
+  for (size_t count = kNeighbours;; count += kNeighbours) {
+    const auto some = near.first(std::min(count, near.size()));
+    std::vector<SeenPoint> surface = without_strays({some.begin(), some.end()});
+    if (!surface.empty()) surface = on_one_surface(std::move(surface));
+    if (count >= near.size() || reach(surface, pixel)) return surface;
+  }
 }
 
 /// Where a ray meets the plane that fits the points best (total least squares); nothing for points on a line,
 /// a plane seen edge-on, or a place far from the points.
-std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray,
-                                          const std::vector<Eigen::Vector3d>& points) {
+std::optional<Eigen::Vector3d> meet_plane(const Eigen::Vector3d& ray, const std::vector<SeenPoint>& points) {
   if (points.size() < kLeastNeighbours) return std::nullopt;
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& p : points) mean += p / static_cast<double>(points.size());
+  for (const auto& p : points) mean += p.position / static_cast<double>(points.size());
   Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const auto& p : points) scatter += (p - mean) * (p - mean).transpose();
+  for (const auto& p : points) scatter += (p.position - mean) * (p.position - mean).transpose();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(scatter);
   constexpr double kFlat = 1e-3;  // of the variance along the points, across them
   if (!(axes.eigenvalues()(1) > kFlat * axes.eigenvalues()(2))) return std::nullopt;
@@ -127,16 +146,17 @@ std::vector<LabelInView> labels_in_view(const OverlayFrame& frame, const Camera&
 std::optional<Eigen::Vector3d> pick_place(const Eigen::Vector2d& pixel, const Camera& camera,
                                           std::span<const SeenPoint> seen) {
   const double width = camera.width();
-  const auto near = without_strays(nearest(seen, pixel, kNeighbourhood * width, kMostNeighbours));
-  if (near.empty()) return std::nullopt;
-  if ((near.front().pixel - pixel).norm() <= kPointed * width) return near.front().position;
-  const auto surface = on_one_surface(near);
+  const auto surface = surface_around(nearest(seen, pixel, kNeighbourhood * width), pixel);
+  if (surface.empty()) return std::nullopt;
+  if ((surface.front().pixel - pixel).norm() <= kPointed * width) return surface.front().position;
   const Eigen::Vector3d ray = camera.unproject(pixel);
-  if (auto met = meet_plane(ray, surface)) return met;
+  if (reach(surface, pixel)) {
+    if (auto met = meet_plane(ray, surface)) return met;
+  }
   if (surface.size() < kLeastNeighbours) return std::nullopt;
   // No plane to be made out: as far as its neighbours.
   double distance = 0;
-  for (const auto& p : surface) distance += p.norm() / static_cast<double>(surface.size());
+  for (const auto& p : surface) distance += p.position.norm() / static_cast<double>(surface.size());
   return Eigen::Vector3d(distance * ray);
 }
 

@@ -169,6 +169,28 @@ TEST_F(LabelViewTest, BetweenPointsTheSurfaceIsMeant) {
   }
 }
 
+/// A dozen points in a line, good to half a percent, leave a plane free to tilt about them; a few more,
+/// farther away, do not.
+TEST_F(LabelViewTest, PointsInALineToOneSideTellNoPlane) {
+  std::uniform_real_distribution<double> noise(-0.005, 0.005);
+  for (int i = 0; i < 50; ++i) {
+    SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", " << i);
+    const Plane desk = random_plane(&random_);
+    std::vector<SeenPoint> seen;
+    const auto add = [&](double x, double y) {
+      const auto hit = desk.hit(camera_->unproject({x, y}));
+      if (hit) seen.push_back({{x, y}, (1 + noise(random_)) * *hit});
+    };
+    for (int k = 0; k < 12; ++k) add(260 + 0.5 * (k % 3), 240 - 5 * k);
+    for (int k = 0; k < 12; ++k) add(360 + 3 * (k % 3), 150 + 4 * k);
+    const auto truth = desk.hit(camera_->unproject({320, 240}));
+    if (seen.size() < 24 || !truth || truth->norm() > 8) continue;
+    const auto place = pick_place({320, 240}, *camera_, seen);
+    ASSERT_TRUE(place.has_value());
+    EXPECT_LT((*place - *truth).norm(), 0.03 * truth->norm());
+  }
+}
+
 TEST_F(LabelViewTest, ASurfaceFarBehindTheOneThatIsMeantDoesNotCount) {
   const Plane desk{-Eigen::Vector3d::UnitZ(), -1};
   const Plane wall{-Eigen::Vector3d::UnitZ(), -3};
