@@ -228,6 +228,12 @@ TEST(Validation, RigCommand) {
   command.refuses("infinite rate", [](auto& m) { m.rates[1] = -kInfinity; });
 }
 
+TEST(RigMode, EveryOneHasAWord) {
+  for (uint8_t mode = 0; mode <= static_cast<uint8_t>(kLastRigMode); ++mode)
+    EXPECT_EQ(parse_rig_mode(name_of(static_cast<RigMode>(mode))), static_cast<RigMode>(mode));
+  EXPECT_EQ(parse_rig_mode("unknown"), std::nullopt);
+}
+
 TEST(Validation, RigState) {
   const Spoiler<RigState> state;
   state.refuses("no rig", [](auto& m) { m.rig.clear(); });

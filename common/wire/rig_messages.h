@@ -5,7 +5,9 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 
 #include "common/base/time.h"
 #include "common/wire/messages.h"
@@ -31,6 +33,9 @@ enum class RigMode : uint8_t {
   kClearStop = 11  ///< of a command only
 };
 inline constexpr RigMode kLastRigMode = RigMode::kClearStop;
+/// As people say it: "clear-stop".
+[[nodiscard]] std::string_view name_of(RigMode mode);
+[[nodiscard]] std::optional<RigMode> parse_rig_mode(std::string_view name);
 
 /// Topic RigCommand: a commander's order. It is said again and again, at 20 Hz or more, as long as it holds:
 /// a rig without a commander lets its drives go. An order is carried out when its number is new; said again,

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <optional>
 
-#include "hw/can/descriptor.h"
+#include "hw/can/file_descriptor.h"
 #include "hw/can/kernel_frame.h"
 #include "hw/can/link_monitor.h"
 #include "hw/can/stamp_clock.h"
@@ -124,7 +124,7 @@ class OtherEnd final : public Attachment {
 class SocketBus final : public CanBus {
  public:
   /// `filters`: those that the kernel does not apply.
-  SocketBus(Descriptor socket, std::unique_ptr<Attachment> attachment, std::vector<CanFilter> filters)
+  SocketBus(FileDescriptor socket, std::unique_ptr<Attachment> attachment, std::vector<CanFilter> filters)
       : socket_(std::move(socket)), attachment_(std::move(attachment)), filters_(std::move(filters)) {}
 
   SendOutcome send(const CanFrame& frame, Urgency urgency) override {
@@ -181,7 +181,7 @@ class SocketBus final : public CanBus {
   }
 
  private:
-  Descriptor socket_;
+  FileDescriptor socket_;
   std::unique_ptr<Attachment> attachment_;
   std::vector<CanFilter> filters_;
   LinkMonitor monitor_;
@@ -234,7 +234,7 @@ Result<std::unique_ptr<CanBus>> open_can_bus(const std::string& interface_name,
     return fail(ErrorCode::kUsage, interface_name + ": " + std::to_string(filters.size()) +
                                        " filters; the kernel takes " + std::to_string(CAN_RAW_FILTER_MAX));
   }
-  Descriptor socket(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
+  FileDescriptor socket(::socket(PF_CAN, SOCK_RAW | SOCK_CLOEXEC, CAN_RAW));
   if (socket.get() < 0 || !set_can_options(socket.get())) {
     return tl::unexpected(refusal(interface_name, errno));
   }
@@ -250,8 +250,8 @@ Result<std::pair<std::unique_ptr<CanBus>, std::unique_ptr<CanBus>>> make_bus_pai
     const std::vector<CanFilter>& first_filters, const std::vector<CanFilter>& second_filters) {
   std::array<int, 2> ends{-1, -1};
   const bool made = socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()) == 0;
-  Descriptor first(ends[0]);
-  Descriptor second(ends[1]);
+  FileDescriptor first(ends[0]);
+  FileDescriptor second(ends[1]);
   if (!made || !stamps_frames(first.get()) || !stamps_frames(second.get())) {
     return fail(ErrorCode::kIo, std::string("no pair of sockets: ") + std::strerror(errno));
   }

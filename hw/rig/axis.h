@@ -76,6 +76,8 @@ class Axis {
   [[nodiscard]] std::optional<AxisFault> fault() const;
   /// Whether its drive has been told to move and not told otherwise.
   [[nodiscard]] bool may_move() const;
+  /// As of the drive's newest heartbeat.
+  [[nodiscard]] bool drive_is_idle() const { return drive_ == odrive::AxisState::kIdle; }
   /// Where the motor's encoder has it; nothing while that is not known. The axis is within the gear's
   /// backlash of it.
   [[nodiscard]] std::optional<double> position() const;

@@ -22,6 +22,11 @@ bool is_finite(const Demand& demand) {
   return std::isfinite(demand.position.value_or(0)) && std::isfinite(demand.rate);
 }
 
+/// "pan (node 16) does not answer; check ..."
+std::string tell(AxisName name, odrive::Node node, AxisFault fault) {
+  return std::string(to_string(name)) + " (node " + std::to_string(node.value) + ") " + describe(fault);
+}
+
 tl::unexpected<Error> refuse(std::string why) {
   return fail(ErrorCode::kRefused, std::move(why));
 }
@@ -75,7 +80,7 @@ Status Rig::ready() const {
   if (stopped_) return refuse("the rig is stopped; clear the emergency stop first");
   for (const AxisName name : kAxisNames) {
     if (const auto fault = axis(name).fault())
-      return refuse(std::string(to_string(name)) + " " + cairn::describe(*fault));
+      return refuse(tell(name, configuration_.axis(name).node, *fault));
   }
   return {};
 }
@@ -252,8 +257,7 @@ std::string Rig::describe() const {
   const auto add = [&text](const std::string& part) { text += (text.empty() ? "" : ". ") + part; };
   if (stopped_) add("emergency stop; clear it by the name " + configuration_.name);
   for (const AxisName name : kAxisNames) {
-    if (const auto fault = axis(name).fault())
-      add(std::string(to_string(name)) + " " + cairn::describe(*fault));
+    if (const auto fault = axis(name).fault()) add(tell(name, configuration_.axis(name).node, *fault));
   }
   if (halt_ && *halt_ != Halt::kAxisFault) add(cairn::describe(*halt_));
   return text;

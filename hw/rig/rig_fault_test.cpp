@@ -83,7 +83,7 @@ TEST_P(RigFault, WhenADriveDiesTheOtherIsIdledAndItselfByItsWatchdog) {
   bench_.pass(20ms);
   EXPECT_EQ(bench_.fault(AxisName::kPan), AxisFault::kSilent);
   EXPECT_EQ(bench_.rig().halt(), Halt::kAxisFault);
-  EXPECT_THAT(bench_.rig().describe(), HasSubstr("pan does not answer"));
+  EXPECT_THAT(bench_.rig().describe(), HasSubstr("pan (node 16) does not answer"));
   bench_.bus().drive(0).mute(false);
   expect_recovery();
 }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/admin/admin_client.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -16,6 +14,7 @@
 #include "common/io/json_text.h"
 #include "common/wire/network_path.h"
 #include "common/wire/partition.h"
+#include "server/admin/own_name.h"
 
 namespace cairn {
 namespace {
@@ -28,17 +27,6 @@ using std::chrono::steady_clock;
 constexpr seconds kServerPatience{5};
 constexpr milliseconds kResend{1000};
 constexpr seconds kAnswerPatience{120};  ///< a large map takes the server a while
-
-/// A name that no other process has: its replies are its own.
-std::string own_name() {
-  const char* user = std::getenv("USER");
-  std::string name;
-  for (const char c : std::string(user != nullptr ? user : "operator").substr(0, 20)) {
-    const bool plain = (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9');
-    name += plain ? c : '-';
-  }
-  return name + "-" + std::to_string(getpid());
-}
 
 ErrorCode code_of(uint8_t result) {
   for (const ErrorCode code :

@@ -27,6 +27,7 @@
 #include "server/admin/export_folder.h"
 #include "server/admin/interruption.h"
 #include "server/admin/listing.h"
+#include "server/admin/rig_commands.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -49,7 +50,8 @@ constexpr const char* kFooter =
     "  cairnctl maps purge bench                       removes a deleted map for good\n"
     "  cairnctl labels                                 lists the labels of all maps\n"
     "  cairnctl labels desk rename 3 'small vice'\n"
-    "  cairnctl labels desk remove 3";
+    "  cairnctl labels desk remove 3\n"
+    "  cairnctl rig shoulder stop                      emergency stop of a rig";
 
 constexpr const char* kExportFooter =
     "COLMAP, and what reads its models (3-D Gaussian splatting, nerfstudio and other radiance fields) with\n"
@@ -474,6 +476,8 @@ int run(int argc, char** argv) {
   Action action;
   describe(&app, &options, &action);
   describe_labels(&app, &options, &action);
+  RigAction rig_action;
+  describe_rig(&app, &rig_action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -486,8 +490,15 @@ int run(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
   const Logger log = make_logger("cairnctl");
   const wire::LogRedirect middleware_log(log);
-  auto client = AdminClient::connect(options.connection);
-  Status done = client ? action(&*client, options) : tl::unexpected(client.error());
+  Result<AdminClient> client = fail(ErrorCode::kInternal, "not connected");
+  Status done;
+  if (rig_action) {
+    const AdminClientOptions& network = options.connection;
+    done = rig_action({"", "", network.domain, network.profile, network.listen}, options.as_json);
+  } else {
+    client = AdminClient::connect(options.connection);
+    done = client ? action(&*client, options) : tl::unexpected(client.error());
+  }
   if (std::fflush(stdout) != 0 && done)
     done = fail(ErrorCode::kIo, std::string("standard output: cannot be written: ") + std::strerror(errno));
   if (!done) say_error("cairnctl", done.error().message);

@@ -8,14 +8,14 @@
 namespace cairn {
 
 /// Owns a file descriptor, or none (-1).
-class Descriptor {
+class FileDescriptor {
  public:
-  explicit Descriptor(int value = -1) : value_(value) {}
-  ~Descriptor() {
+  explicit FileDescriptor(int value = -1) : value_(value) {}
+  ~FileDescriptor() {
     if (value_ >= 0) close(value_);
   }
-  Descriptor(Descriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
-  Descriptor& operator=(Descriptor&& other) noexcept {
+  FileDescriptor(FileDescriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
+  FileDescriptor& operator=(FileDescriptor&& other) noexcept {
     std::swap(value_, other.value_);
     return *this;
   }

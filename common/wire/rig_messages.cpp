@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/rig_messages.h"
+
+#include <algorithm>
+
+namespace cairn::wire {
+namespace {
+
+constexpr std::array<std::string_view, static_cast<size_t>(kLastRigMode) + 1> kNames = {
+    "idle",    "home",   "neutral", "follow", "lock", "fixate",
+    "saccade", "search", "jog",     "clear",  "stop", "clear-stop"};
+
+}  // namespace
+
+std::string_view name_of(RigMode mode) {
+  const auto index = static_cast<size_t>(mode);
+  return index < kNames.size() ? kNames.at(index) : "unknown";
+}
+
+std::optional<RigMode> parse_rig_mode(std::string_view name) {
+  const auto* found = std::find(kNames.begin(), kNames.end(), name);
+  if (found == kNames.end()) return std::nullopt;
+  return static_cast<RigMode>(found - kNames.begin());
+}
+
+}  // namespace cairn::wire

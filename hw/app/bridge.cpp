@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/app/bridge.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/base/utf8.h"
+
+namespace cairn {
+namespace {
+
+using wire::RigMode;
+
+constexpr size_t kSessions = 32;                         // remembered
+constexpr std::chrono::milliseconds kHeartbeatAge{120};  // then one is there that was sent after the order
+
+/// Two processes of one name are two commanders.
+std::string identity(const wire::RigCommand& command) {
+  return fmt::format("{} (session {:x})", command.commander, command.order.session.value);
+}
+
+wire::RigAxisCondition condition_of(const Axis& axis) {
+  using wire::RigAxisCondition;
+  static_assert(std::variant_size_v<AxisState> == static_cast<size_t>(RigAxisCondition::kStopped) + 1);
+  return static_cast<RigAxisCondition>(axis.state().index());  // both lists are in the same order
+}
+
+wire::RigAxisState state_of(const Axis& axis) {
+  const auto fault = axis.fault();
+  const auto position = axis.position();
+  return {condition_of(axis), static_cast<uint8_t>(fault ? static_cast<int>(*fault) + 1 : 0),
+          position.has_value(), position.value_or(0), axis.rate()};
+}
+
+std::string cut(const std::string& text) {
+  return std::string(cut_text(one_line(text), wire::kMaxRigText));
+}
+
+}  // namespace
+
+RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
+    : configuration_(configuration), rig_(configuration, now) {}
+
+void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now) {
+  if (command.rig != configuration_.name) return;
+  const std::string who = identity(command);
+  // Who was refused, and is not the commander, does not become it by saying it again.
+  if (who == rig_.commander() && !closed_) (void)rig_.take({who, rig_command::Stay{}}, now);
+  const bool still_to_stop = command.mode == RigMode::kStop && !rig_.is_stopped();
+  if (!is_new(command.order) && !still_to_stop) return;
+  const Status done = carry_out(command, who, now);
+  judged_ = command.order;
+  refusal_ = done ? "" : done.error().message;
+  if (!done || command.mode == RigMode::kStop) return;
+  commander_ = command.commander;
+  mode_ = command.mode;
+}
+
+/// And is not from now on.
+bool RigBridge::is_new(const wire::CommandId& order) {
+  const auto known = std::find_if(newest_.begin(), newest_.end(), [&](const wire::CommandId& other) {
+    return other.session == order.session;
+  });
+  if (known != newest_.end()) {
+    const bool is_newer = order.seq > known->seq;
+    if (is_newer) known->seq = order.seq;
+    return is_newer;
+  }
+  newest_.push_back(order);
+  if (newest_.size() > kSessions) newest_.pop_front();
+  return true;
+}
+
+Status RigBridge::carry_out(const wire::RigCommand& command, const std::string& who, MonotonicTime now) {
+  if (closed_) return fail(ErrorCode::kRefused, "the rig's program is ending; start it again");
+  switch (command.mode) {
+    case RigMode::kIdle:
+      return rig_.take({who, rig_command::Idle{}}, now);
+    case RigMode::kHome:
+      return rig_.take({who, rig_command::Home{}}, now);
+    case RigMode::kClear:
+      return rig_.take({who, rig_command::ClearFaults{}}, now);
+    case RigMode::kStop:
+      return rig_.take({who, rig_command::Stop{}}, now);
+    case RigMode::kClearStop:
+      return rig_.take({who, rig_command::ClearStop{command.rig}}, now);
+    case RigMode::kNeutral:
+    case RigMode::kJog:
+    case RigMode::kSaccade:
+      return aim(command, who, now);
+    case RigMode::kFollow:
+    case RigMode::kLock:
+    case RigMode::kFixate:
+    case RigMode::kSearch:
+      return fail(ErrorCode::kRefused, "this mode is not available yet; there are neutral, saccade and jog");
+  }
+  return fail(ErrorCode::kRefused, "an unknown mode");
+}
+
+Status RigBridge::aim(const wire::RigCommand& command, const std::string& who, MonotonicTime now) {
+  rig_command::Point point;
+  for (size_t i = 0; i < point.demands.size(); ++i) {
+    Demand& demand = point.demands.at(i);
+    if (command.mode == RigMode::kNeutral) demand.position = configuration_.axes.at(i).neutral;
+    if (command.mode == RigMode::kSaccade) demand.position = command.angles.at(i);
+    if (command.mode == RigMode::kJog) demand.rate = command.rates.at(i);
+  }
+  const bool is_active = std::all_of(kAxisNames.begin(), kAxisNames.end(), [this](AxisName name) {
+    const AxisState& state = rig_.axis(name).state();
+    return std::holds_alternative<axis_state::Active>(state) ||
+           std::holds_alternative<axis_state::Activating>(state);
+  });
+  if (!is_active) {
+    if (Status activated = rig_.take({who, rig_command::Activate{}}, now); !activated) return activated;
+  }
+  return rig_.take({who, std::move(point)}, now);
+}
+
+void RigBridge::stop(MonotonicTime now) {
+  (void)rig_.take({"the rig itself", rig_command::Stop{}}, now);
+}
+
+void RigBridge::close(MonotonicTime now) {
+  closed_ = true;
+  if (may_move()) let_go_ = now;
+  (void)rig_.take({rig_.commander(), rig_command::Idle{}}, now);
+}
+
+bool RigBridge::is_let_go(MonotonicTime now) const {
+  if (!let_go_) return true;
+  return now - *let_go_ > kHeartbeatAge &&
+         std::all_of(kAxisNames.begin(), kAxisNames.end(),
+                     [this](AxisName name) { return rig_.axis(name).drive_is_idle(); });
+}
+
+bool RigBridge::may_move() const {
+  return std::any_of(kAxisNames.begin(), kAxisNames.end(),
+                     [this](AxisName name) { return rig_.axis(name).may_move(); });
+}
+
+void RigBridge::receive(const ReceivedFrame& frame, MonotonicTime now) {
+  if (configuration_.imu) {
+    if (const auto from_imu = xsens::decode(frame.frame)) sense(*from_imu, frame.stamp);
+  }
+  rig_.receive(frame.frame, now);
+}
+
+void RigBridge::sense(const xsens::Message& message, Timestamp received) {
+  if (!imu_) imu_.emplace();
+  if (const auto* time = std::get_if<xsens::SampleTime>(&message)) {
+    imu_clock_.receive(time->ticks, received);
+    imu_->time = imu_clock_.newest();
+    imu_->clock_offset = imu_clock_.offset().value_or(0);
+  } else if (const auto* turn = std::get_if<xsens::RateOfTurn>(&message)) {
+    imu_->rate = Eigen::Vector3d(turn->rate.data()).cast<float>();
+  } else if (const auto* pull = std::get_if<xsens::Acceleration>(&message)) {
+    imu_->acceleration = Eigen::Vector3d(pull->acceleration.data()).cast<float>();
+  }
+}
+
+/// What is done of what was ordered.
+RigMode RigBridge::mode() const {
+  if (rig_.is_stopped()) return RigMode::kStop;
+  return may_move() ? mode_ : RigMode::kIdle;
+}
+
+wire::RigState RigBridge::state(Timestamp host_time) const {
+  wire::RigState state;
+  state.rig = configuration_.name;
+  state.time = host_time;
+  state.mode = mode();
+  state.commander = commander_;
+  state.order = judged_;
+  state.refusal = cut(refusal_);
+  state.stopped = rig_.is_stopped();
+  state.drives_idle = !may_move();
+  for (const AxisName name : kAxisNames) state.axes.at(static_cast<size_t>(name)) = state_of(rig_.axis(name));
+  state.has_imu = imu_.has_value();
+  if (imu_) state.imu = *imu_;
+  state.trouble = cut(rig_.describe());
+  return state;
+}
+
+}  // namespace cairn

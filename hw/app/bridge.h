@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/wire/rig_messages.h"
+#include "hw/app/imu_clock.h"
+#include "hw/rig/rig.h"
+
+namespace cairn {
+
+/// The rig as its commanders know it: orders of the wire and frames of the bus in, states and frames out. A
+/// new order is carried out or refused, once; said again it is a sign of life. Pure: the clock is handed in.
+class RigBridge {
+ public:
+  RigBridge(const RigConfiguration& configuration, MonotonicTime now);
+
+  void obey(const wire::RigCommand& command, MonotonicTime now);
+  /// Emergency stop by somebody at the rig itself.
+  void stop(MonotonicTime now);
+  /// The program ends: the drives are let go, and no order is taken any more.
+  void close(MonotonicTime now);
+  /// Whether after that the drives have said so, if they were told to move.
+  [[nodiscard]] bool is_let_go(MonotonicTime now) const;
+
+  void receive(const ReceivedFrame& frame, MonotonicTime now);
+  void advance(MonotonicTime now) { rig_.advance(now); }
+  [[nodiscard]] MonotonicTime next_due() const { return rig_.next_due(); }
+  [[nodiscard]] std::vector<OutgoingFrame> take_frames() { return rig_.take_frames(); }
+
+  [[nodiscard]] wire::RigState state(Timestamp host_time) const;
+  [[nodiscard]] const Rig& rig() const { return rig_; }
+
+ private:
+  [[nodiscard]] Status carry_out(const wire::RigCommand& command, const std::string& who, MonotonicTime now);
+  [[nodiscard]] Status aim(const wire::RigCommand& command, const std::string& who, MonotonicTime now);
+  void sense(const xsens::Message& message, Timestamp received);
+  [[nodiscard]] wire::RigMode mode() const;
+  [[nodiscard]] bool may_move() const;
+  [[nodiscard]] bool is_new(const wire::CommandId& order);
+
+  RigConfiguration configuration_;
+  Rig rig_;
+  bool closed_ = false;
+  std::optional<MonotonicTime> let_go_;        ///< when, if the drives were told to move until then
+  wire::RigMode mode_ = wire::RigMode::kIdle;  ///< of the order that holds
+  std::string commander_;                      ///< name of who gave it
+  wire::CommandId judged_;                     ///< the newest order
+  std::string refusal_;                        ///< of that
+  std::deque<wire::CommandId> newest_;         ///< of each of the last sessions
+  ImuClock imu_clock_;
+  std::optional<wire::RigImu> imu_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/app/bridge.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+
+#include "hw/app/bridge_bench.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::BridgeBench;
+using ::testing::Contains;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using testing::order_of;
+using wire::RigAxisCondition;
+using wire::RigMode;
+using wire::RigState;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+bool is_idle(const RigState& state) {
+  return state.drives_idle;
+}
+
+/// Homed, then told to look somewhere, and there.
+class Bridge : public ::testing::Test {
+ protected:
+  void begin() {
+    ASSERT_NO_FATAL_FAILURE(bench_.home());
+    auto look = order_of(1, 2, RigMode::kSaccade);
+    look.angles = {20 * kDegree, -5 * kDegree};
+    bench_.order(look);
+    ASSERT_EQ(bench_.state().refusal, "");
+    ASSERT_TRUE(bench_.until(
+        [](const RigState& state) {
+          return std::abs(state.axes[0].position - 20 * kDegree) < 0.005 &&
+                 std::abs(state.axes[1].position + 5 * kDegree) < 0.005;
+        },
+        3s));
+  }
+  BridgeBench bench_;
+};
+
+TEST_F(Bridge, AnOrderMovesTheAxesAndTheStateTellsIt) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  const RigState state = bench_.state();
+  EXPECT_EQ(state.rig, "shoulder");
+  EXPECT_EQ(state.mode, RigMode::kSaccade);
+  EXPECT_EQ(state.commander, "tracker-1");
+  EXPECT_EQ(state.axes[0].condition, RigAxisCondition::kActive);
+  EXPECT_FALSE(state.drives_idle);
+  EXPECT_EQ(state.trouble, "");
+  EXPECT_TRUE(state.has_imu);
+  EXPECT_NEAR(state.imu.acceleration.norm(), 9.81, 0.3);
+}
+
+TEST_F(Bridge, WithoutItsCommanderItLetsTheDrivesGoAndTheOldOrderDoesNotStartThemAgain) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  const auto order = bench_.said_again;
+  bench_.said_again.reset();
+  const auto time = bench_.until(is_idle, 200ms);
+  ASSERT_TRUE(time);
+  EXPECT_LE(*time, 100ms);
+  EXPECT_EQ(bench_.state().mode, RigMode::kIdle);
+  EXPECT_THAT(bench_.state().trouble, HasSubstr("the commander fell silent"));
+  bench_.order(*order);
+  bench_.pass(500ms);
+  EXPECT_TRUE(bench_.state().drives_idle);
+  auto anew = *order;
+  anew.order.seq = 3;
+  bench_.order(anew);
+  bench_.pass(500ms);
+  EXPECT_FALSE(bench_.state().drives_idle);
+  EXPECT_EQ(bench_.state().trouble, "");
+}
+
+TEST_F(Bridge, ASecondCommanderIsRefusedByNameAndDoesNotMoveAnythingLater) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  const auto intruder = order_of(2, 1, RigMode::kNeutral);
+  bench_.bridge().obey(intruder, bench_.now());
+  EXPECT_THAT(bench_.state().refusal, HasSubstr("tracker-1"));
+  EXPECT_EQ(bench_.state().order, intruder.order);
+  bench_.pass(200ms);
+  EXPECT_EQ(bench_.state().mode, RigMode::kSaccade);
+  bench_.said_again = intruder;  // goes on, while the first falls silent
+  bench_.pass(500ms);
+  EXPECT_TRUE(bench_.state().drives_idle);
+}
+
+TEST_F(Bridge, TwoProcessesOfOneNameAreTwoCommanders) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  auto namesake = order_of(2, 1, RigMode::kNeutral);
+  namesake.commander = "tracker-1";
+  bench_.bridge().obey(namesake, bench_.now());
+  EXPECT_THAT(bench_.state().refusal, HasSubstr("tracker-1"));
+  EXPECT_EQ(bench_.state().mode, RigMode::kSaccade);
+}
+
+TEST_F(Bridge, WhatIsRefusedChangesNothingAndItsCommanderIsStillThere) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  bench_.order(order_of(1, 3, RigMode::kSearch));
+  EXPECT_NE(bench_.state().refusal, "");
+  bench_.pass(500ms);
+  EXPECT_EQ(bench_.state().mode, RigMode::kSaccade);
+  EXPECT_FALSE(bench_.state().drives_idle);
+}
+
+TEST_F(Bridge, AnybodyMayStopItUntilItsNameClearsThat) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  bench_.bridge().obey(order_of(9, 1, RigMode::kStop), bench_.now());
+  EXPECT_TRUE(bench_.state().stopped);
+  EXPECT_EQ(bench_.state().mode, RigMode::kStop);
+  bench_.pass(50ms);
+  EXPECT_THAT(bench_.told, Contains(ContainsRegex("pan idle")).Times(2)) << "homed, then stopped";
+  bench_.order(order_of(1, 3, RigMode::kNeutral));
+  EXPECT_THAT(bench_.state().refusal, HasSubstr("clear the emergency stop"));
+  bench_.said_again.reset();
+  bench_.pass(100ms);
+  bench_.order(order_of(9, 2, RigMode::kClearStop));
+  EXPECT_EQ(bench_.state().refusal, "");
+  bench_.pass(500ms);
+  EXPECT_FALSE(bench_.state().stopped);
+  EXPECT_TRUE(bench_.state().drives_idle);
+  EXPECT_EQ(bench_.state().trouble, "");
+}
+
+TEST_F(Bridge, ASignalStopsIt) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  bench_.bridge().stop(bench_.now());
+  EXPECT_TRUE(bench_.state().stopped);
+}
+
+TEST_F(Bridge, AtTheEndTheDrivesHaveSaidThatTheyAreIdle) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  bench_.bridge().close(bench_.now());
+  EXPECT_FALSE(bench_.bridge().is_let_go(bench_.now()));
+  const auto time =
+      bench_.until([&](const RigState&) { return bench_.bridge().is_let_go(bench_.now()); }, 500ms);
+  ASSERT_TRUE(time);
+  EXPECT_THAT(bench_.told.back(), HasSubstr("idle"));
+  bench_.order(order_of(1, 3, RigMode::kNeutral));
+  EXPECT_THAT(bench_.state().refusal, HasSubstr("ending"));
+}
+
+TEST_F(Bridge, AnOrderToAnotherRigIsNone) {
+  auto order = order_of(1, 1, RigMode::kStop);
+  order.rig = "head";
+  bench_.bridge().obey(order, bench_.now());
+  EXPECT_FALSE(bench_.state().stopped);
+}
+
+TEST_F(Bridge, AnAxisThatDoesNotAnswerIsNamedWithItsNode) {
+  bench_.devices().inject(DeviceFault::kMutePan, std::nullopt, bench_.now());
+  bench_.pass(300ms);
+  EXPECT_THAT(bench_.state().trouble, HasSubstr("pan (node 16) does not answer"));
+  EXPECT_EQ(bench_.state().axes[0].condition, RigAxisCondition::kFaulted);
+  EXPECT_EQ(bench_.state().axes[0].fault, 1);
+}
+
+struct FaultCase {
+  DeviceFault what;
+  std::chrono::milliseconds within;
+  const char* words;
+};
+
+class BridgeFault : public Bridge, public ::testing::WithParamInterface<FaultCase> {};
+
+TEST_P(BridgeFault, LetsTheDrivesGoInTimeAndSaysWhy) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  auto away = order_of(1, 3, RigMode::kJog);
+  away.rates = {-10 * kDegree, 6 * kDegree};
+  bench_.order(away);
+  bench_.pass(200ms);
+  bench_.devices().inject(GetParam().what, std::nullopt, bench_.now());
+  const auto time = bench_.until(is_idle, 2s);
+  ASSERT_TRUE(time);
+  EXPECT_LE(*time, GetParam().within);
+  EXPECT_THAT(bench_.state().trouble, HasSubstr(GetParam().words));
+  bench_.pass(1s);
+  bench_.devices().tell_extremes();
+  EXPECT_THAT(bench_.told.back(), HasSubstr("never at its hard stop"));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BridgeFault,
+    ::testing::Values(FaultCase{DeviceFault::kResetPan, 1000ms, "pan (node 16)"},
+                      FaultCase{DeviceFault::kResetTilt, 1000ms, "tilt (node 17)"},
+                      FaultCase{DeviceFault::kStuckPan, 200ms, "pan (node 16) does not follow"},
+                      FaultCase{DeviceFault::kStuckTilt, 200ms, "tilt (node 17) does not follow"},
+                      FaultCase{DeviceFault::kMutePan, 100ms, "pan (node 16) does not answer"},
+                      FaultCase{DeviceFault::kMuteTilt, 100ms, "tilt (node 17) does not answer"},
+                      FaultCase{DeviceFault::kMuteImu, 100ms, "the IMU does not answer"},
+                      FaultCase{DeviceFault::kImuRate, 1000ms, "the IMU samples at another rate"},
+                      FaultCase{DeviceFault::kBusOff, 100ms, "does not answer"}));
+
+TEST(ImuClock, ALateFrameMakesNoLateSampleAndTheCounterWraps) {
+  ImuClock clock;
+  EXPECT_FALSE(clock.offset());
+  constexpr int64_t kTick = 100'000;
+  const uint32_t begin = ~uint32_t{0} - 5'000;  // wraps after half a second
+  const int64_t host_begin = 1'700'000'000'000'000'000;
+  for (int i = 0; i < 300; ++i) {
+    const int64_t taken = host_begin + int64_t{i} * 100 * kTick;
+    const int64_t on_its_way = 300'000 + (i % 7) * 1'000'000;  // 0.3 ms and more
+    clock.receive(begin + static_cast<uint32_t>(i) * 100, {taken + on_its_way});
+    if (i >= 7) {
+      EXPECT_NEAR(static_cast<double>(clock.newest().nanoseconds - taken), 300'000, 1) << i;
+    }
+  }
+}
+
+TEST(ImuClock, AnImuThatBeginsAnewIsBelievedAnew) {
+  ImuClock clock;
+  clock.receive(90'000, {5'000'000'000});
+  clock.receive(90'100, {5'010'000'000});
+  clock.receive(10, {7'000'000'000});
+  EXPECT_EQ(clock.newest().nanoseconds, 7'000'000'000);
+}
+
+}  // namespace
+}  // namespace cairn

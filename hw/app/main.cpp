@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+// cairn-rig: the bridge between commanders and the drives and IMU of a rig.
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <string>
+#include <utility>
+#include <variant>
+
+#include "common/base/exit_deadline.h"
+#include "common/base/log.h"
+#include "common/wire/log_redirect.h"
+#include "hw/app/doctor.h"
+#include "hw/app/rig_endpoint.h"
+#include "hw/app/rig_loop.h"
+#include "hw/app/rig_options.h"
+#include "hw/app/simulate.h"
+#include "hw/can/socket_bus.h"
+
+namespace cairn {
+namespace {
+
+/// Those that end it, blocked here and in every thread begun later; nohup has SIGHUP ignored, and what is
+/// blocked is not.
+sigset_t block_signals() {
+  sigset_t signals;
+  sigemptyset(&signals);
+  sigaddset(&signals, SIGINT);
+  sigaddset(&signals, SIGTERM);
+  struct sigaction hangup {};
+  sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  // A reader of our words that has gone is no reason to go, least of all with drives that move.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
+  return signals;
+}
+
+int complain(const Error& error) {
+  say_error("cairn-rig", error.message);
+  return exit_code(error.code);
+}
+
+/// Until a signal ends it.
+int serve(const RigOptions& options, const RigConfiguration& configuration, sigset_t signals) {
+  sigaddset(&signals, SIGUSR1);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  const Logger log = make_logger("cairn-rig", options.verbosity);
+  const wire::LogRedirect middleware_log(log);
+  auto bus = open_can_bus(options.can);
+  if (!bus) return complain(bus.error());
+  wire::ParticipantOptions network = options.network;
+  network.log = log;
+  auto endpoint = RigEndpoint::create(network, configuration.name);
+  if (!endpoint) return complain(endpoint.error());
+  auto loop = RigLoop::start({configuration, options.can, ScaledClock(options.time_scale), log},
+                             std::move(*bus), [&endpoint] { (*endpoint)->wake(); });
+  if (!loop) return complain(loop.error());
+  (*endpoint)->start([&loop](wire::RigCommand command) { (*loop)->post(std::move(command)); },
+                     [&loop] { return (*loop)->take_state(); });
+  log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, options.can, network.domain,
+            wire::rig_port(network.domain));
+  int signal = 0;
+  while (sigwait(&signals, &signal) == 0 && signal == SIGUSR1) {
+    (*loop)->stop();
+    log->warn("emergency stop by signal; `cairnctl rig {} clear` ends it", configuration.name);
+  }
+  log->info("letting the drives go");
+  (*endpoint)->stop();
+  loop->reset();
+  const ExitDeadline deadline(0, kClosingPatience, log);
+  endpoint->reset();
+  return 0;
+}
+
+int run(int argc, char** argv) {
+  const auto parsed = parse_rig_options(argc, argv);
+  if (const int* code = std::get_if<int>(&parsed)) return *code;
+  const auto& options = std::get<RigOptions>(parsed);
+  auto configuration = read_rig_configuration(options.config);
+  if (!configuration) return complain(configuration.error());
+  if (!options.name.empty()) configuration->name = options.name;
+  const sigset_t signals = block_signals();  // before any thread
+  switch (options.task) {
+    case RigTask::kDoctor:
+      return run_doctor(options, *configuration);
+    case RigTask::kSimulate:
+      return run_simulation(options, *configuration, signals);
+    case RigTask::kRun:
+      break;
+  }
+  return serve(options, *configuration, signals);
+}
+
+}  // namespace
+}  // namespace cairn
+
+int main(int argc, char** argv) {
+  try {
+    return cairn::run(argc, argv);
+  } catch (const std::exception& error) {
+    cairn::say_error("cairn-rig", std::string("internal error: ") + error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "common/base/log.h"
+#include "common/wire/participant.h"
+#include "common/wire/rig_messages.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+
+namespace cairn {
+
+/// What the network has to do with a rig: orders that come are handed on, and states are written. With a
+/// thread of its own, so that the thread that has the bus never waits for the network.
+class RigEndpoint {
+ public:
+  using Handler = std::function<void(wire::RigCommand)>;
+  using Source = std::function<std::optional<wire::RigState>()>;
+
+  /// `options.role` is kRig. Errors: those of Participant::create().
+  [[nodiscard]] static Result<std::unique_ptr<RigEndpoint>> create(const wire::ParticipantOptions& options,
+                                                                   const std::string& rig);
+  ~RigEndpoint();
+  RigEndpoint(const RigEndpoint&) = delete;
+  RigEndpoint& operator=(const RigEndpoint&) = delete;
+
+  /// Begins; both are called by its thread, until stop().
+  void start(Handler obey, Source take_state);
+  /// There is a state to take. Thread-safe, before start() too.
+  void wake() { waiter_.wake(); }
+  /// Afterwards neither is called.
+  void stop();
+
+ private:
+  RigEndpoint(wire::Participant participant, wire::Reader<wire::RigCommand> commands,
+              wire::Writer<wire::RigState> states, wire::Waiter waiter);
+  void run(const Handler& obey, const Source& take_state);
+
+  wire::Participant participant_;
+  wire::Reader<wire::RigCommand> commands_;
+  wire::Writer<wire::RigState> states_;
+  wire::Waiter waiter_;
+  std::atomic<bool> ends_{false};
+  std::thread thread_;
+};
+
+}  // namespace cairn

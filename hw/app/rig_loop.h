@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/wire/rig_messages.h"
+#include "hw/app/bridge.h"
+#include "hw/app/scaled_clock.h"
+#include "hw/app/wake_up.h"
+#include "hw/can/can_bus.h"
+
+namespace cairn {
+
+struct RigLoopOptions {
+  RigConfiguration configuration;
+  std::string interface_name;  ///< for messages
+  ScaledClock clock;
+  Logger log = null_logger();
+};
+
+/// The thread that has the bus: it takes frames, steps the rig, and sends what the rig says, as soon as
+/// anything comes or falls due. It never waits for anything else. Its methods are thread-safe.
+class RigLoop {
+ public:
+  /// Begins at once. `told`: there is a state to take; called by the loop's thread. Error kIo.
+  [[nodiscard]] static Result<std::unique_ptr<RigLoop>> start(const RigLoopOptions& options,
+                                                              std::unique_ptr<CanBus> bus,
+                                                              std::function<void()> told);
+  /// Lets the drives go, and waits for that for half a second at most.
+  ~RigLoop();
+  RigLoop(const RigLoop&) = delete;
+  RigLoop& operator=(const RigLoop&) = delete;
+
+  void post(wire::RigCommand command);
+  /// Emergency stop. Nothing in it may wait long: it is what a signal asks for.
+  void stop();
+  /// The newest state since the last call, if there is one: 100 a second.
+  [[nodiscard]] std::optional<wire::RigState> take_state();
+
+ private:
+  RigLoop(const RigLoopOptions& options, std::unique_ptr<CanBus> bus, std::function<void()> told,
+          WakeUp wake_up);
+  void run();
+  void turn(MonotonicTime now);
+  void send();
+  void publish(MonotonicTime now);
+  void tell_changes(const wire::RigState& state);
+  void wait();
+  [[nodiscard]] bool is_over(MonotonicTime now);
+
+  const RigLoopOptions options_;
+  const std::unique_ptr<CanBus> bus_;
+  const std::function<void()> told_;
+  const WakeUp wake_up_;
+  RigBridge bridge_;
+  MonotonicTime next_state_;
+  std::optional<MonotonicTime> closing_until_;
+  std::string trouble_;  ///< as last logged, and likewise:
+  std::string bus_trouble_;
+  std::string refusal_;
+  std::string doing_;
+
+  std::atomic<bool> ends_{false};
+  std::atomic<bool> stop_asked_{false};
+  std::mutex mutex_;  ///< for what follows
+  std::vector<wire::RigCommand> commands_;
+  std::optional<wire::RigState> state_;
+  std::thread thread_;
+};
+
+}  // namespace cairn

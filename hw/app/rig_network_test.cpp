@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+// The rig's threads with a network: orders and states by DDS, frames by a pair of sockets, in real time.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <thread>
+
+#include "common/wire/log_redirect.h"
+#include "common/wire/partition.h"
+#include "hw/app/bridge_bench.h"
+#include "hw/app/rig_endpoint.h"
+#include "hw/app/rig_loop.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using std::chrono::steady_clock;
+using ::testing::HasSubstr;
+using testing::order_of;
+using wire::RigMode;
+using wire::RigState;
+
+constexpr uint32_t kDomains = 80;
+constexpr int kSlower = 4;  // a busy machine has its pauses
+
+/// Homing is soon done.
+RigConfiguration near_its_switches() {
+  RigConfiguration rig = testing::read_rig(testing::kRigText).value();
+  rig.axes[0].home = -0.1;
+  rig.axes[0].limits.low = -0.13;
+  rig.axes[1].home = 0.1;
+  rig.axes[1].limits.high = 0.13;
+  return rig;
+}
+
+/// Simulated devices at one end of a pair, with a thread of their own.
+class DeviceThread {
+ public:
+  DeviceThread(const RigConfiguration& configuration, std::unique_ptr<CanBus> bus, ScaledClock clock)
+      : thread_([this, configuration, clock, bus = std::move(bus)] {
+          SimulatedRig devices(configuration, {}, 1, clock.now(), [](const std::string&) {});
+          while (!ends_) {
+            devices.turn(*bus, clock.now());
+            std::this_thread::sleep_for(1ms);
+          }
+        }) {}
+  ~DeviceThread() {
+    ends_ = true;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> ends_{false};
+  std::thread thread_;
+};
+
+class RigNetwork : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    wire::ParticipantOptions options;
+    options.role = wire::Role::kRig;
+    for (uint32_t i = 0; i < kDomains && !endpoint_; ++i) {
+      options.domain = 105 + (static_cast<uint32_t>(getpid()) * 7 + i) % kDomains;
+      auto made = RigEndpoint::create(options, "shoulder");
+      if (made) endpoint_ = *std::move(made);
+    }
+    ASSERT_TRUE(endpoint_);
+    domain_ = options.domain;
+    auto ends = make_bus_pair().value();
+    devices_.emplace(configuration_, std::move(ends.second), clock_);
+    loop_ =
+        RigLoop::start({configuration_, "the pair", clock_, null_logger()}, std::move(ends.first), [this] {
+          endpoint_->wake();
+        }).value();
+    endpoint_->start([this](wire::RigCommand command) { loop_->post(std::move(command)); },
+                     [this] { return loop_->take_state(); });
+    options.role = wire::Role::kRigClient;
+    commander_ = wire::Participant::create(options).value();
+    orders_ = wire::Writer<wire::RigCommand>::create(*commander_, wire::rig_partition("shoulder")).value();
+    states_ = wire::Reader<RigState>::create(*commander_, wire::rig_partition("shoulder")).value();
+  }
+  void TearDown() override {
+    if (endpoint_) endpoint_->stop();
+  }
+
+  /// Says the order, if any, until a state is so.
+  std::optional<RigState> until(const std::optional<wire::RigCommand>& order,
+                                const std::function<bool(const RigState&)>& holds) {
+    const auto deadline = steady_clock::now() + 60s;
+    while (steady_clock::now() < deadline) {
+      if (order) (void)orders_->write(*order);
+      for (const auto& sample : states_->take()) {
+        if (sample.message && holds(*sample.message)) return sample.message;
+      }
+      std::this_thread::sleep_for(5ms);
+    }
+    return std::nullopt;
+  }
+  std::optional<RigState> until_judged(const wire::RigCommand& order) {
+    return until(order, [&](const RigState& state) { return state.order == order.order; });
+  }
+
+  const wire::LogRedirect quiet_{null_logger()};  // the search for a free domain is noisy
+  const RigConfiguration configuration_ = near_its_switches();
+  const ScaledClock clock_{kSlower};
+  std::unique_ptr<RigEndpoint> endpoint_;
+  uint32_t domain_ = 0;
+  std::optional<DeviceThread> devices_;
+  std::unique_ptr<RigLoop> loop_;
+  std::optional<wire::Participant> commander_;
+  std::optional<wire::Writer<wire::RigCommand>> orders_;
+  std::optional<wire::Reader<RigState>> states_;
+};
+
+TEST_F(RigNetwork, OrdersMoveTheDrivesAndTheEndOfTheCommanderLetsThemGo) {
+  const auto home = order_of(1, 1, RigMode::kHome);
+  ASSERT_TRUE(until(home, [](const RigState& state) { return state.mode == RigMode::kHome; }));
+  const auto homed = until(home, [](const RigState& state) { return state.drives_idle; });
+  ASSERT_TRUE(homed);
+  ASSERT_EQ(homed->trouble, "");
+  const auto is_known = [](const RigState& state) {
+    return state.axes[0].position_known && state.axes[1].position_known;
+  };
+  ASSERT_TRUE(until(home, is_known));
+  auto look = order_of(1, 2, RigMode::kSaccade);
+  look.angles = {0.2, -0.1};
+  const auto there = until(look, [](const RigState& state) {
+    return state.axes[0].position_known && std::abs(state.axes[0].position - 0.2) < 0.01;
+  });
+  ASSERT_TRUE(there);
+  EXPECT_TRUE(there->has_imu);
+  const auto second = until_judged(order_of(2, 1, RigMode::kNeutral));
+  ASSERT_TRUE(second);
+  orders_.reset();  // as a commander that is killed
+  const auto alone = until(std::nullopt, [](const RigState& state) { return state.drives_idle; });
+  ASSERT_TRUE(alone);
+  EXPECT_THAT(alone->trouble, HasSubstr("the commander fell silent"));
+}
+
+TEST_F(RigNetwork, ASignalAtTheRigAndAnOrderOfAnybodyStopItAndAnotherRigOfTheHostIsRefused) {
+  loop_->stop();
+  ASSERT_TRUE(until(std::nullopt, [](const RigState& state) { return state.stopped; }));
+  const auto cleared = until_judged(order_of(3, 1, RigMode::kClearStop));
+  ASSERT_TRUE(cleared);
+  EXPECT_EQ(cleared->refusal, "");
+  ASSERT_TRUE(until(std::nullopt, [](const RigState& state) { return !state.stopped; }));
+  const auto stopped = until_judged(order_of(4, 1, RigMode::kStop));
+  ASSERT_TRUE(stopped);
+  EXPECT_TRUE(stopped->stopped);
+  wire::ParticipantOptions options;
+  options.role = wire::Role::kRig;
+  options.domain = domain_;
+  const auto second = RigEndpoint::create(options, "head");
+  ASSERT_FALSE(second);
+  EXPECT_EQ(second.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(second.error().message, HasSubstr("the rig's in domain"));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/wire/participant.h"
+#include "hw/app/simulated_rig.h"
+
+namespace cairn {
+
+enum class RigTask : uint8_t { kRun, kDoctor, kSimulate };
+
+/// The words of `cairn-rig`, checked.
+struct RigOptions {
+  RigTask task = RigTask::kRun;
+  std::string can;     ///< interface
+  std::string config;  ///< file
+  std::string name;    ///< empty: that of the file
+  wire::ParticipantOptions network;
+  std::vector<TimedFault> faults;
+  uint32_t seed = 1;
+  int time_scale = 1;
+  int verbosity = 0;  ///< as make_logger()
+};
+
+/// The words, or the exit code of a process that is to end now, which has said why.
+[[nodiscard]] std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* argv);
+
+}  // namespace cairn
