@@ -244,7 +244,8 @@ TEST(Validation, RigState) {
   state.refuses("infinite rate", [](auto& m) { m.axes[1].rate = kInfinity; });
   state.refuses("NaN rate of turn", [](auto& m) { m.imu.rate.z() = static_cast<float>(kNan); });
   state.refuses("acceleration of a shot", [](auto& m) { m.imu.acceleration.x() = 1e4F; });
-  state.refuses("no attitude", [](auto& m) { m.imu.world_from_base.coeffs().setZero(); });
+  state.refuses("no attitude", [](auto& m) { m.imu.world_from_head.coeffs().setZero(); });
+  state.refuses("more than all", [](auto& m) { m.looked_at = 1.5F; });
   state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
   state.refuses("more than a packet", [](auto& m) { m.refusal.assign(kMaxRigText + 1, 'x'); });
 }

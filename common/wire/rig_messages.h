@@ -45,9 +45,11 @@ struct RigCommand {
   std::string commander;  ///< name
   CommandId order;
   RigMode mode = RigMode::kIdle;
-  /// Lock: a direction of the world (z up), of any length; 0: where the camera looks at that moment.
-  /// Fixate: the point, in the map [its unit].
+  /// Lock: a direction of the rig's world (z up), of any length; 0: where the camera looks at that moment.
+  /// Fixate: the point as the camera saw it (x right, y down, z forward), in any unit that stays; 0: not
+  /// seen.
   Eigen::Vector3d target = Eigen::Vector3d::Zero();
+  Timestamp seen;                  ///< fixate: when the picture was taken, by the host's clock
   std::array<double, 2> angles{};  ///< saccade [rad]
   std::array<double, 2> rates{};   ///< jog [rad/s]
 };
@@ -71,13 +73,14 @@ struct RigAxisState {
   double rate = 0;      ///< [rad/s]
 };
 
-/// Of the IMU's newest sample, in the base's axes.
+/// Of the IMU's newest sample, in the axes of the head, on which it sits: x where the camera looks, y left, z
+/// up.
 struct RigImu {
   Timestamp time;                                          ///< when it was taken, by the host's clock
   Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
   Eigen::Vector3f acceleration = Eigen::Vector3f::Zero();  ///< likewise [m/s^2]
   bool attitude_known = false;
-  Eigen::Quaterniond world_from_base = Eigen::Quaterniond::Identity();  ///< z up, heading 0 at the start
+  Eigen::Quaterniond world_from_head = Eigen::Quaterniond::Identity();  ///< z up, heading 0 at the start
   int64_t clock_offset = 0;  ///< what the IMU's own time lacks to the host's [ns]
 };
 
@@ -95,6 +98,12 @@ struct RigState {
   bool has_imu = false;
   RigImu imu;
   std::string trouble;  ///< what keeps it from moving and what helps, for a person; empty: nothing
+  // Of the mode.
+  bool on_target = false;
+  bool out_of_reach = false;  ///< the target is beyond the limits
+  bool sees_target = false;   ///< fixate: sightings come
+  float looked_at = 0;        ///< search: share of the places within reach, of this round
+  uint32_t rounds = 0;        ///< search: how often all of them were looked at
 };
 
 /// Of a text in RigState: a state is one packet.

@@ -58,10 +58,10 @@ CAIRN_MEMBERS(Label, a, b, c, d, e, f)
 CAIRN_MEMBERS(LabelMessage, a, b, c)
 CAIRN_MEMBERS(AdminRequest, a, b, c, d)
 CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
-CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g)
+CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(RigAxisState, a, b, c, d, e)
 CAIRN_MEMBERS(RigImu, a, b, c, d, e, f)
-CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l)
+CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -384,6 +384,7 @@ inline RigCommand RandomMessages::make() {
           command(),
           static_cast<RigMode>(number(0, 11)),
           vector(5).cast<double>(),
+          {static_cast<int64_t>(number(0, 1) << 61)},
           {uniform(-1, 1), uniform(-1, 1)},
           {uniform(-3, 3), uniform(-3, 3)}};
 }
@@ -408,7 +409,12 @@ inline RigState RandomMessages::make() {
           {make<RigAxisState>(), make<RigAxisState>()},
           coin(),
           imu,
-          text(60)};
+          text(60),
+          coin(),
+          coin(),
+          coin(),
+          uniform(0, 1),
+          static_cast<uint32_t>(number(0, 9))};
 }
 
 }  // namespace cairn::wire::testing

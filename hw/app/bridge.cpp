@@ -42,19 +42,39 @@ std::string cut(const std::string& text) {
 RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
     : configuration_(configuration), rig_(configuration, now) {}
 
-void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now) {
+void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen) {
   if (command.rig != configuration_.name) return;
   const std::string who = identity(command);
   // Who was refused, and is not the commander, does not become it by saying it again.
   if (who == rig_.commander() && !closed_) (void)rig_.take({who, rig_command::Stay{}}, now);
   const bool still_to_stop = command.mode == RigMode::kStop && !rig_.is_stopped();
-  if (!is_new(command.order) && !still_to_stop) return;
+  const bool is_new_one = is_new(command.order);
+  if (!is_new_one && !still_to_stop) {
+    if (command.order == said_.order && !closed_) (void)move_target(command, who, now, seen);
+    return;
+  }
   const Status done = carry_out(command, who, now);
   judged_ = command.order;
   refusal_ = done ? "" : done.error().message;
   if (!done || command.mode == RigMode::kStop) return;
   commander_ = command.commander;
   mode_ = command.mode;
+  said_ = command;
+  said_.seen = {};
+  (void)move_target(command, who, now, seen);
+}
+
+/// What is wrong with a target moves nothing; the next one comes soon.
+Status RigBridge::move_target(const wire::RigCommand& command, const std::string& who, MonotonicTime now,
+                              MonotonicTime seen) {
+  const bool has_moved = command.target != said_.target || command.rates != said_.rates;
+  const bool is_seen = command.seen > said_.seen && !command.target.isZero(0);
+  said_ = command;
+  if (command.mode == RigMode::kFixate)
+    return is_seen ? rig_.take({who, rig_command::Sight{{seen, command.target}}}, now) : Status();
+  const bool is_moved_by_hand = command.mode == RigMode::kJog || command.mode == RigMode::kLock;
+  return is_moved_by_hand && has_moved ? rig_.take({who, rig_command::Aim{pointing_of(command)}}, now)
+                                       : Status();
 }
 
 /// And is not from now on.
@@ -86,26 +106,18 @@ Status RigBridge::carry_out(const wire::RigCommand& command, const std::string& 
     case RigMode::kClearStop:
       return rig_.take({who, rig_command::ClearStop{command.rig}}, now);
     case RigMode::kNeutral:
-    case RigMode::kJog:
-    case RigMode::kSaccade:
-      return aim(command, who, now);
     case RigMode::kFollow:
     case RigMode::kLock:
     case RigMode::kFixate:
+    case RigMode::kSaccade:
     case RigMode::kSearch:
-      return fail(ErrorCode::kRefused, "this mode is not available yet; there are neutral, saccade and jog");
+    case RigMode::kJog:
+      return aim(command, who, now);
   }
   return fail(ErrorCode::kRefused, "an unknown mode");
 }
 
 Status RigBridge::aim(const wire::RigCommand& command, const std::string& who, MonotonicTime now) {
-  rig_command::Point point;
-  for (size_t i = 0; i < point.demands.size(); ++i) {
-    Demand& demand = point.demands.at(i);
-    if (command.mode == RigMode::kNeutral) demand.position = configuration_.axes.at(i).neutral;
-    if (command.mode == RigMode::kSaccade) demand.position = command.angles.at(i);
-    if (command.mode == RigMode::kJog) demand.rate = command.rates.at(i);
-  }
   const bool is_active = std::all_of(kAxisNames.begin(), kAxisNames.end(), [this](AxisName name) {
     const AxisState& state = rig_.axis(name).state();
     return std::holds_alternative<axis_state::Active>(state) ||
@@ -114,7 +126,31 @@ Status RigBridge::aim(const wire::RigCommand& command, const std::string& who, M
   if (!is_active) {
     if (Status activated = rig_.take({who, rig_command::Activate{}}, now); !activated) return activated;
   }
-  return rig_.take({who, std::move(point)}, now);
+  Status aimed = rig_.take({who, rig_command::Aim{pointing_of(command)}}, now);
+  if (!aimed && !is_active) (void)rig_.take({who, rig_command::Idle{}}, now);
+  return aimed;
+}
+
+/// Of a mode that looks at something.
+Pointing RigBridge::pointing_of(const wire::RigCommand& command) const {
+  const auto direction =
+      command.target.isZero(0) ? std::nullopt : std::optional<Eigen::Vector3d>(command.target);
+  switch (command.mode) {
+    case RigMode::kJog:
+      return pointing::Jog{{command.rates[0], command.rates[1]}};
+    case RigMode::kFollow:
+      return pointing::Follow{};
+    case RigMode::kLock:
+      return pointing::Lock{direction};
+    case RigMode::kFixate:
+      return pointing::Fixate{};
+    case RigMode::kSaccade:
+      return pointing::Saccade{direction, {command.angles[0], command.angles[1]}};
+    case RigMode::kSearch:
+      return pointing::Search{};
+    default:
+      return pointing::Neutral{{configuration_.axes[0].neutral, configuration_.axes[1].neutral}};
+  }
 }
 
 void RigBridge::stop(MonotonicTime now) {
@@ -177,7 +213,18 @@ wire::RigState RigBridge::state(Timestamp host_time) const {
   state.drives_idle = !may_move();
   for (const AxisName name : kAxisNames) state.axes.at(static_cast<size_t>(name)) = state_of(rig_.axis(name));
   state.has_imu = imu_.has_value();
-  if (imu_) state.imu = *imu_;
+  if (imu_) {
+    state.imu = *imu_;
+    state.imu.attitude_known = rig_.attitude().is_known();
+    state.imu.world_from_head = rig_.attitude().world_from_imu();
+  }
+  if (const auto pointing = rig_.pointing()) {
+    state.on_target = pointing->on_target;
+    state.out_of_reach = pointing->out_of_reach;
+    state.sees_target = pointing->sees_target;
+    state.looked_at = static_cast<float>(pointing->looked_at);
+    state.rounds = static_cast<uint32_t>(pointing->rounds);
+  }
   state.trouble = cut(rig_.describe());
   return state;
 }

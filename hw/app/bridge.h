@@ -18,7 +18,9 @@ class RigBridge {
  public:
   RigBridge(const RigConfiguration& configuration, MonotonicTime now);
 
-  void obey(const wire::RigCommand& command, MonotonicTime now);
+  /// `seen`: when the target was seen, by the clock of `now`; counts for fixate.
+  void obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen);
+  void obey(const wire::RigCommand& command, MonotonicTime now) { obey(command, now, now); }
   /// Emergency stop by somebody at the rig itself.
   void stop(MonotonicTime now);
   /// The program ends: the drives are let go, and no order is taken any more.
@@ -37,6 +39,9 @@ class RigBridge {
  private:
   [[nodiscard]] Status carry_out(const wire::RigCommand& command, const std::string& who, MonotonicTime now);
   [[nodiscard]] Status aim(const wire::RigCommand& command, const std::string& who, MonotonicTime now);
+  [[nodiscard]] Status move_target(const wire::RigCommand& command, const std::string& who, MonotonicTime now,
+                                   MonotonicTime seen);
+  [[nodiscard]] Pointing pointing_of(const wire::RigCommand& command) const;
   void sense(const xsens::Message& message, Timestamp received);
   [[nodiscard]] wire::RigMode mode() const;
   [[nodiscard]] bool may_move() const;
@@ -53,6 +58,7 @@ class RigBridge {
   std::deque<wire::CommandId> newest_;         ///< of each of the last sessions
   ImuClock imu_clock_;
   std::optional<wire::RigImu> imu_;
+  wire::RigCommand said_;  ///< the order that holds, as it was said last
 };
 
 }  // namespace cairn

@@ -41,7 +41,7 @@ class BridgeBench {
     devices_.turn(*ends_.second, now_);
     while (const auto frame = ends_.first->receive()) bridge_.receive(*frame, now_);
     if (said_again && now_.time_since_epoch() % std::chrono::milliseconds(20) == std::chrono::nanoseconds(0))
-      bridge_.obey(*said_again, now_);
+      say(*said_again);
     bridge_.advance(now_);
     for (const OutgoingFrame& out : bridge_.take_frames()) (void)ends_.first->send(out.frame, out.urgency);
   }
@@ -60,7 +60,7 @@ class BridgeBench {
   /// From now on that is said again, 50 times a second.
   void order(const wire::RigCommand& command) {
     said_again = command;
-    bridge_.obey(command, now_);
+    say(command);
   }
   /// Homed, and idle again.
   void home() {
@@ -77,6 +77,10 @@ class BridgeBench {
           return state.axes[0].position_known && state.axes[1].position_known;
         },
         std::chrono::seconds(1)));
+  }
+  /// With a picture of 30 ms ago.
+  void say(const wire::RigCommand& command) {
+    bridge_.obey(command, now_, now_ - std::chrono::milliseconds(30));
   }
   [[nodiscard]] wire::RigState state() const { return bridge_.state({now_.time_since_epoch().count()}); }
   [[nodiscard]] RigBridge& bridge() { return bridge_; }

@@ -103,11 +103,54 @@ TEST_F(Bridge, TwoProcessesOfOneNameAreTwoCommanders) {
 
 TEST_F(Bridge, WhatIsRefusedChangesNothingAndItsCommanderIsStillThere) {
   ASSERT_NO_FATAL_FAILURE(begin());
-  bench_.order(order_of(1, 3, RigMode::kSearch));
-  EXPECT_NE(bench_.state().refusal, "");
+  bench_.order(order_of(1, 3, RigMode::kHome));
+  EXPECT_THAT(bench_.state().refusal, HasSubstr("only an idle axis"));
   bench_.pass(500ms);
   EXPECT_EQ(bench_.state().mode, RigMode::kSaccade);
   EXPECT_FALSE(bench_.state().drives_idle);
+}
+
+/// The engine's tests say how well each does what it is for.
+TEST_F(Bridge, EachModeIsToldOnAndItsTargetMovesWithoutAnotherOrder) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  uint64_t number = 3;
+  for (const RigMode mode : {RigMode::kNeutral, RigMode::kFollow, RigMode::kLock, RigMode::kFixate,
+                             RigMode::kSaccade, RigMode::kSearch, RigMode::kJog}) {
+    bench_.order(order_of(1, number++, mode));
+    EXPECT_EQ(bench_.state().refusal, "") << wire::name_of(mode);
+    bench_.pass(100ms);
+    EXPECT_EQ(bench_.state().mode, mode);
+  }
+  auto lock = order_of(1, number++, RigMode::kLock);
+  lock.target = {1, 0, 0};
+  bench_.order(lock);
+  bench_.pass(100ms);
+  const auto is_there = [](const RigState& state) { return state.on_target; };
+  ASSERT_TRUE(bench_.until(is_there, 3s));
+  const double before = bench_.state().axes[0].position;
+  bench_.said_again->target = {std::cos(0.5), std::sin(0.5), 0};
+  bench_.pass(100ms);
+  EXPECT_FALSE(bench_.state().on_target);
+  ASSERT_TRUE(bench_.until(is_there, 3s));
+  EXPECT_NEAR(bench_.state().axes[0].position - before, 0.5, 0.02);
+}
+
+TEST_F(Bridge, WhatTheCameraSeesIsFixated) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  auto fixate = order_of(1, 3, RigMode::kFixate);
+  fixate.target = {0, 0, 2};  // straight ahead
+  bench_.order(fixate);
+  const auto see = [this](const Eigen::Vector3d& target) {
+    bench_.said_again->target = target;
+    bench_.said_again->seen = {bench_.now().time_since_epoch().count()};
+    bench_.pass(40ms);
+  };
+  for (int i = 0; i < 5; ++i) see({0, 0, 2});
+  EXPECT_TRUE(bench_.state().sees_target);
+  EXPECT_NEAR(bench_.state().axes[0].position, 20 * kDegree, 0.03);
+  // To the left, wherever the camera turns: it turns on.
+  for (int i = 0; i < 10; ++i) see({-0.4, 0, 2});
+  EXPECT_GT(bench_.state().axes[0].position, 25 * kDegree);
 }
 
 TEST_F(Bridge, AnybodyMayStopItUntilItsNameClearsThat) {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <variant>
 
+#include "common/base/ending_signals.h"
 #include "common/base/exit_deadline.h"
 #include "common/base/log.h"
 #include "common/wire/log_redirect.h"
@@ -20,23 +21,6 @@
 
 namespace cairn {
 namespace {
-
-/// Those that end it, blocked here and in every thread begun later; nohup has SIGHUP ignored, and what is
-/// blocked is not.
-sigset_t block_signals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  struct sigaction hangup {};
-  sigaction(SIGHUP, nullptr, &hangup);
-  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  // A reader of our words that has gone is no reason to go, least of all with drives that move.
-  std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGXFSZ, SIG_IGN);
-  return signals;
-}
 
 int complain(const Error& error) {
   say_error("cairn-rig", error.message);
@@ -82,7 +66,10 @@ int run(int argc, char** argv) {
   auto configuration = read_rig_configuration(options.config);
   if (!configuration) return complain(configuration.error());
   if (!options.name.empty()) configuration->name = options.name;
-  const sigset_t signals = block_signals();  // before any thread
+  const sigset_t signals = block_ending_signals();  // before any thread
+  // A reader of our words that has gone is no reason to go, least of all with drives that move.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
   switch (options.task) {
     case RigTask::kDoctor:
       return run_doctor(options, *configuration);

@@ -83,7 +83,10 @@ void RigLoop::turn(MonotonicTime now) {
     const std::lock_guard lock(mutex_);
     commands.swap(commands_);
   }
-  for (const wire::RigCommand& command : commands) bridge_.obey(command, now);
+  for (const wire::RigCommand& command : commands) {
+    const auto age = std::chrono::nanoseconds(wall_time() - command.seen) / options_.clock.factor();
+    bridge_.obey(command, now, now - std::chrono::duration_cast<MonotonicTime::duration>(age));
+  }
   bridge_.advance(now);
   send();
   if (now >= next_state_) publish(now);

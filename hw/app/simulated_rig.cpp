@@ -9,11 +9,14 @@
 #include <numbers>
 #include <utility>
 
+#include "hw/rig/kinematics.h"
+
 namespace cairn {
 namespace {
 
 using std::chrono::milliseconds;
 
+constexpr double kGravity = 9.80665;  // [m/s^2]
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kBeyondLimits = 2 * kDegree;  // the hard stops lie so far outside of the hard limits
 constexpr double kLongest = 1e6;               // [s]
@@ -152,6 +155,7 @@ void SimulatedRig::turn(CanBus& bus, MonotonicTime now) {
     return due;
   });
   while (const auto frame = bus.receive()) (void)bus_.send(frame->frame);
+  move_imu();
   bus_.advance(now);
   while (const auto frame = bus_.receive()) (void)bus.send(frame->frame);
   look();
@@ -192,6 +196,17 @@ void SimulatedRig::set(DeviceFault what, bool on) {
       bus_.set_bus_off(on);
       break;
   }
+}
+
+/// It sits on the head, and the base stands still.
+void SimulatedRig::move_imu() {
+  const auto rate_of = [this](size_t axis) {
+    return side(configuration_.axes.at(axis)) * bus_.drive(axis).plant().rate();
+  };
+  const PanTilt angles{angle(AxisName::kPan) * kDegree, angle(AxisName::kTilt) * kDegree};
+  const Eigen::Vector3d rate = rate_of_head(angles, {rate_of(0), rate_of(1)});
+  const Eigen::Vector3d up = base_from_head(angles).conjugate() * Eigen::Vector3d(0, 0, kGravity);
+  bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {up.x(), up.y(), up.z()}});
 }
 
 double SimulatedRig::angle(AxisName name) {

@@ -65,6 +65,7 @@ class SimulatedRig {
   };
 
   void set(DeviceFault what, bool on);
+  void move_imu();
   void look();
   void say(const std::string& what);
   [[nodiscard]] double angle(AxisName name);

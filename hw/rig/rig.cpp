@@ -87,23 +87,22 @@ Status Rig::ready() const {
 
 Status Rig::handle(const rig_command::Home&, MonotonicTime now) {
   if (Status is_ready = ready(); !is_ready) return is_ready;
-  for (Axis& axis : axes_) {
-    if (Status begun = axis.home(now); !begun) {
-      for (Axis& other : axes_) other.idle();
-      return begun;
-    }
-  }
-  halt_.reset();
-  return {};
+  return begin(&Axis::home, now);
 }
 
 Status Rig::handle(const rig_command::Activate&, MonotonicTime now) {
   if (Status is_ready = ready(); !is_ready) return is_ready;
   if (const auto trouble = imu_trouble(now)) return refuse(cairn::describe(*trouble));
+  if (Status begun = begin(&Axis::activate, now); !begun) return begun;
   pointer_.let_go();
-  for (Axis& axis : axes_) {
-    if (Status begun = axis.activate(now); !begun) {
-      for (Axis& other : axes_) other.idle();
+  return {};
+}
+
+/// Both axes or none.
+Status Rig::begin(Status (Axis::*what)(MonotonicTime), MonotonicTime now) {
+  for (size_t i = 0; i < axes_.size(); ++i) {
+    if (Status begun = (axes_.at(i).*what)(now); !begun) {
+      for (size_t other = 0; other < i; ++other) axes_.at(other).idle();
       return begun;
     }
   }

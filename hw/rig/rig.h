@@ -124,6 +124,7 @@ class Rig {
   [[nodiscard]] Status handle(const rig_command::Stop&, MonotonicTime now);
   [[nodiscard]] Status handle(const rig_command::ClearStop& clear, MonotonicTime now);
 
+  [[nodiscard]] Status begin(Status (Axis::*what)(MonotonicTime), MonotonicTime now);
   [[nodiscard]] Status ready() const;
   [[nodiscard]] bool may_move() const;
   [[nodiscard]] std::optional<Halt> what_is_wrong(MonotonicTime now) const;

@@ -53,6 +53,15 @@ TEST(Rig, MovesOnlyWhereItIsKnownToStand) {
   EXPECT_TRUE(bench.drives_are_idle());
 }
 
+TEST(Rig, WhatIsRefusedLeavesActiveAxesActive) {
+  RigBench bench(kSeed);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  EXPECT_FALSE(bench.command(rig_command::Home{}));
+  EXPECT_FALSE(bench.command(rig_command::Activate{}));
+  bench.pass(100ms);
+  EXPECT_TRUE(bench.both<axis_state::Active>());
+}
+
 TEST(Rig, ASecondCommanderIsRefusedButMayStop) {
   RigBench bench(kSeed);
   ASSERT_NO_FATAL_FAILURE(bench.start());

@@ -15,6 +15,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/base/ending_signals.h"
 #include "common/base/exit_deadline.h"
 #include "common/base/log.h"
 #include "common/base/stream_writer.h"
@@ -27,20 +28,6 @@
 #include "server/service/wearer_list.h"
 
 namespace {
-
-/// SIGINT, SIGTERM and SIGHUP, blocked here and in every thread begun later. There are no settings to be read
-/// again: SIGHUP means that the terminal has gone, unless nohup has it ignored (what is blocked is not).
-sigset_t block_signals() {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  struct sigaction hangup {};
-  sigaction(SIGHUP, nullptr, &hangup);
-  if (hangup.sa_handler != SIG_IGN) sigaddset(&signals, SIGHUP);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
-  return signals;
-}
 
 /// A line on stderr. Whoever reads it is waited for 1 s at most: no signal is heard meanwhile.
 void say(const std::string& text) {
@@ -123,7 +110,8 @@ int main(int argc, char** argv) {
       if (!registered) return complain(registered.error());
       wearers = std::move(*registered);
     }
-    const sigset_t signals = block_signals();  // before any thread
+    // There are no settings to be read again: SIGHUP means that the terminal has gone.
+    const sigset_t signals = cairn::block_ending_signals();  // before any thread
     return serve(options, std::move(wearers), signals);
   } catch (const std::exception& error) {
     cairn::say_error("cairn-server", std::string("internal error: ") + error.what());

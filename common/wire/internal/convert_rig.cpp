@@ -47,13 +47,13 @@ cairn_RigInertial encode_imu(const RigImu& imu) {
   put_vector(imu.rate, encoded.rate);
   put_vector(imu.acceleration, encoded.acceleration);
   encoded.attitude_known = imu.attitude_known;
-  put_vector(imu.world_from_base.coeffs(), encoded.world_from_base);
+  put_vector(imu.world_from_head.coeffs(), encoded.world_from_head);
   encoded.clock_offset = imu.clock_offset;
   return encoded;
 }
 
 RigImu decode_imu(const cairn_RigInertial& imu) {
-  const auto& q = imu.world_from_base;
+  const auto& q = imu.world_from_head;
   return {{imu.time},         get_vector(imu.rate),     get_vector(imu.acceleration),
           imu.attitude_known, {q[3], q[0], q[1], q[2]}, imu.clock_offset};
 }
@@ -61,8 +61,8 @@ RigImu decode_imu(const cairn_RigInertial& imu) {
 void check_imu(const cairn_RigInertial& imu, Check* check) {
   require_within(imu.rate, kMaxAngle, "rate of turn out of range", check);
   require_within(imu.acceleration, kMaxAcceleration, "acceleration out of range", check);
-  check->pose({.rotation = {imu.world_from_base[0], imu.world_from_base[1], imu.world_from_base[2],
-                            imu.world_from_base[3]},
+  check->pose({.rotation = {imu.world_from_head[0], imu.world_from_head[1], imu.world_from_head[2],
+                            imu.world_from_head[3]},
                .translation = {}});
 }
 
@@ -79,6 +79,7 @@ cairn_RigCommand encode(const RigCommand& message, Scratch*) {
   sample.order = {message.order.session.value, message.order.seq};
   sample.mode = static_cast<uint8_t>(message.mode);
   put_vector(message.target, sample.target);
+  sample.seen = message.seen.nanoseconds;
   std::copy(message.angles.begin(), message.angles.end(), sample.angles);
   std::copy(message.rates.begin(), message.rates.end(), sample.rates);
   return sample;
@@ -108,6 +109,7 @@ Result<RigCommand> decode<RigCommand>(const cairn_RigCommand& sample) {
   message.order = decode_command(sample.order);
   message.mode = static_cast<RigMode>(sample.mode);
   message.target = Eigen::Vector3d(sample.target);
+  message.seen = {sample.seen};
   std::copy(std::begin(sample.angles), std::end(sample.angles), message.angles.begin());
   std::copy(std::begin(sample.rates), std::end(sample.rates), message.rates.begin());
   return message;
@@ -136,6 +138,11 @@ cairn_RigState encode(const RigState& message, Scratch*) {
   sample.has_imu = message.has_imu;
   sample.imu = encode_imu(message.imu);
   sample.trouble = borrow(message.trouble);
+  sample.on_target = message.on_target;
+  sample.out_of_reach = message.out_of_reach;
+  sample.sees_target = message.sees_target;
+  sample.looked_at = message.looked_at;
+  sample.rounds = message.rounds;
   return sample;
 }
 
@@ -157,6 +164,7 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   for (const cairn_RigAxis& axis : sample.axes) check_axis(axis, &check);
   check_imu(sample.imu, &check);
   check.text(sample.trouble, kMaxRigText);
+  check.require(sample.looked_at >= 0 && sample.looked_at <= 1, "share out of range");
   if (!check.passed()) return unfit(check.what());
   RigState message = decode_key<RigState>(sample);
   message.time = {sample.time};
@@ -170,6 +178,11 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   message.has_imu = sample.has_imu;
   message.imu = decode_imu(sample.imu);
   message.trouble = get_text(sample.trouble);
+  message.on_target = sample.on_target;
+  message.out_of_reach = sample.out_of_reach;
+  message.sees_target = sample.sees_target;
+  message.looked_at = sample.looked_at;
+  message.rounds = sample.rounds;
   return message;
 }
 
