@@ -177,7 +177,9 @@ Status clear(const RigClientOptions& network, bool as_json) {
   const auto state = client->hold(is_cleared, [] { return false; });
   if (!state) return tl::unexpected(state.error());
   print_state(*state, as_json);
-  return state->trouble.empty() ? Status() : fail(ErrorCode::kRefused, state->trouble);
+  // Why the drives were let go before is still told; it is over.
+  const bool is_clear = !state->stopped && state->axes[0].fault == 0 && state->axes[1].fault == 0;
+  return is_clear ? Status() : fail(ErrorCode::kRefused, state->trouble);
 }
 
 std::string check_mode(const std::string& word) {

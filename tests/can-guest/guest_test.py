@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""run-in-can-guest, and in it the test of hw/can on the kernel's CAN: one start of the guest for all.
+"""run-in-can-guest, and in it the test of hw/can on the kernel's CAN and that of a rig: one start of the guest for all.
 
-guest_test.py CAN_SOCKET_TEST   Exit code 77: there is no guest here (a failure where CI=true).
+guest_test.py CAN_SOCKET_TEST [BIN]   BIN: folder of cairn-rig and cairnctl; without it, no rig. Exit code 77: there is no guest here (a failure where CI=true).
 """
 import os
 import pathlib
@@ -14,12 +14,13 @@ import unittest
 
 NOT_HERE = 77
 NO_GUEST = 125
-LIMIT = 180  # [s] of the whole; a loaded machine takes a quarter of it
+LIMIT = 540  # [s] of the whole; a loaded machine takes a third of it
 RUN = pathlib.Path(__file__).resolve().with_name("run-in-can-guest")
 
 # In the guest the kernel has CAN, so the other way of run-in-can-guest works there.
 INSIDE = """
 "$0" || exit 1
+if [ -n "$2" ]; then python3 "${1%/*}/rig_guest.py" "$2" >&2 || exit 3; fi
 echo said >&2
 "$1" --backend native bash -c 'ip link show vcan1 >&2 && exit 41'
 test $? = 41 || exit 2
@@ -34,7 +35,7 @@ def run(*arguments, **environment):
 
 class Guest(unittest.TestCase):
     def test_words_and_exit_codes_pass_and_the_kernels_can_is_as_hw_can_expects(self):
-        done = run("--skip", "--kvaser", "--timeout", str(LIMIT), "bash", "-c", INSIDE, PROGRAM, str(RUN))
+        done = run("--skip", "--kvaser", "--timeout", str(LIMIT), "bash", "-c", INSIDE, PROGRAM, str(RUN), PROGRAMS)
         if done.returncode == NOT_HERE:
             print(done.stderr, file=sys.stderr)
             self.skipTest(done.stderr)
@@ -76,5 +77,6 @@ if __name__ == "__main__":
         print(__doc__.strip())
         sys.exit(0 if len(sys.argv) > 1 else 2)
     PROGRAM = str(pathlib.Path(sys.argv.pop(1)).resolve())
+    PROGRAMS = str(pathlib.Path(sys.argv.pop(1)).resolve()) if len(sys.argv) > 1 else ""
     result = unittest.main(verbosity=2, exit=False).result
     sys.exit(1 if not result.wasSuccessful() else NOT_HERE if result.skipped else 0)
