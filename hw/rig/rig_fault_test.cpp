@@ -3,6 +3,8 @@
 // millisecond that no axis is beyond its limits.
 #include <gmock/gmock.h>
 
+#include <cmath>
+#include <numbers>
 #include <random>
 
 #include "hw/rig/rig_bench.h"
@@ -189,6 +191,26 @@ TEST_P(RigFault, AnAxisThatHurriesAfterItsSetpointsMayBeLetGoToo) {
     bench_.pass(200ms);
     ASSERT_TRUE(bench_.command(rig_command::Activate{})) << bench_.rig().describe();
     bench_.pass(200ms);
+  }
+}
+
+/// What a walking shoulder made of it: setpoints that turn back, and an axis that does so three periods
+/// later.
+TEST(StallWatch, AnAxisThatTurnsBackAfterItsSetpointsIsNotStuck) {
+  for (double amplitude = 0.5; amplitude < 10; amplitude *= 1.2) {
+    for (double frequency = 0.5; frequency < 5 && amplitude * frequency < 15; frequency *= 1.1) {
+      StallWatch lags(0.01);
+      StallWatch held(0.01);
+      const auto at = [&](double t) {
+        return amplitude * kDegree * std::sin(2 * std::numbers::pi * frequency * t);
+      };
+      bool stuck = false;
+      for (int i = 0; i < 500; ++i) {
+        ASSERT_FALSE(lags.is_stuck(at(0.01 * i), at(0.01 * i - 0.03))) << amplitude << " " << frequency;
+        stuck = held.is_stuck(at(0.01 * i), 0) || stuck;
+      }
+      EXPECT_TRUE(stuck || amplitude * frequency < 2) << amplitude << " " << frequency;
+    }
   }
 }
 

@@ -24,7 +24,11 @@ bool StallWatch::is_stuck(double setpoint, double measured) {
   if (static_cast<double>(recent_.size() - 1) * period_ > kWindow) recent_.pop_front();
   const double way = setpoint - recent_.front().setpoint;
   const double gone = measured - recent_.front().measured;
-  const bool still = std::abs(way) >= kTold && gone * way < kStill * way * way;
+  // Setpoints that turn back are ahead of an axis that does not yet: it went some way, if not theirs.
+  const auto [low, high] =
+      std::minmax_element(recent_.begin(), recent_.end(),
+                          [](const Sample& a, const Sample& b) { return a.measured < b.measured; });
+  const bool still = std::abs(way) >= kTold && high->measured - low->measured < kStill * std::abs(way);
   const bool apart = (setpoint - measured) * way > 0;  // one that catches up stands for a while, too
   still_for_ = still && apart ? still_for_ + period_ : 0;
   // After lost setpoints one at its highest rate catches up slowly.

@@ -13,6 +13,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kStep{1};
 constexpr double kStepSeconds = 1e-3;
+constexpr double kFading = 0.92;  // a step, of eight cycles of the firmware
 constexpr uint8_t kSuccess = 0;
 constexpr uint8_t kBusy = 1;
 constexpr uint8_t kDisarmed = 3;
@@ -54,6 +55,7 @@ void SimulatedDrive::handle(const odrive::SetAxisState& message) {
   } else {
     return;
   }
+  integral_ = 0;
   state_ = message.state;
 }
 
@@ -133,12 +135,20 @@ void SimulatedDrive::step_homing() {
   input_ = {position(), rate, 0};
 }
 
-double SimulatedDrive::current_for(const Input& input) const {
+double SimulatedDrive::current_for(const Input& input) {
   const double limit = limits_.velocity;
   const double wanted =
       std::clamp(options_.position_gain * (input.position - position()) + input.velocity, -limit, limit);
-  const double current = options_.velocity_gain * (wanted - plant_.shaft_rate()) + input.current;
-  return std::clamp<double>(current, -limits_.current, limits_.current);
+  const double wrong = wanted - plant_.shaft_rate();
+  const double current = options_.velocity_gain * wrong + integral_ + input.current;
+  const double limited = std::clamp<double>(current, -limits_.current, limits_.current);
+  // As in the firmware: at its limit the integral fades instead of growing.
+  if (limited == current) {
+    integral_ += options_.integrator_gain * wrong * kStepSeconds;
+  } else {
+    integral_ *= kFading;
+  }
+  return limited;
 }
 
 odrive::Message SimulatedDrive::estimates() const {

@@ -22,6 +22,7 @@ struct DriveOptions {
   double current_limit = 10;      ///< likewise [A]
   double position_gain = 20;      ///< [1/s]
   double velocity_gain = 7.5;     ///< [A per turn/s]
+  double integrator_gain = 37.5;  ///< of the rate's error [A per turn]: what friction takes is given back
   double counts_per_turn = 8192;  ///< of the encoder, which is on the motor's shaft
   std::chrono::milliseconds heartbeat{100};
   std::chrono::milliseconds estimates{10};  ///< 0: only when asked for
@@ -79,7 +80,7 @@ class SimulatedDrive {
   void send(const odrive::Message& message, std::vector<CanFrame>& out) const;
   [[nodiscard]] double position() const { return plant_.shaft() - zero_; }
   [[nodiscard]] odrive::Message estimates() const;
-  [[nodiscard]] double current_for(const Input& input) const;
+  [[nodiscard]] double current_for(const Input& input);
 
   DriveOptions options_;
   AxisPlant plant_;
@@ -93,7 +94,8 @@ class SimulatedDrive {
   odrive::SetControllerMode mode_;
   odrive::SetLimits limits_;
   Input input_;
-  double zero_ = 0;  ///< shaft at position 0 [turns]
+  double integral_ = 0;  ///< [A]
+  double zero_ = 0;      ///< shaft at position 0 [turns]
   bool leaves_switch_ = false;
   bool muted_ = false;
   uint8_t result_ = 0;
