@@ -105,7 +105,8 @@ TEST_F(Devices, ClosedLoopReachesItsSetpointWithinRateAndAcceleration) {
 TEST_F(Devices, WhatFrictionTakesIsGivenBackByTheDrivesIntegral) {
   close_loop();
   pass_with_setpoint(100ms, 0);
-  // At an even rate, without it, friction makes it lag by 20 turns/s^2 / (7.5 * 20 / s) / (20 / s) = 0.007 turns.
+  // At an even rate, without it, friction makes it lag by 20 turns/s^2 / (7.5 * 20 / s) / (20 / s) = 0.007
+  // turns.
   float position = 0;
   pass(2s, [&] { send(odrive::SetInputPosition{position += 0.001F, 1, 0}); });
   EXPECT_NEAR(bus_.drive(0).plant().shaft(), position, 0.003);
