@@ -5,9 +5,10 @@
 
 namespace cairn {
 
-bool KeyframePolicy::wants(int found, double distance, const std::function<bool()>& is_new_area) {
+bool KeyframePolicy::wants(int found, double distance, bool widens_map,
+                           const std::function<bool()>& is_new_area) {
   if (found > most_found_) forget_found(found);  // the map grew, or the camera came back to it
-  if (!is_due(found, distance, is_new_area)) return false;
+  if (!is_due(found, distance, widens_map, is_new_area)) return false;
   since_ = 0;
   forget_found(found);
   return true;
@@ -18,10 +19,12 @@ void KeyframePolicy::forget_found(int found) {
   found_in_known_area_.reset();
 }
 
-bool KeyframePolicy::is_due(int found, double distance, const std::function<bool()>& is_new_area) {
+bool KeyframePolicy::is_due(int found, double distance, bool widens_map,
+                            const std::function<bool()>& is_new_area) {
   // Far beyond the limit the wait between offers shortens: a camera that moves fast would run out of its map.
   constexpr double kShortestWait = 0.1;
   const auto has_waited = [&](double wait) { return since_ >= wait * options_.frames_between_keyframes; };
+  if (widens_map && has_waited(kShortestWait)) return true;
   if (distance >= options_.keyframe_distance &&
       has_waited(std::max(kShortestWait, options_.keyframe_distance / distance)))
     return true;

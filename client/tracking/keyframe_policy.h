@@ -19,13 +19,16 @@ class KeyframePolicy {
   /// Another map: what was found in the one before means nothing here.
   void enter_map() { forget_found(0); }
   /// Whether to offer a well tracked frame with `found` points whose camera is `distance` (over the mean
-  /// depth) from the nearest keyframe. Yes counts as offered. `is_new_area`: whether the map knows little of
-  /// what the frame shows. That costs time: it is asked only where the answer depends on it, and after a no
-  /// only once fewer points are found than then.
-  [[nodiscard]] bool wants(int found, double distance, const std::function<bool()>& is_new_area);
+  /// depth) from the nearest keyframe. Yes counts as offered. `widens_map`: it brings parallax that a young
+  /// map needs (widens_young_map). `is_new_area`: whether the map knows little of what the frame shows. That
+  /// costs time: it is asked only where the answer depends on it, and after a no only once fewer points are
+  /// found than then.
+  [[nodiscard]] bool wants(int found, double distance, bool widens_map,
+                           const std::function<bool()>& is_new_area);
 
  private:
-  [[nodiscard]] bool is_due(int found, double distance, const std::function<bool()>& is_new_area);
+  [[nodiscard]] bool is_due(int found, double distance, bool widens_map,
+                            const std::function<bool()>& is_new_area);
   [[nodiscard]] bool shows_new_area(int found, const std::function<bool()>& is_new_area);
   void forget_found(int found);
 

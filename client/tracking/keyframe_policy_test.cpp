@@ -14,7 +14,7 @@ class KeyframePolicyTest : public ::testing::Test {
   int frames_until_offer(int found, double distance, int most = 200) {
     for (int frame = 1; frame <= most; ++frame) {
       policy_.next_frame();
-      if (policy_.wants(found, distance, [this] { return is_new_area_; })) return frame;
+      if (policy_.wants(found, distance, false, [this] { return is_new_area_; })) return frame;
     }
     return most + 1;
   }
@@ -31,14 +31,14 @@ TEST_F(KeyframePolicyTest, AViewThatIsKnownWellIsOfferedFromTheFullDistanceOn) {
 }
 
 TEST_F(KeyframePolicyTest, WhereTheMapRunsOutLessDistanceIsEnough) {
-  ASSERT_FALSE(policy_.wants(kMany, 0, [] { return true; }));
+  ASSERT_FALSE(policy_.wants(kMany, 0, false, [] { return true; }));
   EXPECT_GT(frames_until_offer(static_cast<int>(0.91 * kMany), soon_), 200);
   EXPECT_LE(frames_until_offer(static_cast<int>(0.89 * kMany), soon_), 1);
 }
 
 TEST_F(KeyframePolicyTest, WhatTheMapKnowsIsOfferedOnceFewPointsAreLeft) {
   is_new_area_ = false;
-  ASSERT_FALSE(policy_.wants(kMany, 0, [] { return false; }));
+  ASSERT_FALSE(policy_.wants(kMany, 0, false, [] { return false; }));
   EXPECT_GT(frames_until_offer(static_cast<int>(0.71 * kMany), soon_), 200);
   EXPECT_LE(frames_until_offer(static_cast<int>(0.69 * kMany), soon_), 1);
 }
@@ -48,7 +48,7 @@ TEST_F(KeyframePolicyTest, AfterANoTheAreaIsLookedAtAgainOnlyWhereFewerPointsAre
   int looks = 0;
   const auto is_offered = [&](int found) {
     policy_.next_frame();
-    return policy_.wants(found, soon_, [&] { return ++looks, is_new_area_; });
+    return policy_.wants(found, soon_, false, [&] { return ++looks, is_new_area_; });
   };
   is_new_area_ = false;
   ASSERT_FALSE(is_offered(kMany));
@@ -66,6 +66,17 @@ TEST_F(KeyframePolicyTest, AfterANoTheAreaIsLookedAtAgainOnlyWhereFewerPointsAre
   int frames = 0;
   while (frames < 20 && !is_offered(static_cast<int>(0.7 * 2 * kMany))) ++frames;
   EXPECT_LT(frames, 20);
+}
+
+TEST_F(KeyframePolicyTest, WhatWidensAYoungMapIsOfferedSoonAndNotEveryFrame) {
+  const double near = 0.1 * soon_;
+  int offers = 0;
+  for (int frame = 1; frame <= 20; ++frame) {
+    policy_.next_frame();
+    offers += policy_.wants(kMany, near, true, [this] { return is_new_area_; }) ? 1 : 0;
+  }
+  EXPECT_EQ(offers, 10);
+  EXPECT_GT(frames_until_offer(kMany, near), 200);
 }
 
 // An offer may be refused: what was found at best before it is forgotten, and the next few points lost would

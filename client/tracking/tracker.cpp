@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 #include <array>
+#include <span>
 #include <utility>
 
 #include "client/relocalization/recovery.h"
@@ -17,6 +18,7 @@
 #include "client/tracking/still_regions.h"
 #include "client/tracking/trail_pose.h"
 #include "client/tracking/trails.h"
+#include "common/geometry/view_span.h"
 #include "common/image/frame_images.h"
 #include "common/image/known_area.h"
 
@@ -132,6 +134,7 @@ struct Tracker::State {
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
   void publish(const Attempt& found, Timestamp time);
+  [[nodiscard]] bool widens_map() const;
   void propose_keyframe(Timestamp time);
   [[nodiscard]] bool shows_new_area();
   void report_search();
@@ -447,11 +450,25 @@ void Tracker::State::publish(const Attempt& found, Timestamp time) {
   propose_keyframe(time);
 }
 
+/// A young map needs the parallax that this frame has against its keyframes.
+bool Tracker::State::widens_map() const {
+  std::array<Eigen::Vector3d, kMostYoungViews> centers;
+  size_t count = 0;
+  for (const auto& block : map->keyframe_blocks) {
+    for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {
+      if ((block->live >> slot & 1) == 0) continue;
+      if (count == centers.size()) return false;
+      centers[count++] = block->keyframes[slot].camera_from_map.center();
+    }
+  }
+  return widens_young_map(std::span(centers).first(count), model.last().center(), mean_depth);
+}
+
 void Tracker::State::propose_keyframe(Timestamp time) {
   const KeyframePose* reference = map->find(latest.reference);
   if (!options.make_keyframes || reference == nullptr || !local.has_room(time)) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
-  if (!keyframes.wants(finder.found(), distance, [this] { return shows_new_area(); })) return;
+  if (!keyframes.wants(finder.found(), distance, widens_map(), [this] { return shows_new_area(); })) return;
   KeyframeProposal proposal{map->map,
                             map->epoch,
                             map->revision,

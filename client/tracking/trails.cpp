@@ -17,7 +17,7 @@ namespace {
 constexpr size_t kFewestTrails = 60;  // fewer are not worth following
 constexpr float kFewestShare = 0.2F;  // of those begun: below, what is left covers too little of the view
 constexpr float kFewestMovement =
-    0.012F;                             // of the image width: median movement before the first two-view test
+    0.006F;                             // of the image width: median movement before the first two-view test
 constexpr float kMoreMovement = 1.15F;  // factor of movement between two-view tests
 constexpr float kWayStep = 1.0F;        // [px] of median movement between remembered positions, at first
 constexpr size_t kMostWay = 64;
@@ -26,6 +26,7 @@ constexpr float kMostDrift = 2.0F;       // [px] what matching with the first pa
 constexpr size_t kMostRemembered = 300;  // trails looked for in views on the way
 constexpr size_t kMostJudged = 200;      // of those found in all of them,
 constexpr size_t kFewestJudged = 40;     // as of the matches of a pair (TwoViewOptions)
+constexpr double kMaxDepthSigma = 0.05;  // of the depths in the median: known to a twentieth
 constexpr double kMaxDirectionSigma = 1.5 * M_PI / 180;  // [rad] of the baseline: more bends the map
 
 /// Keeps the best corner of each cell of a grid first, then the second best, ...: trails all over the
@@ -233,8 +234,8 @@ FewViews TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) 
 }
 
 /// The motion that explains all views best, if noise and the other motions leave no doubt of it.
-tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& motions,
-                                                        const FewViews& views) const {
+tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& motions,
+                                                                   const FewViews& views) const {
   const auto refuse = [](TwoViewRefusal reason, const char* why) {
     return tl::unexpected<TwoViewFailure>({reason, why});
   };
@@ -256,7 +257,7 @@ tl::expected<SE3, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& mo
     return refuse(TwoViewRefusal::kNoParallax,
                   "the direction of the motion is not certain yet: move the camera on");
   }
-  return best->last_from_first;
+  return *best;
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
@@ -268,7 +269,9 @@ tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::ve
   if (!motions) return tl::unexpected(motions.error());
   const auto motion = choose(*motions, views);
   if (!motion) return tl::unexpected(motion.error());
-  return build_two_view(*camera_, *camera_, matches, *motion, options);
+  // Of two views alone nothing says how well the depths are known; all of them together do.
+  if (motion->depth_sigma < kMaxDepthSigma) options.min_median_parallax = kLeastMapParallax;
+  return build_two_view(*camera_, *camera_, matches, motion->last_from_first, options);
 }
 
 std::optional<SeedProposal> TrailFollower::propose(const GrayImagePtr& image, Timestamp time,

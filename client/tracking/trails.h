@@ -87,8 +87,8 @@ class TrailFollower {
   [[nodiscard]] float median_movement() const;
   void remember_way(const FrameImages& now);
   [[nodiscard]] FewViews views_on_the_way(std::span<const Eigen::Vector2f> last) const;
-  [[nodiscard]] tl::expected<SE3, TwoViewFailure> choose(const TwoViewMotions& motions,
-                                                         const FewViews& views) const;
+  [[nodiscard]] tl::expected<AdjustedMotion, TwoViewFailure> choose(const TwoViewMotions& motions,
+                                                                    const FewViews& views) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
                                                                     const FewViews& views) const;
 

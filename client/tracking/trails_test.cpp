@@ -6,9 +6,13 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <span>
+#include <vector>
 
 #include "client/tracking/plane_scene.h"
 #include "client/tracking/trail_pose.h"
+#include "common/base/median.h"
+#include "common/geometry/triangulation.h"
 #include "common/geometry/two_view.h"
 
 namespace cairn {
@@ -91,6 +95,33 @@ TEST_F(Trails, TheMotionProposedIsTheCamerasWhateverTheWay) {
     EXPECT_NEAR(proposal->second_from_first.translation().norm(), 1, 1e-9) << name;
     follower.refused("by the test");
   }
+}
+
+/// Sharp pictures leave the depths known at less parallax than two views alone need, unless the camera turns:
+/// a calibration or a shutter that is a little wrong spoils them then, and no noise tells.
+TEST_F(Trails, ALittleParallaxIsEnoughWhereNeitherNoiseNorATurnSpoilsTheDepths) {
+  constexpr double kTwoViews = 1.2 * M_PI / 180;  // what two views alone need
+  const auto seen_apart_at_start = [this](double roll) {
+    follower.restart();
+    const Way way = [roll](int i) {
+      return SE3(so3_exp({0, 0, roll * i}), Eigen::Vector3d::Zero()) * looking_down(0.0015 * i, 0.0005 * i);
+    };
+    const int last = follow(way, 100);
+    if (last < 0) return 0.0;
+    const SE3 back = way(0).inverse();
+    std::vector<double> angles;
+    for (const Trail& t : proposal->trails) {
+      const Eigen::Vector3d down = back.rotation() * camera->unproject(t.first.cast<double>());
+      const Eigen::Vector3d point = back.translation() - down * (back.translation().z() / down.z());
+      angles.push_back(parallax(point, back.translation(), way(last).center()));
+    }
+    follower.refused("by the test");
+    return reorder_to_median(std::span(angles));
+  };
+  const double straight = seen_apart_at_start(0);
+  EXPECT_GT(straight, 0.9 * kLeastMapParallax);
+  EXPECT_LT(straight, 0.75 * kTwoViews);
+  EXPECT_GT(seen_apart_at_start(0.02), 0.9 * kTwoViews);
 }
 
 /// A way of more remembered positions than are kept is thinned out, and its trails end where they should.

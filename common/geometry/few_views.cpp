@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/base/median.h"
 #include "common/geometry/robust.h"
 #include "common/geometry/two_view.h"
 
@@ -34,6 +35,9 @@ constexpr double kLeastGain = 1e-4;
 /// Of the squared sine between a ray and the motion, which has length 1: a point seen along it has no
 /// depth.
 constexpr double kAlongMotion = 1e-12;
+/// Of the focal length of a camera that counts as known; a turn of 30 degrees/s that is read for a 30th of a
+/// second leaves as much of the picture's height and shear.
+constexpr double kCommonSigma = 0.0125;
 /// Of the smallest pivot to the largest: below, the views do not determine their poses.
 constexpr double kSingular = 1e-12;
 
@@ -47,6 +51,7 @@ struct Problem {
   const Camera& camera;
   const FewViews& views;
   std::vector<Eigen::Vector3d> rays;  ///< unit, of the first view
+  Eigen::Vector2d center;             ///< [px] where the optical axis is seen
 
   [[nodiscard]] size_t points() const { return rays.size(); }
   [[nodiscard]] size_t poses() const { return views.further.size(); }
@@ -234,8 +239,16 @@ Structure begin_with(const Problem& problem, const SE3& motion) {
   return s;
 }
 
-double direction_sigma(const Problem& problem, const Structure& s, const std::vector<double>& squared,
-                       double squared_cutoff) {
+using CommonErrors = Matrix23d;  ///< by column: focal length, height, shear
+
+/// What the views leave open of an adjusted motion and its points.
+struct Uncertainty {
+  double direction = std::numeric_limits<double>::infinity();  ///< as in AdjustedMotion
+  double depth = std::numeric_limits<double>::infinity();
+};
+
+/// [px^2] Of one coordinate of a residual.
+double noise_variance(const Problem& problem, const std::vector<double>& squared, double squared_cutoff) {
   double sum = 0;
   double weights = 0;
   for (const double q : squared) {
@@ -246,23 +259,94 @@ double direction_sigma(const Problem& problem, const Structure& s, const std::ve
   }
   const double freedom = weights - static_cast<double>(problem.points() + 6 * problem.poses());
   if (!(freedom > 0)) return std::numeric_limits<double>::infinity();
-  const double variance = std::max(sum / freedom, kLeastNoise * kLeastNoise);
-  const Reduced r = reduce(build(problem, s, squared_cutoff), s, 0);
+  return std::max(sum / freedom, kLeastNoise * kLeastNoise);
+}
+
+/// [px] What may be wrong with all pixels alike, by one sigma each: a calibration's focal length, and what a
+/// shutter that reads row by row makes of a turn, which lengthens or shears the picture.
+CommonErrors common_errors(const Problem& problem, const Eigen::Vector2d& pixel) {
+  const Eigen::Vector2d from_center = kCommonSigma * (pixel - problem.center);
+  CommonErrors errors;
+  errors << from_center.x(), 0, from_center.y(),  //
+      from_center.y(), from_center.y(), 0;
+  return errors;
+}
+
+/// [px] What they add to the residual `o` of point i in view v.
+CommonErrors added_to_residual(const Problem& problem, const Structure& s, size_t v, size_t i,
+                               const Sighting& o) {
+  const FurtherView& view = problem.views.further[v];
+  const CommonErrors here = common_errors(problem, problem.views.first[i]);
+  CommonErrors added = -common_errors(problem, view.pixels[i]);
+  for (Eigen::Index c = 0; c < added.cols(); ++c) {
+    const Eigen::Vector3d ray = problem.camera.unproject(problem.views.first[i] + here.col(c));
+    const SE3& pose = s.view_from_first[v];
+    const auto pixel = problem.camera.project(
+        pose.rotation() * ray + s.inverse_distance[static_cast<Eigen::Index>(i)] * pose.translation());
+    if (pixel) added.col(c) += *pixel - view.pixels[i] - o.residual;
+  }
+  return added;
+}
+
+/// By how much they spoil each point's inverse distance, over it, as nobody looks for them: row by point.
+Eigen::MatrixXd spoilt_by_common_errors(const Problem& problem, const Structure& s, NormalEquations equations,
+                                        const Eigen::LDLT<Eigen::MatrixXd>& factors, double squared_cutoff) {
+  const auto n = static_cast<Eigen::Index>(problem.points());
+  Eigen::MatrixXd by_poses = Eigen::MatrixXd::Zero(equations.poses.rows(), CommonErrors::ColsAtCompileTime);
+  Eigen::MatrixXd by_points = Eigen::MatrixXd::Zero(n, CommonErrors::ColsAtCompileTime);
+  for (size_t v = 0; v < problem.poses(); ++v) {
+    const Eigen::Matrix3d rotation = s.view_from_first[v].rotation_matrix();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const Sighting o = linearise(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
+      if (o.weight == 0) continue;
+      const CommonErrors added = added_to_residual(problem, s, v, static_cast<size_t>(i), o);
+      by_poses.middleRows<6>(static_cast<Eigen::Index>(6 * v)) += o.weight * o.by_pose.transpose() * added;
+      by_points.row(i) += o.weight * o.by_point.transpose() * added;
+    }
+  }
+  Eigen::MatrixXd spoilt(n, by_points.cols());
+  for (Eigen::Index c = 0; c < spoilt.cols(); ++c) {
+    equations.pose_gradient = by_poses.col(c);
+    equations.point_gradient = by_points.col(c);
+    const Reduced r = reduce(equations, s, 0);
+    const Eigen::VectorXd step = -factors.solve(r.gradient);
+    spoilt.col(c) = (r.point_steps + r.pose_by_point.transpose() * step).cwiseQuotient(s.inverse_distance);
+  }
+  return spoilt;
+}
+
+Uncertainty uncertainty_of(const Problem& problem, const Structure& s, const std::vector<double>& squared,
+                           double squared_cutoff) {
+  const double variance = noise_variance(problem, squared, squared_cutoff);
+  const NormalEquations equations = build(problem, s, squared_cutoff);
+  const Reduced r = reduce(equations, s, 0);
   const Eigen::LDLT<Eigen::MatrixXd> factors(r.information);
   const auto pivots = factors.vectorD();
-  if (!(pivots.minCoeff() > kSingular * pivots.maxCoeff())) return std::numeric_limits<double>::infinity();
+  if (!std::isfinite(variance) || !(pivots.minCoeff() > kSingular * pivots.maxCoeff())) return {};
   const Eigen::Index size = r.information.rows();
-  const Eigen::MatrixXd covariance =
-      factors.solve(Eigen::MatrixXd::Identity(size, size).rightCols<6>().leftCols<3>().eval());
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spectrum(covariance.block<3, 3>(size - 6, 0));
-  return std::sqrt(variance * spectrum.eigenvalues()(2)) / s.view_from_first.back().translation().norm();
+  const Eigen::MatrixXd covariance = factors.solve(Eigen::MatrixXd::Identity(size, size));
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> spectrum(covariance.block<3, 3>(size - 6, size - 6));
+  const Eigen::MatrixXd spoilt = spoilt_by_common_errors(problem, s, equations, factors, squared_cutoff);
+  std::vector<double> of_depths;
+  for (Eigen::Index i = 0; i < equations.points.size(); ++i) {
+    const auto by_poses = r.pose_by_point.col(i);
+    const double of_point = by_poses.isZero(0)
+                                ? std::numeric_limits<double>::infinity()
+                                : 1 / equations.points[i] + by_poses.dot(covariance * by_poses);
+    of_depths.push_back(
+        std::hypot(std::sqrt(variance * of_point) / s.inverse_distance[i], spoilt.row(i).norm()));
+  }
+  return {
+      std::sqrt(variance * spectrum.eigenvalues()(2)) / s.view_from_first.back().translation().norm(),
+      of_depths.empty() ? std::numeric_limits<double>::infinity() : reorder_to_median(std::span(of_depths))};
 }
 
 }  // namespace
 
 MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
                                std::span<const SE3> last_from_first) {
-  Problem problem{camera, views, {}};
+  const auto center = camera.project(Eigen::Vector3d::UnitZ());
+  Problem problem{camera, views, {}, center.value_or(Eigen::Vector2d::Zero())};
   for (const Eigen::Vector2d& pixel : views.first) problem.rays.push_back(camera.unproject(pixel));
   std::vector<Structure> structures;
   double cutoff = std::numeric_limits<double>::infinity();
@@ -275,8 +359,9 @@ MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
     (void)adjust(problem, cutoff, &s);
     const std::vector<double> squared = squared_residuals(problem, s);
     const SE3& last = s.view_from_first.back();
+    const Uncertainty uncertainty = uncertainty_of(problem, s, squared, cutoff);
     result.motions.push_back({SE3(last.rotation(), last.translation().normalized()),
-                              robust_cost(squared, cutoff), direction_sigma(problem, s, squared, cutoff)});
+                              robust_cost(squared, cutoff), uncertainty.direction, uncertainty.depth});
   }
   result.noise_cost = kLeastNoise * kLeastNoise * static_cast<double>(problem.points() * problem.poses());
   return result;

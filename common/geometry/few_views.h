@@ -28,6 +28,10 @@ struct AdjustedMotion {
   double cost = 0;             ///< Tukey's, with one cut-off for all the motions [px^2]
   double direction_sigma = 0;  ///< [rad] standard deviation of the direction of the baseline, where it is
                                ///< least certain
+  double depth_sigma = 0;      ///< standard deviation of a point's distance over the distance; median of the
+                               ///< points. Of the noise, the poses' own uncertainty included, and of what no
+                               ///< noise tells of: a calibration or a shutter that stretches or shears all
+                               ///< pictures alike, which spoils depths as the camera turns
 };
 
 struct MotionsAdjusted {

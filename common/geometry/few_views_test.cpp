@@ -4,12 +4,15 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <random>
 #include <vector>
 
+#include "common/geometry/triangulation.h"
 #include "common/geometry/two_view.h"
 
 namespace cairn {
@@ -23,7 +26,10 @@ constexpr int kPoints = 250;
 class PlaneOnTheWay {
  public:
   /// `bend`: how far the middle of the way lies beside the straight line, over the baseline.
-  PlaneOnTheWay(unsigned seed, double bend, double noise) : random_(seed), noise_(noise) {
+  /// `spoilt`: what stretches or shears all pictures about their centre, and no camera knows of.
+  PlaneOnTheWay(unsigned seed, double bend, double noise,
+                const Eigen::Matrix2d& spoilt = Eigen::Matrix2d::Identity())
+      : random_(seed), noise_(noise), spoilt_(spoilt) {
     camera_ = make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
     const Eigen::Vector3d along = Eigen::Vector3d(normal(), normal(), normal()).normalized();
     const Eigen::Vector3d beside = along.cross(Eigen::Vector3d(normal(), normal(), normal())).normalized();
@@ -57,6 +63,15 @@ class PlaneOnTheWay {
            motion.rotation().angularDistance(b_from_a_.rotation()) < 1 * kDegree;
   }
   [[nodiscard]] const SE3& truth() const { return b_from_a_; }
+  /// [length of the motion] Of all points, by the first and the last view; some may be at infinity.
+  [[nodiscard]] std::vector<double> distances(const SE3& b_from_a) const {
+    std::vector<double> result;
+    for (const PixelMatch& m : matches_) {
+      const auto point = triangulate(b_from_a, camera_->unproject(m.a), camera_->unproject(m.b));
+      result.push_back(point ? point->norm() : std::numeric_limits<double>::infinity());
+    }
+    return result;
+  }
 
  private:
   double normal() { return normal_(random_); }
@@ -75,14 +90,19 @@ class PlaneOnTheWay {
       seen.push_back(*projected + noise());
     }
     // The first view's pixels are where the patches were cut: exact.
-    matches_.push_back({pixel, seen.back()});
-    views_.first.push_back(pixel);
-    for (size_t i = 0; i < seen.size(); ++i) views_.further[i].pixels.push_back(seen[i]);
+    matches_.push_back({as_taken(pixel), as_taken(seen.back())});
+    views_.first.push_back(as_taken(pixel));
+    for (size_t i = 0; i < seen.size(); ++i) views_.further[i].pixels.push_back(as_taken(seen[i]));
+  }
+  [[nodiscard]] Eigen::Vector2d as_taken(const Eigen::Vector2d& pixel) const {
+    const Eigen::Vector2d center(191.5, 143.5);
+    return center + spoilt_ * (pixel - center);
   }
 
   std::mt19937 random_;
   std::normal_distribution<double> normal_;
   double noise_;
+  Eigen::Matrix2d spoilt_;
   CameraPtr camera_;
   SE3 b_from_a_;
   std::vector<PixelMatch> matches_;
@@ -210,8 +230,57 @@ TEST(FewViews, TheDirectionIsAsUncertainAsItSays) {
   EXPECT_LT(std::sqrt(squares / count), 2.0);
 }
 
+/// Of points at a distance about 1, the noise over the focal length and the baseline, at least: the poses are
+/// not known either.
+TEST(FewViews, TheDepthsAreAsUncertainAsTheNoiseAndTheBaselineLeaveThem) {
+  constexpr double kLeast = 0.2 / 380 / (4 * kDegree);  // of two views and known poses
+  std::vector<double> ratios;
+  for (unsigned seed = 1; seed <= 40; ++seed) {
+    const auto depth_sigma = [seed](double noise) {
+      const PlaneOnTheWay plane(seed, 0.5, noise);
+      const SE3 start(plane.truth().rotation(), plane.truth().translation().normalized());
+      return plane.adjust({start}).motions.front().depth_sigma;
+    };
+    const double without_noise = depth_sigma(0);
+    const auto of_noise = [&](double noise) {
+      return std::sqrt(std::pow(depth_sigma(noise), 2) - std::pow(without_noise, 2));
+    };
+    EXPECT_GT(depth_sigma(0.2), 0.5 * kLeast);
+    ratios.push_back(of_noise(0.4) / of_noise(0.2));
+  }
+  std::sort(ratios.begin(), ratios.end());
+  EXPECT_NEAR(ratios[ratios.size() / 2], 2, 0.3);
+}
+
+/// A picture that is longer, higher or sheared by 1.25 % spoils the depths by as much as is said without
+/// knowing that it is.
+TEST(FewViews, TheDepthsAreAsUncertainAsACameraThatIsALittleWrongLeavesThem) {
+  constexpr double kOff = 0.0125;
+  const std::array<Eigen::Matrix2d, 3> kinds{Eigen::Matrix2d{{1 + kOff, 0}, {0, 1 + kOff}},
+                                             Eigen::Matrix2d{{1, 0}, {0, 1 + kOff}},
+                                             Eigen::Matrix2d{{1, kOff}, {0, 1}}};
+  std::vector<double> ratios;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    const PlaneOnTheWay plane(seed, 0.5, 0);
+    const SE3 start(plane.truth().rotation(), plane.truth().translation().normalized());
+    const std::vector<double> distances = plane.distances(start);
+    std::vector<double> off(distances.size(), 0);
+    for (const Eigen::Matrix2d& kind : kinds) {
+      const PlaneOnTheWay spoilt(seed, 0.5, 0, kind);
+      const std::vector<double> found =
+          spoilt.distances(spoilt.adjust({start}).motions.front().last_from_first);
+      for (size_t i = 0; i < off.size(); ++i) off[i] = std::hypot(off[i], distances[i] / found[i] - 1);
+    }
+    std::nth_element(off.begin(), off.begin() + kPoints / 2, off.end());
+    ratios.push_back(off[kPoints / 2] / plane.adjust({start}).motions.front().depth_sigma);
+  }
+  std::sort(ratios.begin(), ratios.end());
+  EXPECT_GT(ratios.front(), 0.8);
+  EXPECT_LT(ratios.back(), 1.5);
+}
+
 /// All points at infinity say nothing of where the camera went.
-TEST(FewViews, ATurnAloneLeavesTheDirectionUnknown) {
+TEST(FewViews, ATurnAloneLeavesTheDirectionAndTheDepthsUnknown) {
   const CameraPtr camera =
       make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
   const SE3 turn(so3_exp({0.01, 0.05, 0.02}), Eigen::Vector3d::Zero());
@@ -226,7 +295,9 @@ TEST(FewViews, ATurnAloneLeavesTheDirectionUnknown) {
     }
   }
   const std::vector<SE3> motion{SE3(turn.rotation(), Eigen::Vector3d::UnitX())};
-  EXPECT_GT(adjust_motions(*camera, views, motion).motions.front().direction_sigma, 20 * kDegree);
+  const AdjustedMotion found = adjust_motions(*camera, views, motion).motions.front();
+  EXPECT_GT(found.direction_sigma, 20 * kDegree);
+  EXPECT_GT(found.depth_sigma, 0.5);
 }
 
 TEST(FewViews, OfNoMotionsNoneIsBest) {

@@ -61,10 +61,11 @@ Eigen::Vector3d point_at(const PointSource& source, double inverse_depth) {
 
 }  // namespace
 
-EpipolarSearch::EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner)
+EpipolarSearch::EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax)
     : partner_(partner),
       source_camera_(*keyframe.camera),
       partner_from_source_(partner.camera_from_map * keyframe.camera_from_map.inverse()),
+      min_parallax_(min_parallax),
       seen_{1.0 / (kFarMargin * keyframe.far_depth), 1.0 / (kNearMargin * keyframe.near_depth)} {}
 
 std::optional<NewPoint> EpipolarSearch::find(const PointSource& source) {
@@ -163,7 +164,7 @@ std::optional<NewPoint> EpipolarSearch::triangulate_match(const PointSource& sou
   const auto point = triangulate(partner_from_source_, source.ray_center.cast<double>(), ray_b);
   if (!point) return std::nullopt;
   const Eigen::Vector3d center_b = partner_from_source_.center();
-  if (parallax(*point, Eigen::Vector3d::Zero(), center_b) < kMinParallax) return std::nullopt;
+  if (parallax(*point, Eigen::Vector3d::Zero(), center_b) < min_parallax_) return std::nullopt;
   if (point->z() * seen_.least > 1.0 || point->z() * seen_.most < 1.0) return std::nullopt;
   const Eigen::Vector2d corner = pixel_of(source).cast<double>();
   const auto in_source = source_camera_.project(*point);

@@ -29,9 +29,9 @@ struct InverseDepths {
 /// The search for corners of one keyframe in one partner. Both outlive it and keep their places.
 class EpipolarSearch {
  public:
-  EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner);
+  EpipolarSearch(const MapKeyframe& keyframe, const MapKeyframe& partner, double min_parallax = kMinParallax);
 
-  /// At the depths that the keyframe sees: unique along the line, triangulated, at one degree of parallax or
+  /// At the depths that the keyframe sees: unique along the line, triangulated, at so much parallax [rad] or
   /// more, and reprojected to within a sigma in both.
   [[nodiscard]] std::optional<NewPoint> find(const PointSource& source);
   /// What alone of all along the line of these depths resembles the source, to sub-pixel.
@@ -66,6 +66,7 @@ class EpipolarSearch {
   const MapKeyframe& partner_;
   const Camera& source_camera_;
   SE3 partner_from_source_;
+  double min_parallax_;                                 ///< [rad]
   InverseDepths seen_;                                  ///< by the keyframe
   std::array<SearchedLevel, kPyramidLevels> levels_{};  ///< of the partner
   // Of the point that is looked for:

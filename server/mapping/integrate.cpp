@@ -9,6 +9,7 @@
 
 #include "common/geometry/pose.h"
 #include "common/geometry/scene_depth.h"
+#include "common/geometry/view_span.h"
 #include "common/image/known_area.h"
 #include "server/mapping/patch_view.h"
 #include "server/mapping/refind.h"
@@ -90,6 +91,16 @@ Nearest nearest_keyframes(const MapState& map, const SE3& camera_from_map) {
       nearest.same_direction = std::min(nearest.same_direction, distance);
   }
   return nearest;
+}
+
+/// A map begun with little parallax is re-adjusted as more comes, whatever else keyframes are spaced by.
+bool widens_map(const MapState& map, const SE3& camera_from_map, double mean_depth) {
+  std::vector<Eigen::Vector3d> centers;
+  for (const MapKeyframe& k : map.keyframes()) {
+    if (k.live) centers.push_back(k.camera_from_map.center());
+    if (centers.size() > kMostYoungViews) return false;
+  }
+  return widens_young_map(centers, camera_from_map.center(), mean_depth);
 }
 
 double unknown_fraction(const KeyframeImages& images, const std::vector<PointMeasurement>& measured) {
@@ -202,14 +213,15 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   }
   const double needed = spacing.min_distance_over_depth * judged->mean_depth;
   const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);
-  if (nearest.any < kNewAreaDistance * needed) {
+  const bool widens = widens_map(*map, judged->camera_from_map, judged->mean_depth);
+  if (!widens && nearest.any < kNewAreaDistance * needed) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
   }
   auto images = prepare_images(input.image->view(), input.still);
   const bool knows_little =
       static_cast<double>(judged->inliers.size()) <
       kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());
-  if (nearest.same_direction < needed && !knows_little &&
+  if (!widens && nearest.same_direction < needed && !knows_little &&
       unknown_fraction(*images, judged->inliers) < KnownArea::kNewAreaFraction) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.same_direction, needed));
   }

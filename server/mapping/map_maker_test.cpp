@@ -149,6 +149,14 @@ TEST_F(MapMakerTest, RefusesInputThatIsNoPairOfViews) {
   EXPECT_EQ(MapMaker::start(elsewhere, {}).error().code, ErrorCode::kDegenerate);
 }
 
+/// Whatever keyframes are spaced by: its depths need the parallax. Once it spans a tenth of them, it waits.
+TEST_F(MapMakerTest, AYoungMapTakesWhatWidensIt) {
+  options_.min_keyframe_distance = 100;
+  start();
+  EXPECT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  EXPECT_EQ(offer(9).verdict, KeyframeVerdict::kTooClose);
+}
+
 TEST_F(MapMakerTest, GrowsAndGetsMoreAccurate) {
   start();
   const size_t points_at_start = maker_->statistics().points;

@@ -127,25 +127,30 @@ std::vector<KeyframeId> rank_partners(const MapState& map, const MapKeyframe& ke
   return partners;
 }
 
-std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe_id, size_t count) {
-  const MapKeyframe& keyframe = map.keyframe(keyframe_id);
+namespace {
+
+/// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
+std::vector<KeyframeId> choose_partners(const MapState& map, const MapKeyframe& keyframe,
+                                        const NewPointsOptions& options) {
+  const auto count = static_cast<size_t>(options.partners + options.witnesses);
   const size_t stride = std::max<size_t>(1, keyframe.measurements.size() / kOverlapSamples);
   std::vector<Eigen::Vector3d> points;
   for (size_t i = 0; i < keyframe.measurements.size(); i += stride)
     points.push_back(map.point(keyframe.measurements[i].point).position);
-  return rank_partners(map, keyframe, points, kMinParallax, count);
+  return rank_partners(map, keyframe, points, options.min_parallax, count);
 }
+
+}  // namespace
 
 NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, const NewPointsOptions& options,
                           const std::function<bool()>& should_yield) {
   const MapKeyframe& keyframe = map->keyframe(keyframe_id);
   NewPoints result;
   if (keyframe.near_depth <= 0) return result;
-  const std::vector<KeyframeId> others =
-      choose_partners(*map, keyframe_id, static_cast<size_t>(options.partners + options.witnesses));
+  const std::vector<KeyframeId> others = choose_partners(*map, keyframe, options);
   std::vector<EpipolarSearch> searches;
   for (size_t i = 0; i < std::min(others.size(), static_cast<size_t>(options.partners)); ++i) {
-    searches.emplace_back(keyframe, map->keyframe(others[i]));
+    searches.emplace_back(keyframe, map->keyframe(others[i]), options.min_parallax);
   }
   const Witnesses witnesses(*map, keyframe, others);
   Occupancy taken = known_measurements(keyframe, level);

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "server/mapping/epipolar_search.h"
 #include "server/mapping/map_state.h"
 
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
@@ -17,14 +18,12 @@ namespace cairn {
                                                     std::span<const Eigen::Vector3d> points,
                                                     double min_parallax, size_t count);
 
-/// The keyframes to search in, best first: those that see much of what `keyframe` sees, at a useful parallax.
-[[nodiscard]] std::vector<KeyframeId> choose_partners(const MapState& map, KeyframeId keyframe, size_t count);
-
 struct NewPointsOptions {
-  int max_points = 1000;       ///< for this call
-  int partners = 2;            ///< keyframes searched for each candidate, until one has it
-  int witnesses = 3;           ///< further keyframes that are asked to confirm a new point
-  size_t first_candidate = 0;  ///< where an earlier call stopped
+  int max_points = 1000;               ///< for this call
+  int partners = 2;                    ///< keyframes searched for each candidate, until one has it
+  int witnesses = 3;                   ///< further keyframes that are asked to confirm a new point
+  double min_parallax = kMinParallax;  ///< [rad]
+  size_t first_candidate = 0;          ///< where an earlier call stopped
 };
 
 struct NewPoints {

@@ -22,9 +22,10 @@ constexpr float kTrailShift = 2.0F;  ///< [px] of a trail's end under refinement
 constexpr double kPlaneInlierDistance = 0.03;  ///< of the mean depth
 constexpr int kPlaneTrials = 200;
 constexpr double kUnitTolerance = 1e-6;  ///< of the length of the motion
-/// The tracker asked its own matches for as much parallax; re-measured ones differ a little, and a bare pass
-/// there should not fail here.
+/// The tracker asked its own matches for as much parallax or more, by their noise; re-measured ones differ a
+/// little, and a bare pass there should not fail here.
 constexpr double kParallaxTolerance = 0.8;
+constexpr double kShareOfParallax = 0.5;  ///< of the median: what a further point needs of it
 constexpr std::array<int, kPyramidLevels> kSeedLevelOrder{0, 3, 1, 2};  // PTAM r114
 
 /// A trail as the start uses it: its first end on a whole pixel, where the patch is cut.
@@ -175,7 +176,7 @@ Result<TwoViewGeometry> check_motion(const SeedInput& input, const std::vector<S
   for (const SeedMatch& m : trails) matches.push_back(m.match);
   if (matches.size() < kMinSeedPoints) return too_few(matches.size());
   TwoViewCriteria criteria;
-  criteria.min_median_parallax *= kParallaxTolerance;
+  criteria.min_median_parallax = kParallaxTolerance * kLeastMapParallax;
   auto geometry = build_two_view(*input.camera, *input.camera, matches, input.second_from_first, criteria);
   if (!geometry) return fail(ErrorCode::kDegenerate, geometry.error().message);
   return *std::move(geometry);
@@ -187,7 +188,8 @@ Status adjust(MapState* map, Adjuster adjuster) {
 }
 
 /// Measures the trails anew; the second keyframe's pose and a point for each of those that agree, adjusted.
-Status measure_trails(const SeedInput& input, const MapMakerOptions& options, SeededMap* seeded) {
+/// Their median parallax [rad].
+Result<double> measure_trails(const SeedInput& input, const MapMakerOptions& options, SeededMap* seeded) {
   MapState& map = seeded->map;
   const KeyframeId first = seeded->result.first_keyframe;
   const KeyframeId second = seeded->result.second_keyframe;
@@ -199,14 +201,18 @@ Status measure_trails(const SeedInput& input, const MapMakerOptions& options, Se
   add_trail_points(trails, *geometry, options.baseline, first, second, seeded);
   if (seeded->result.points.size() < kMinSeedPoints) return too_few(seeded->result.points.size());
   update_all_depths(&map);
-  return adjust(&map, options.adjuster);
+  if (auto status = adjust(&map, options.adjuster); !status) return tl::unexpected(status.error());
+  return geometry->median_parallax;
 }
 
-/// More points by epipolar search; all of them have to fit the two views.
-Status fill_in_points(const MapMakerOptions& options, SeededMap* seeded) {
+/// More points by epipolar search; all of them have to fit the two views. Where the pair has little parallax
+/// they have no more: without points of the large levels, a tracker finds half of the map.
+Status fill_in_points(const MapMakerOptions& options, double median_parallax, SeededMap* seeded) {
   MapState& map = seeded->map;
   NewPointsOptions new_points;
   new_points.max_points = options.max_points_per_keyframe / 2;
+  if (median_parallax < TwoViewCriteria{}.min_median_parallax)
+    new_points.min_parallax = std::min(new_points.min_parallax, kShareOfParallax * median_parallax);
   for (const int level : kSeedLevelOrder) {
     (void)make_new_points(&map, seeded->result.second_keyframe, level, new_points, [] { return false; });
   }
@@ -226,8 +232,10 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   if (auto status = check_input(input); !status) return tl::unexpected(status.error());
   SeededMap seeded;
   add_keyframes(input, &seeded);
-  if (auto status = measure_trails(input, options, &seeded); !status) return tl::unexpected(status.error());
-  if (auto status = fill_in_points(options, &seeded); !status) return tl::unexpected(status.error());
+  const auto parallax = measure_trails(input, options, &seeded);
+  if (!parallax) return tl::unexpected(parallax.error());
+  if (auto status = fill_in_points(options, *parallax, &seeded); !status)
+    return tl::unexpected(status.error());
 
   MapState& map = seeded.map;
   SeedResult& result = seeded.result;

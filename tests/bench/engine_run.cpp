@@ -211,6 +211,7 @@ class EngineRun final : public MappingObserver {
   }
   void on_keyframe(const Frame& frame, const KeyframeDecision& decision, double ms) override {
     totals_.keyframe_ms.push_back(ms);
+    if (arguments_.verbose) print_keyframe(frame, decision);
     if (decision.verdict != KeyframeVerdict::kAccepted) {
       ++totals_.refused;
       ++refusals_[decision.reason.substr(0, 40)];
@@ -267,6 +268,12 @@ class EngineRun final : public MappingObserver {
     std::printf("%5lu state %d found %d/%d rms %.2f depth %.2f %s\n", static_cast<unsigned long>(frame.index),
                 static_cast<int>(result.state), result.found, result.attempted, result.reprojection_rms,
                 result.mean_depth, result.note.c_str());
+  }
+
+  static void print_keyframe(const Frame& frame, const KeyframeDecision& decision) {
+    const bool accepted = decision.verdict == KeyframeVerdict::kAccepted;
+    std::printf("frame %lu: keyframe %s\n", static_cast<unsigned long>(frame.index),
+                accepted ? "accepted" : ("refused: " + decision.reason).c_str());
   }
 
   void print_start(const SeedResult& started, const SeedProposal& proposal) const {
