@@ -120,7 +120,7 @@ TEST_F(Trails, ALittleParallaxIsEnoughWhereNeitherNoiseNorATurnSpoilsTheDepths) 
   };
   const double straight = seen_apart_at_start(0);
   EXPECT_GT(straight, 0.9 * kLeastMapParallax);
-  EXPECT_LT(straight, 0.75 * kTwoViews);
+  EXPECT_LT(straight, 0.85 * kTwoViews);
   EXPECT_GT(seen_apart_at_start(0.02), 0.9 * kTwoViews);
 }
 
