@@ -182,7 +182,7 @@ TEST_F(LabelViewTest, PointsInALineToOneSideTellNoPlane) {
       if (hit) seen.push_back({{x, y}, (1 + noise(random_)) * *hit});
     };
     for (int k = 0; k < 12; ++k) add(260 + 0.5 * (k % 3), 240 - 5 * k);
-    for (int k = 0; k < 12; ++k) add(360 + 3 * (k % 3), 150 + 4 * k);
+    for (int k = 0; k < 12; ++k) add(390 + 3 * (k % 3), 150 + 4 * k);
     const auto truth = desk.hit(camera_->unproject({320, 240}));
     if (seen.size() < 24 || !truth || truth->norm() > 8) continue;
     const auto place = pick_place({320, 240}, *camera_, seen);
