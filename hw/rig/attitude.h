@@ -41,6 +41,7 @@ class Attitude {
   Second second_;
   int rests_ = 0;
   bool known_ = false;
+  double age_ = 0;  ///< [s]
   Eigen::Quaterniond world_from_imu_ = Eigen::Quaterniond::Identity();
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d bias_ = Eigen::Vector3d::Zero();

@@ -12,15 +12,19 @@ namespace cairn {
 /// How the head stood in the last second: what a picture shows is older than it. Pure.
 class HeadHistory {
  public:
+  struct Head {
+    Eigen::Quaterniond world_from_head;
+    Eigen::Vector3d way = Eigen::Vector3d::Zero();  ///< by the steps of the wearer [m], as Sway has it
+  };
   /// Times that run back begin a new history.
-  void add(MonotonicTime when, const Eigen::Quaterniond& world_from_head);
+  void add(MonotonicTime when, const Head& head);
   /// Between the samples; nothing before the oldest and long after the newest.
-  [[nodiscard]] std::optional<Eigen::Quaterniond> at(MonotonicTime when) const;
+  [[nodiscard]] std::optional<Head> at(MonotonicTime when) const;
 
  private:
   struct Entry {
     MonotonicTime when;
-    Eigen::Quaterniond world_from_head;
+    Head head;
   };
   std::deque<Entry> entries_;
 };

@@ -12,6 +12,7 @@ namespace {
 
 using Eigen::Vector3d;
 
+constexpr double kGravity = 9.80665;  // [m/s^2]
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kFollowing = 1.0;  // [s]: a sway of the wearer at 1 Hz is a sixth of itself
 constexpr double kOnTarget = 0.5 * kDegree;
@@ -96,17 +97,20 @@ Status Pointer::see(const Sighting& sighting) {
   if (!is_direction(sighting.target))
     return refuse("a sighting at no distance, or of no number, shows nothing");
   const MonotonicTime when = sighting.when + configuration_.calibration.offset;
-  const auto world_from_head = history_.at(when);
-  if (!world_from_head) return refuse("a sighting of the future or of more than a second ago tells nothing");
-  track_.see(when, *world_from_head * (configuration_.calibration.head_from_camera * sighting.target));
+  const auto head = history_.at(when);
+  if (!head) return refuse("a sighting of the future or of more than a second ago tells nothing");
+  // From where the head would be without the steps: they would be no even motion.
+  track_.see(when, head->world_from_head * (configuration_.calibration.head_from_camera * sighting.target) +
+                       head->way);
   return {};
 }
 
-void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head, const PanTilt& angles,
-                    double step) {
+void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,
+                    const Eigen::Vector3d& acceleration, const PanTilt& angles, double step) {
+  sway_.update(world_from_head * acceleration - kGravity * Vector3d::UnitZ(), step);
   base_.update(world_from_head, angles, now - sampled_ > kGap ? 0 : step);
   world_from_head_ = world_from_head;
-  history_.add(now - kOfSample, world_from_head);
+  history_.add(now - kOfSample, {world_from_head, sway_.way()});
   sampled_ = now;
 }
 
@@ -157,9 +161,11 @@ Pointer::Target Pointer::target_of(const pointing::Follow&, double step) {
 Pointer::Target Pointer::target_of(const pointing::Fixate&, double) {
   state_.sees_target = track_.is_seen(then_);
   const auto estimate = track_.at(then_);
-  if (!estimate || !is_direction(estimate->target)) return {held_};
-  held_ = estimate->target;
-  return {held_, estimate->rate};
+  if (!estimate || !state_.sees_target) return {held_};
+  const Vector3d target = estimate->target - sway_.way() - ahead_ * sway_.rate();
+  if (!is_direction(target)) return {held_};
+  held_ = target;
+  return {held_, estimate->rate - sway_.rate()};
 }
 
 Pointer::Target Pointer::target_of(const pointing::Search&, double step) {

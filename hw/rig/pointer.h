@@ -12,6 +12,7 @@
 #include "hw/rig/pointing.h"
 #include "hw/rig/rig_configuration.h"
 #include "hw/rig/search_plan.h"
+#include "hw/rig/sway.h"
 #include "hw/rig/target_track.h"
 
 namespace cairn {
@@ -29,9 +30,9 @@ class Pointer {
   /// Demands come from others now.
   void let_go() { pointing_.reset(); }
 
-  /// A sample of the IMU.
-  void sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head, const PanTilt& angles,
-             double step);
+  /// A sample of the IMU, with the acceleration in the head's axes [m/s^2, up at rest].
+  void sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,
+             const Eigen::Vector3d& acceleration, const PanTilt& angles, double step);
   /// For setpoints that act at `then`; nothing while nothing is aimed at. `pan`: where pan stands [rad].
   [[nodiscard]] std::optional<std::array<Demand, 2>> demands(MonotonicTime then, double pan);
 
@@ -67,6 +68,7 @@ class Pointer {
   BaseMotion base_;
   Eigen::Quaterniond world_from_head_ = Eigen::Quaterniond::Identity();
   HeadHistory history_;
+  Sway sway_;
   MonotonicTime sampled_;
   MonotonicTime then_;
   double ahead_ = 0;                                 ///< of `then_` to the newest sample [s]

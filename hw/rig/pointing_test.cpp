@@ -96,6 +96,17 @@ TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
   EXPECT_LT((attitude.bias() - bias).norm(), 1e-4);
 }
 
+TEST(Attitude, WhatAWalkDoesToTheAccelerometerIsNothingInTheMean) {
+  Attitude attitude;
+  double worst = 0;
+  for (int i = 0; i < 6'000; ++i) {
+    const double step = std::sin(4 * std::numbers::pi * i * kPeriod);  // up and ahead at once
+    attitude.update(Vector3d::Zero(), 9.80665 * kUp + Vector3d(1.5 * step, 0, 4 * step), kPeriod);
+    if (i > 2'000) worst = std::max(worst, angle_between(attitude.world_from_imu() * kUp, kUp));
+  }
+  EXPECT_LT(worst, 0.3 * kDegree);
+}
+
 TEST(Backlash, AMotorToldBeforehandMakesTheAxisFollow) {
   constexpr double kPlay = 0.3 * kDegree;
   Backlash gear(kPlay);
@@ -156,12 +167,13 @@ TEST(HeadHistory, TellsHowTheHeadStoodBetweenSamples) {
   HeadHistory history;
   EXPECT_FALSE(history.at(start));
   const auto turned = [](double angle) { return Eigen::Quaterniond(Eigen::AngleAxisd(angle, kUp)); };
-  for (int i = 0; i <= 200; ++i) history.add(start + i * 10ms, turned(0.01 * i));
-  EXPECT_LT(history.at(start + 1505ms)->angularDistance(turned(1.505)), 1e-6);
+  for (int i = 0; i <= 200; ++i) history.add(start + i * 10ms, {turned(0.01 * i), 0.01 * i * kUp});
+  EXPECT_LT(history.at(start + 1505ms)->world_from_head.angularDistance(turned(1.505)), 1e-6);
+  EXPECT_NEAR(history.at(start + 1505ms)->way.z(), 1.505, 1e-9);
   EXPECT_FALSE(history.at(start + 500ms));   // forgotten
   EXPECT_TRUE(history.at(start + 2010ms));   // as good as now
   EXPECT_FALSE(history.at(start + 2100ms));  // of the future
-  history.add(start, turned(0));             // time ran back
+  history.add(start, {turned(0)});           // time ran back
   EXPECT_FALSE(history.at(start + 1505ms));
 }
 

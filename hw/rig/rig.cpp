@@ -165,8 +165,8 @@ void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   const auto pan = axes_[0].position_at(now);
   const auto tilt = axes_[1].position_at(now);
   if (!attitude_.is_known() || !pan || !tilt) return;
-  pointer_.sense(now, attitude_.world_from_imu(), {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)},
-                 sample->step);
+  pointer_.sense(now, attitude_.world_from_imu(), head_from_imu * sample->acceleration,
+                 {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)}, sample->step);
 }
 
 /// Little by little, so that setpoints stay a period apart.

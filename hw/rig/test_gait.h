@@ -24,9 +24,7 @@ struct Gait {
   [[nodiscard]] Eigen::Quaterniond world_from_base(double t) const {
     using Eigen::AngleAxisd;
     using Eigen::Vector3d;
-    const double begun = std::clamp(t, 0.0, 1.0);
-    const double strength = begun * begun * (3 - 2 * begun);
-    const double sway = strength * std::numbers::pi / 18 * std::sin(2 * std::numbers::pi * frequency * t);
+    const double sway = strength(t) * std::numbers::pi / 18 * std::sin(sways() * t);
     return Eigen::Quaterniond(AngleAxisd(turned(t) + 0.7 * sway, Vector3d::UnitZ()) *
                               AngleAxisd(sway, Vector3d::UnitY()) *
                               AngleAxisd(0.5 * sway, Vector3d::UnitX()));
@@ -39,21 +37,32 @@ struct Gait {
   }
   /// From the point [m].
   [[nodiscard]] Eigen::Vector3d position(double t) const {
-    const double bounce = frequency == 0 ? 0 : -kBounce / std::pow(bounces(), 2) * std::sin(bounces() * t);
-    return {-radius * std::cos(turned(t)), -radius * std::sin(turned(t)), bounce};
+    return radius * ahead(t) * -1 + steps(t, -1 / std::max(1e-9, std::pow(sways(), 2)));
   }
   /// [m/s^2], in the base's axes.
   [[nodiscard]] Eigen::Vector3d acceleration(double t) const {
-    const double inward = radius * turn * turn;
-    const Eigen::Vector3d of_the_way{inward * std::cos(turned(t)), inward * std::sin(turned(t)),
-                                     kBounce * std::sin(bounces() * t)};
-    return world_from_base(t).conjugate() * (of_the_way + 9.81 * Eigen::Vector3d::UnitZ());
+    return world_from_base(t).conjugate() *
+           (radius * turn * turn * ahead(t) + steps(t, 1) + 9.81 * Eigen::Vector3d::UnitZ());
   }
 
  private:
-  static constexpr double kBounce = 1.5;  // [m/s^2]
-
-  [[nodiscard]] double bounces() const { return 4 * std::numbers::pi * frequency; }
+  /// The wearer goes up and down and to and fro twice, and from side to side once, in each sway:
+  /// accelerations [m/s^2], or, with -1 over the square of the sway's angular frequency, the way [m].
+  [[nodiscard]] Eigen::Vector3d steps(double t, double factor) const {
+    if (frequency == 0) return Eigen::Vector3d::Zero();
+    const double twice = factor < 0 ? factor / 4 : factor;
+    return strength(t) * Eigen::Vector3d(1.0 * twice * std::sin(2 * sways() * t + 1),
+                                         1.5 * factor * std::cos(sways() * t),
+                                         4.0 * twice * std::sin(2 * sways() * t));
+  }
+  [[nodiscard]] Eigen::Vector3d ahead(double t) const {
+    return {std::cos(turned(t)), std::sin(turned(t)), 0};
+  }
+  static double strength(double t) {
+    const double begun = std::clamp(t, 0.0, 1.0);
+    return begun * begun * (3 - 2 * begun);
+  }
+  [[nodiscard]] double sways() const { return 2 * std::numbers::pi * frequency; }
   [[nodiscard]] double turned(double t) const {
     const double begun = std::clamp(t, 0.0, 1.0);
     return turn * (std::pow(begun, 3) - std::pow(begun, 4) / 2 + std::max(0.0, t - 1));

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+namespace cairn {
+
+/// How the head is carried to and fro by the steps of its wearer: what is quick in its way, from its
+/// accelerations. Where it is in the end, they do not tell. Pure.
+class Sway {
+ public:
+  /// In the world's axes, without gravity [m/s^2], mean of the last `step` [s].
+  void update(const Eigen::Vector3d& acceleration, double step);
+
+  [[nodiscard]] const Eigen::Vector3d& way() const { return way_; }    ///< [m], from somewhere
+  [[nodiscard]] const Eigen::Vector3d& rate() const { return rate_; }  ///< [m/s]
+
+ private:
+  Eigen::Vector3d way_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();
+};
+
+}  // namespace cairn
