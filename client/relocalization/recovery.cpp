@@ -25,9 +25,10 @@ void Recovery::start_over(bool insists) {
   path_.clear();
 }
 
-void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked) {
+void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp time) {
   path_.clear();
-  path_.add(pose, proven_time_);
+  path_.add(pose, time);
+  proven_time_ = time;
   if (is_tracked) {
     state_ = Tracking{};
   } else {

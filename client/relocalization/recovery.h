@@ -118,8 +118,9 @@ class Recovery {
   void start_over(bool insists);
   /// A map, nothing yet being known of where the camera is in it.
   void enter_map() { state_ = Lost{}; }
-  /// The map of one's own seed, begun at this pose; `is_tracked`: it is that of the present frame.
-  void begin_map(const AnchoredPose& pose, bool is_tracked);
+  /// The map of one's own seed, begun at this pose; `is_tracked`: it is that of the present frame, of
+  /// `time`.
+  void begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp time);
   /// What a search from `start` had to find was found in the frame of `time`.
   void begin_verifying(const PoseStart& start, Timestamp time);
   /// The frame shows the map from `pose`, with this share found. True when the pose is to be published: at

@@ -31,7 +31,7 @@ class RecoveryTest : public ::testing::Test {
     frame.build_tiny();
     const KeyframePose& keyframe = map->keyframe_blocks.front()->keyframes.front();
     here = {map->map, keyframe.id, SE3()};
-    recovery.begin_map(here, true);
+    recovery.begin_map(here, true, at(0));
   }
   void lose() {
     for (int i = 0; i < kFailuresToLose; ++i) recovery.fail(false, at(0));

@@ -198,8 +198,6 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
 /// Nothing is known yet of where the camera is in it.
 void Tracker::State::enter_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   adopt_revision(snapshot, time);
-  recovery.enter_map();
-  keyframes.enter_map();
   trails.restart();
   result.trails.clear();
   result.note.clear();
@@ -213,7 +211,7 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
   if (const KeyframePose* second = map->find(seed.second_keyframe)) {
     const SE3 camera_from_map = pose.value_or(second->camera_from_map);
     latest = {map->map, second->id, camera_from_map * second->camera_from_map.inverse()};
-    recovery.begin_map(latest, pose.has_value());
+    recovery.begin_map(latest, pose.has_value(), time);
     if (second->mean_depth > 0) mean_depth = near_depth = second->mean_depth;
     model.reset(camera_from_map, time);
   }
@@ -226,11 +224,12 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp 
   provisional.forget(counted);
   const MapSnapshotPtr snapshot = local.extend(server_map);
   if (map == snapshot) return;
-  const bool is_other_map = map && map->map != snapshot->map;
-  const bool same = map && !is_other_map;  // keyframes keep their ids when a server comes back with the map
-  if (is_other_map) {
+  const bool same = map && map->map == snapshot->map;  // keyframes keep their ids when a server comes back
+  if (!same) {                                         // ids of points and keyframes mean others in it
     recovery.enter_map();
     keyframes.enter_map();
+    flow.missed();
+    frames_held = frames_blind = 0;
     latest = {};
   }
   map = snapshot;

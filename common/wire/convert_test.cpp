@@ -21,6 +21,7 @@ using testing::RandomMessages;
 
 constexpr unsigned kSeed = 5;
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr Timestamp kNoTime{int64_t{1} << 62};
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
@@ -146,6 +147,7 @@ TEST(Validation, MapSeed) {
   seed.refuses("name with a control character", [](auto& m) { m.map_name = std::string("desk\x1b[2J"); });
   seed.refuses("name that is no UTF-8", [](auto& m) { m.map_name = std::string("K\xfc"); });
   seed.refuses("name too long", [](auto& m) { m.map_name.assign(129, 'x'); });
+  seed.refuses("time of no clock", [](auto& m) { m.second_time = kNoTime; });
   seed.refuses("mask of another image", [](auto& m) { m.still_mask.assign(20000, 0); });
 }
 
@@ -171,6 +173,7 @@ TEST(Validation, KeyframeOffer) {
   offer.refuses("no depth", [](auto& m) { m.candidates[0].inverse_depth = 0; });
   offer.refuses("NaN sigma", [](auto& m) { m.candidates[0].sigma = kNan; });
   offer.refuses("no sigma", [](auto& m) { m.candidates[0].sigma = 0; });
+  offer.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
   offer.refuses("refers to itself", [](auto& m) { m.reference_command = m.command.seq; });
   offer.refuses("mask too short", [](auto& m) { m.still_mask.pop_back(); });
   offer.refuses("mask too long", [](auto& m) { m.still_mask.push_back(0); });
@@ -195,6 +198,7 @@ TEST(Validation, TrackerState) {
   state.refuses("no session", [](auto& m) { m.session = {}; });
   state.refuses("NaN quality", [](auto& m) { m.quality = kNan; });
   state.refuses("quality above one", [](auto& m) { m.quality = 1.5F; });
+  state.refuses("time of no clock", [](auto& m) { m.frame_time = kNoTime; });
   state.refuses("no name of a wearer", [](auto& m) { m.wearer = "Anna B."; });
   state.refuses("far away", [](auto& m) {
     m.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e7, 0, 0});
@@ -246,6 +250,8 @@ TEST(Validation, RigState) {
   state.refuses("acceleration of a shot", [](auto& m) { m.imu.acceleration.x() = 1e4F; });
   state.refuses("no attitude", [](auto& m) { m.imu.world_from_head.coeffs().setZero(); });
   state.refuses("more than all", [](auto& m) { m.looked_at = 1.5F; });
+  state.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
+  state.refuses("samples of no clock", [](auto& m) { m.imu.time = kNoTime; });
   state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
   state.refuses("more than a packet", [](auto& m) { m.refusal.assign(kMaxRigText + 1, 'x'); });
 }
@@ -327,6 +333,7 @@ TEST(Validation, RelocQuery) {
   query.refuses("not a number", [](auto& m) { m.corners[0].pixel.x() = kNan; });
   query.refuses("no session", [](auto& m) { m.command.session = {}; });
   query.refuses("an encoded image", [](auto& m) { m.small_image.encoding = ImageEncoding::kJpeg; });
+  query.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
   query.refuses("a whole image", [](auto& m) {
     m.small_image = {ImageEncoding::kRaw, 640, 480, std::vector<uint8_t>(size_t{640} * 480)};
   });
@@ -373,6 +380,7 @@ TEST(Validation, Label) {
   label.refuses("text too long", [](auto& m) { m.label.text.assign(kMaxLabelBytes + 1, 'x'); });
   label.refuses("control character", [](auto& m) { m.label.author = std::string("\n"); });
   label.refuses("text that is no UTF-8", [](auto& m) { m.label.text = std::string("K\xfc"); });
+  label.refuses("time of no clock", [](auto& m) { m.label.time = kNoTime; });
   label.refuses("infinite", [](auto& m) {
     m.label.map_from_label = SE3(Eigen::Quaterniond::Identity(), {kInfinity, 0, 0});
   });

@@ -114,11 +114,12 @@ double unknown_fraction(const KeyframeImages& images, const std::vector<PointMea
 
 /// A frame that was tracked while the map could not grow was not measured in what the map has become since.
 /// How many points the map expects in it.
-size_t add_what_is_expected(const MapState& map, KeyframeInput* input) {
+size_t add_what_is_expected(const MapState& map, const std::shared_ptr<const KeyframeImages>& images,
+                            KeyframeInput* input) {
   MapKeyframe frame;
   frame.camera = input->camera;
   frame.camera_from_map = input->camera_from_reference * map.keyframe(input->reference).camera_from_map;
-  frame.images = prepare_images(input->image->view(), input->still);
+  frame.images = images;
   size_t expected = 0;
   for (const PointId id : map.live_point_ids()) {
     const MapPoint& point = map.point(id);
@@ -199,7 +200,8 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
   if (!map->is_live(input.reference))
     return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
-  const size_t expected = input.is_chained ? add_what_is_expected(*map, &input) : 0;
+  auto images = input.is_chained ? prepare_images(input.image->view(), input.still) : nullptr;
+  const size_t expected = images ? add_what_is_expected(*map, images, &input) : 0;
   const auto judged = reoptimize(*map, input);
   if (!judged || judged->inliers.size() < kMinMeasurements) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
@@ -217,7 +219,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   if (!widens && nearest.any < kNewAreaDistance * needed) {
     return refuse(KeyframeVerdict::kTooClose, describe_distance(nearest.any, kNewAreaDistance * needed));
   }
-  auto images = prepare_images(input.image->view(), input.still);
+  if (!images) images = prepare_images(input.image->view(), input.still);
   const bool knows_little =
       static_cast<double>(judged->inliers.size()) <
       kFewKnown * static_cast<double>(map->keyframe(input.reference).measurements.size());

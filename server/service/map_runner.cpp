@@ -109,6 +109,11 @@ void MapRunner::answer_seed(const SeedJob& job, Result<SeedResult> result, const
 MapRevision MapRunner::resume(RestoredMap restored) {
   maker_ = std::move(restored.maker);
   epochs_ = std::move(restored.epochs);
+  // A client that was cut off goes on with offers that hang on what was decided before the restart.
+  for (const DecisionRecord& d : restored.decisions) {
+    if (d.kind == CommandKind::kOffer && d.keyframe)
+      chain_.put(d.client, d.session, d.seq, {d.keyframe, SE3()});
+  }
   MapRevision first = {maker_->snapshot(), maker_->statistics(), maker_->keyframe_views(),
                        std::move(restored.indexed)};
   published_ = first.snapshot;
@@ -248,6 +253,11 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   if (job.reference_command != 0 && !refer_to_earlier(&job)) {
     return {OfferDecision::kStale, "the offer that its pose is relative to is not in this map", {}, {}};
   }
+  const JobOrigin origin = job.origin;
+  // Whether its pose is right or not, and whatever becomes of it: the next frame of the chain is judged by
+  // what it shows itself.
+  chain_.put(origin.client, origin.command.session, origin.command.seq,
+             {job.input.reference, job.input.camera_from_reference});
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
@@ -260,15 +270,9 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   job.input.image = std::move(*image);
   const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
-  const JobOrigin& origin = job.origin;
   if (decision.verdict == KeyframeVerdict::kAccepted) {
     ++changes_;
     chain_.put(origin.client, origin.command.session, origin.command.seq, {decision.keyframe, SE3()});
-  } else if (decision.verdict == KeyframeVerdict::kTooClose ||
-             decision.verdict == KeyframeVerdict::kTooFewPoints) {
-    // Whether its pose is right or not, the next frame of the chain is judged by what it shows.
-    chain_.put(origin.client, origin.command.session, origin.command.seq,
-               {job.input.reference, job.input.camera_from_reference});
   }
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);

@@ -33,8 +33,10 @@ class OfferChain {
   struct Session {
     SessionId session;
     std::map<uint64_t, Link> links;  ///< by command
+    uint64_t last_put = 0;           ///< of puts_
   };
-  std::map<std::string, Session> clients_;
+  std::map<std::string, Session> clients_;  ///< by name; who has been silent for longest gives way
+  uint64_t puts_ = 0;
 };
 
 }  // namespace cairn

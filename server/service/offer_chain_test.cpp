@@ -24,9 +24,12 @@ TEST(OfferChain, IsBounded) {
     chain.put("anna", SessionId{7}, i, {KeyframeId{i}, SE3()});
   EXPECT_EQ(chain.find("anna", SessionId{7}, OfferChain::kRemembered), nullptr);
   EXPECT_NE(chain.find("anna", SessionId{7}, OfferChain::kRemembered + 1), nullptr);
-  for (size_t i = 0; i < OfferChain::kMostClients; ++i)
-    chain.put("client-" + std::to_string(i), SessionId{1}, 1, {KeyframeId{1}, SE3()});
-  EXPECT_EQ(chain.find("anna", SessionId{7}, 2 * OfferChain::kRemembered), nullptr);
+  for (size_t i = 0; i + 1 < OfferChain::kMostClients; ++i)
+    chain.put("aa-client-" + std::to_string(i), SessionId{1}, 1, {KeyframeId{1}, SE3()});
+  EXPECT_NE(chain.find("anna", SessionId{7}, 2 * OfferChain::kRemembered), nullptr);
+  chain.put("aa", SessionId{1}, 1, {KeyframeId{1}, SE3()});
+  EXPECT_EQ(chain.find("anna", SessionId{7}, 2 * OfferChain::kRemembered), nullptr) << "silent for longest";
+  EXPECT_NE(chain.find("aa-client-0", SessionId{1}, 1), nullptr);
 }
 
 }  // namespace

@@ -19,6 +19,7 @@
 namespace cairn::wire::internal {
 
 constexpr double kMaxLength = 1e6;     ///< [map unit] of coordinates and distances
+constexpr double kMaxTime = 0x1p62;    ///< [ns] before and after the epoch
 constexpr size_t kMaxNameBytes = 128;  ///< of a map's name
 constexpr size_t kMaxReasonBytes = 1024;
 constexpr size_t kMaxMeasurements = 8192;  ///< of a frame

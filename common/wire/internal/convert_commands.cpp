@@ -162,6 +162,8 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
   check.pose(sample.second_from_first);
   check.text(sample.map_name, kMaxNameBytes);
   check.still_mask(sample.still_mask, sample.first_image);
+  check.time(sample.first_time);
+  check.time(sample.second_time);
   if (!check.passed()) return unfit(check.what());
   MapSeed message = decode_key<MapSeed>(sample);
   message.command = decode_command(sample.command);
@@ -248,6 +250,7 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
   check.count(sample.candidates, kMaxCandidates);
   check.require(sample.reference_command < sample.command.seq, "refers to an offer that is not earlier");
   check.still_mask(sample.still_mask, sample.picture);
+  check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   KeyframeOffer message = decode_key<KeyframeOffer>(sample);
   message.command = decode_command(sample.command);
@@ -327,6 +330,7 @@ Result<TrackerStateMessage> decode<TrackerStateMessage>(const cairn_TrackerState
   check.require(sample.state <= static_cast<uint8_t>(TrackingState::kRotation), "unknown tracking state");
   check.pose(sample.camera_from_map);
   check.require(sample.quality >= 0 && sample.quality <= 1, "quality out of range");
+  check.time(sample.frame_time);
   const std::string wearer = get_text(sample.wearer);
   check.require(wearer.empty() || is_valid_name(wearer), "no name of a wearer");
   TrackerStateMessage message = decode_key<TrackerStateMessage>(sample);

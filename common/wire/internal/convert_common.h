@@ -74,6 +74,10 @@ class Check {
     require(std::abs(value) <= kMaxLength, "length out of range");
   }  // false for NaN
   void distance(double value) { require(value >= 0 && value <= kMaxLength, "distance out of range"); }
+  /// [ns] of any camera's clock, and such that differences of two never overflow: within 146 years.
+  void time(int64_t nanoseconds) {
+    require(std::abs(static_cast<double>(nanoseconds)) < kMaxTime, "time out of range");
+  }
   void unit(const float (&vector)[3]);
   void pose(const cairn_Pose& pose);
   void image(const cairn_Image& image);

@@ -161,6 +161,7 @@ Result<LabelMessage> decode<LabelMessage>(const cairn_Label& sample) {
   check.text(sample.text, kMaxLabelBytes);
   check.text(sample.author, kMaxAuthorBytes);
   check.pose(sample.map_from_label);
+  check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   LabelMessage message = decode_key<LabelMessage>(sample);
   message.epoch = {sample.epoch};

@@ -54,6 +54,7 @@ Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
                     small.height <= kMaxSmallSide,
                 "not a small raw image");
   check.count(sample.corners, kMaxPlaceCorners);
+  check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   RelocQuery message = decode_key<RelocQuery>(sample);
   message.command = decode_command(sample.command);

@@ -59,6 +59,8 @@ RigImu decode_imu(const cairn_RigInertial& imu) {
 }
 
 void check_imu(const cairn_RigInertial& imu, Check* check) {
+  check->time(imu.time);
+  check->time(imu.clock_offset);
   require_within(imu.rate, kMaxAngle, "rate of turn out of range", check);
   require_within(imu.acceleration, kMaxAcceleration, "acceleration out of range", check);
   check->pose({.rotation = {imu.world_from_head[0], imu.world_from_head[1], imu.world_from_head[2],
@@ -163,6 +165,7 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   check.text(sample.refusal, kMaxRigText);
   for (const cairn_RigAxis& axis : sample.axes) check_axis(axis, &check);
   check_imu(sample.imu, &check);
+  check.time(sample.time);
   check.text(sample.trouble, kMaxRigText);
   check.require(sample.looked_at >= 0 && sample.looked_at <= 1, "share out of range");
   if (!check.passed()) return unfit(check.what());
