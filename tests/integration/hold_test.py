@@ -23,7 +23,7 @@ LIMITS = {
     "sim:roll?frames=300": (98, 0, 0),
     "sim:border?frames=330": (98, 0, 0),
     "sim:watermark?frames=330": (75, 0, 1),
-    "sim:bays?hands=6&blackouts=6&frames=330": (85, 150, 2),
+    "sim:bays?hands=6&blackouts=6&frames=330": (85, 0, 2),
     "columns": (98, 0, 0),
 }
 MOST_DEGREES = 2  # that a rotation is off
