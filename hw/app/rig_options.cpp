@@ -28,7 +28,8 @@ constexpr const char* kFooter =
     "  sudo ip link add vcan0 up type vcan\n"
     "  cairn-rig simulate --can vcan0 --config shoulder.yaml --fault stuck-pan@20 &\n"
     "  cairn-rig --can vcan0 --config shoulder.yaml\n"
-    "hw/README.md of the source describes wiring and the configuration file.";
+    "hw/BRINGUP.md of the source describes wiring and first steps, hw/rig/shoulder.yaml has all keys of a "
+    "configuration.";
 
 std::string check_name(const std::string& text) {
   return is_valid_name(text) ? "" : "'" + text + "': expected 1 to 32 of a-z, 0-9 and -";
