@@ -61,7 +61,7 @@ class ByteReader {
     return vector;
   }
   void get(std::span<uint8_t> out) {
-    if (!has(out.size())) return;
+    if (!has(out.size()) || out.empty()) return;
     std::memcpy(out.data(), rest_.data(), out.size());
     rest_ = rest_.subspan(out.size());
   }
