@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <deque>
 
-#include "server/mapping/bundle_rounds.h"
+#include "common/bundle/bundle_rounds.h"
 
 namespace cairn {
 namespace {

@@ -4,9 +4,9 @@
 #include <ceres/manifold.h>
 #include <ceres/sized_cost_function.h>
 
+#include "common/bundle/bundle.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
-#include "server/mapping/bundle.h"
 
 /// Ceres as the judge of solve_bundle(): the same problem, the same robust cost. In tests, in benchmarks, and
 /// in a server that is run with --adjuster ceres.

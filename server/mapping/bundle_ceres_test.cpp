@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "server/mapping/bundle_scene.h"
+#include "common/bundle/bundle_scene.h"
 
 namespace cairn {
 namespace {

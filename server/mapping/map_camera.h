@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
+#include "common/bundle/free_camera.h"
 #include "common/map/snapshot.h"
-#include "server/mapping/free_camera.h"
 
 /// Cameras that are found out in a map, while it grows.
 namespace cairn {

@@ -6,9 +6,9 @@
 #include <cmath>
 #include <deque>
 
+#include "common/bundle/find_cameras.h"
 #include "server/mapping/adjustment.h"
 #include "server/mapping/candidate_points.h"
-#include "server/mapping/find_cameras.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 /// Bundle adjustment problems in files: our own dumps, and BAL.
 namespace cairn {

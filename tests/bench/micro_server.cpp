@@ -13,10 +13,10 @@
 #include <opencv2/features2d.hpp>
 #include <vector>
 
+#include "common/bundle/bundle_scene.h"
 #include "common/image/descriptor.h"
 #include "common/image/place.h"
 #include "server/mapping/bundle_ceres.h"
-#include "server/mapping/bundle_scene.h"
 #include "server/mapping/map_maker_fixture.h"
 #include "server/mapping/map_record.h"
 #include "server/relocalization/indexed_keyframe.h"

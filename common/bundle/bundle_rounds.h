@@ -3,7 +3,7 @@
 
 #include <functional>
 
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 /// What all ways of solving a bundle problem share: rounds of robust scale, and the judgement of the result.
 namespace cairn {

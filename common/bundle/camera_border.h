@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "server/mapping/free_camera.h"
-#include "server/mapping/reduced_system.h"
+#include "common/bundle/free_camera.h"
+#include "common/bundle/reduced_system.h"
 
 /// What free cameras add to the reduced system of a bundle problem.
 namespace cairn {

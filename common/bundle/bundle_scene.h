@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <random>
 
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 /// Bundle problems with known truth, for the tests of the solver.
 namespace cairn::testing {

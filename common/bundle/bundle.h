@@ -6,9 +6,9 @@
 #include <memory>
 #include <vector>
 
+#include "common/bundle/free_camera.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
-#include "server/mapping/free_camera.h"
 
 /// Bundle adjustment as a problem of numbers: no map, no ids.
 namespace cairn {

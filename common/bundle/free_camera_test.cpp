@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/free_camera.h"
+#include "common/bundle/free_camera.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <cmath>
 
+#include "common/bundle/bundle_scene.h"
+#include "common/bundle/find_cameras.h"
 #include "common/geometry/robust.h"
-#include "server/mapping/bundle_scene.h"
-#include "server/mapping/find_cameras.h"
 
 namespace cairn {
 namespace {

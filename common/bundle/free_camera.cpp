@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/free_camera.h"
+#include "common/bundle/free_camera.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/reduced_system.h"
+#include "common/bundle/reduced_system.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cstring>
 #include <numeric>
 
-#include "server/mapping/bundle_scene.h"
+#include "common/bundle/bundle_scene.h"
 
 namespace cairn {
 namespace {

@@ -6,9 +6,9 @@
 #include <optional>
 #include <vector>
 
-#include "server/mapping/bundle.h"
-#include "server/mapping/camera_border.h"
-#include "server/mapping/reduced_system.h"
+#include "common/bundle/bundle.h"
+#include "common/bundle/camera_border.h"
+#include "common/bundle/reduced_system.h"
 
 /// The normal equations of a bundle problem with points eliminated (Schur complement; Triggs et al. 2000,
 /// 6.1).

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/bundle_rounds.h"
+#include "common/bundle/bundle_rounds.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/reduced_system.h"
+#include "common/bundle/reduced_system.h"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 namespace cairn {
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/find_cameras.h"
+#include "common/bundle/find_cameras.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/camera_border.h"
+#include "common/bundle/camera_border.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/bundle_scene.h"
+#include "common/bundle/bundle_scene.h"
 
 #include <algorithm>
 #include <cmath>

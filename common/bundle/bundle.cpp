@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 #include <algorithm>
 #include <limits>
 #include <optional>
 #include <utility>
 
+#include "common/bundle/bundle_rounds.h"
+#include "common/bundle/point_elimination.h"
 #include "common/geometry/robust.h"
-#include "server/mapping/bundle_rounds.h"
-#include "server/mapping/point_elimination.h"
 
 namespace cairn {
 namespace {

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/bundle.h"
+#include "common/bundle/bundle.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
+#include "common/bundle/bundle_scene.h"
 #include "common/geometry/robust.h"
-#include "server/mapping/bundle_scene.h"
 
 namespace cairn {
 namespace {

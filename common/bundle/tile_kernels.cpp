@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/tile_kernels.h"
+#include "common/bundle/tile_kernels.h"
 
 #include <cmath>
 
@@ -9,7 +9,7 @@
 namespace cairn {
 namespace baseline {
 namespace {
-#include "server/mapping/tile_kernels.inl"
+#include "common/bundle/tile_kernels.inl"
 }  // namespace
 }  // namespace baseline
 
@@ -17,7 +17,7 @@ namespace {
 #pragma GCC target("avx2")
 namespace avx2 {
 namespace {
-#include "server/mapping/tile_kernels.inl"
+#include "common/bundle/tile_kernels.inl"
 }  // namespace
 }  // namespace avx2
 #pragma GCC pop_options

@@ -5,7 +5,7 @@
 #include <functional>
 #include <vector>
 
-#include "server/mapping/tile_kernels.h"
+#include "common/bundle/tile_kernels.h"
 
 /// The camera system that is left when points are eliminated.
 namespace cairn {

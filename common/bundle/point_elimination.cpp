@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/mapping/point_elimination.h"
+#include "common/bundle/point_elimination.h"
 
 #include <algorithm>
 #include <cmath>
