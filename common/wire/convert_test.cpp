@@ -250,6 +250,10 @@ TEST(Validation, RigState) {
   state.refuses("acceleration of a shot", [](auto& m) { m.imu.acceleration.x() = 1e4F; });
   state.refuses("no attitude", [](auto& m) { m.imu.world_from_head.coeffs().setZero(); });
   state.refuses("more than all", [](auto& m) { m.looked_at = 1.5F; });
+  state.refuses("offset of no clock", [](auto& m) { m.camera_clock.offset = kNoTime.nanoseconds; });
+  state.refuses("NaN deviation", [](auto& m) { m.camera_clock.sigma = static_cast<float>(kNan); });
+  state.refuses("order of every commander", [](auto& m) { m.ordered_by = "*"; });
+  state.refuses("order of no mode", [](auto& m) { m.ordered = static_cast<RigMode>(12); });
   state.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
   state.refuses("samples of no clock", [](auto& m) { m.imu.time = kNoTime; });
   state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
@@ -422,6 +426,7 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   RigState rig;
   rig.rig.assign(32, 'x');
   rig.commander.assign(32, 'x');
+  rig.ordered_by.assign(32, 'x');
   rig.refusal.assign(kMaxRigText, 'x');
   rig.trouble.assign(kMaxRigText, 'x');
   EXPECT_LT(internal::payload_bytes<RigState>(encode(rig, &scratch)), 1300U);

@@ -84,6 +84,13 @@ struct RigImu {
   int64_t clock_offset = 0;  ///< what the IMU's own time lacks to the host's [ns]
 };
 
+/// How stamps of the camera lie to those of the IMU, from the poses of the camera's tracker.
+struct RigCameraClock {
+  bool known = false;  ///< estimated; not the configuration's
+  int64_t offset = 0;  ///< what a stamp of the camera lacks to the IMU's of the same moment [ns]
+  float sigma = 0;     ///< standard deviation of that [s]
+};
+
 /// Topic RigState: stream.
 struct RigState {
   std::string rig;
@@ -104,6 +111,10 @@ struct RigState {
   bool sees_target = false;   ///< fixate: sightings come
   float looked_at = 0;        ///< search: share of the places within reach, of this round
   uint32_t rounds = 0;        ///< search: how often all of them were looked at
+  RigCameraClock camera_clock;
+  // Of the order that was judged last.
+  std::string ordered_by;            ///< name of who gave it; empty: none yet
+  RigMode ordered = RigMode::kIdle;  ///< what it was
 };
 
 /// Of a text in RigState: a state is one packet.

@@ -61,7 +61,8 @@ CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
 CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(RigAxisState, a, b, c, d, e)
 CAIRN_MEMBERS(RigImu, a, b, c, d, e, f)
-CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q)
+CAIRN_MEMBERS(RigCameraClock, a, b, c)
+CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -414,7 +415,10 @@ inline RigState RandomMessages::make() {
           coin(),
           coin(),
           uniform(0, 1),
-          static_cast<uint32_t>(number(0, 9))};
+          static_cast<uint32_t>(number(0, 9)),
+          {coin(), static_cast<int64_t>(number(0, 99)), uniform(0, 1)},
+          coin() ? "" : "commander-" + std::to_string(number(0, 99)),
+          static_cast<RigMode>(number(0, 11))};
 }
 
 }  // namespace cairn::wire::testing

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "common/base/utf8.h"
 
@@ -13,6 +14,7 @@ namespace {
 using wire::RigMode;
 
 constexpr size_t kSessions = 32;                         // remembered
+constexpr size_t kGyroSamples = 4000;                    // some seconds
 constexpr std::chrono::milliseconds kHeartbeatAge{120};  // then one is there that was sent after the order
 
 /// Two processes of one name are two commanders.
@@ -39,8 +41,17 @@ std::string cut(const std::string& text) {
 
 }  // namespace
 
-RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
-    : configuration_(configuration), rig_(configuration, now) {}
+RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now, int time_scale)
+    : configuration_(configuration), rig_(configuration, now), imu_clock_(time_scale) {}
+
+void RigBridge::set_camera_clock(const wire::RigCameraClock& clock) {
+  camera_clock_ = clock;
+  if (clock.known) rig_.set_camera_offset(std::chrono::nanoseconds(clock.offset));
+}
+
+std::vector<GyroSample> RigBridge::take_gyro() {
+  return std::exchange(gyro_, {});
+}
 
 void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen) {
   if (command.rig != configuration_.name) return;
@@ -56,6 +67,8 @@ void RigBridge::obey(const wire::RigCommand& command, MonotonicTime now, Monoton
   const Status done = carry_out(command, who, now);
   judged_ = command.order;
   refusal_ = done ? "" : done.error().message;
+  ordered_by_ = command.commander;
+  ordered_ = command.mode;
   if (!done || command.mode == RigMode::kStop) return;
   commander_ = command.commander;
   mode_ = command.mode;
@@ -190,6 +203,10 @@ void RigBridge::sense(const xsens::Message& message, Timestamp received) {
     imu_->clock_offset = imu_clock_.offset().value_or(0);
   } else if (const auto* turn = std::get_if<xsens::RateOfTurn>(&message)) {
     imu_->rate = Eigen::Vector3d(turn->rate.data()).cast<float>();
+    if (gyro_.size() >= kGyroSamples) gyro_.clear();
+    // Without a time of its own it would be taken for one at the time of the sample before.
+    if (imu_clock_.offset() && (gyro_.empty() || imu_->time > gyro_.back().when))
+      gyro_.push_back({imu_->time, Eigen::Vector3d(turn->rate.data())});
   } else if (const auto* pull = std::get_if<xsens::Acceleration>(&message)) {
     imu_->acceleration = Eigen::Vector3d(pull->acceleration.data()).cast<float>();
   }
@@ -225,6 +242,9 @@ wire::RigState RigBridge::state(Timestamp host_time) const {
     state.looked_at = static_cast<float>(pointing->looked_at);
     state.rounds = static_cast<uint32_t>(pointing->rounds);
   }
+  state.camera_clock = camera_clock_;
+  state.ordered_by = ordered_by_;
+  state.ordered = ordered_;
   state.trouble = cut(rig_.describe());
   return state;
 }

@@ -8,6 +8,7 @@
 
 #include "common/wire/rig_messages.h"
 #include "hw/app/imu_clock.h"
+#include "hw/calibration/clock_offset.h"
 #include "hw/rig/rig.h"
 
 namespace cairn {
@@ -16,7 +17,8 @@ namespace cairn {
 /// new order is carried out or refused, once; said again it is a sign of life. Pure: the clock is handed in.
 class RigBridge {
  public:
-  RigBridge(const RigConfiguration& configuration, MonotonicTime now);
+  /// `time_scale`: of `now` against the stamps of frames (ScaledClock).
+  RigBridge(const RigConfiguration& configuration, MonotonicTime now, int time_scale = 1);
 
   /// `seen`: when the target was seen, by the clock of `now`; counts for fixate.
   void obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen);
@@ -29,6 +31,11 @@ class RigBridge {
   [[nodiscard]] bool is_let_go(MonotonicTime now) const;
 
   void receive(const ReceivedFrame& frame, MonotonicTime now);
+  /// Estimated while the rig is at work: counts for what is seen from now on, and is reported.
+  void set_camera_clock(const wire::RigCameraClock& clock);
+  /// What the gyro measured since the last call, in its own axes, with stamps of the host; the newest of it
+  /// where nobody asks.
+  [[nodiscard]] std::vector<GyroSample> take_gyro();
   void advance(MonotonicTime now) { rig_.advance(now); }
   [[nodiscard]] MonotonicTime next_due() const { return rig_.next_due(); }
   [[nodiscard]] std::vector<OutgoingFrame> take_frames() { return rig_.take_frames(); }
@@ -54,10 +61,14 @@ class RigBridge {
   wire::RigMode mode_ = wire::RigMode::kIdle;  ///< of the order that holds
   std::string commander_;                      ///< name of who gave it
   wire::CommandId judged_;                     ///< the newest order
-  std::string refusal_;                        ///< of that
-  std::deque<wire::CommandId> newest_;         ///< of each of the last sessions
+  std::string refusal_;                        ///< of that, and likewise:
+  std::string ordered_by_;
+  wire::RigMode ordered_ = wire::RigMode::kIdle;
+  std::deque<wire::CommandId> newest_;  ///< of each of the last sessions
   ImuClock imu_clock_;
   std::optional<wire::RigImu> imu_;
+  std::vector<GyroSample> gyro_;
+  wire::RigCameraClock camera_clock_;
   wire::RigCommand said_;  ///< the order that holds, as it was said last
 };
 

@@ -30,16 +30,19 @@ inline wire::RigCommand order_of(uint64_t session, uint64_t number, wire::RigMod
 /// A bridge and simulated devices at the two ends of a pair of sockets, with a clock of the test's own.
 class BridgeBench {
  public:
-  explicit BridgeBench(const std::vector<TimedFault>& faults = {})
+  /// `truth`: what the devices are, where that is not what the bridge was told.
+  explicit BridgeBench(const std::vector<TimedFault>& faults = {}, const RigCalibration& truth = {})
       : configuration_(read_rig(kRigText).value()),
         ends_(make_bus_pair().value()),
-        devices_(configuration_, faults, 1, now_, [this](const std::string& line) { told.push_back(line); }),
+        devices_(with(configuration_, truth), faults, 1, now_,
+                 [this](const std::string& line) { told.push_back(line); }),
         bridge_(configuration_, now_) {}
 
   void millisecond() {
     now_ += std::chrono::milliseconds(1);
     devices_.turn(*ends_.second, now_);
-    while (const auto frame = ends_.first->receive()) bridge_.receive(*frame, now_);
+    while (const auto frame = ends_.first->receive())
+      bridge_.receive({frame->frame, {now_.time_since_epoch().count()}}, now_);
     if (said_again && now_.time_since_epoch() % std::chrono::milliseconds(20) == std::chrono::nanoseconds(0))
       say(*said_again);
     bridge_.advance(now_);
@@ -91,6 +94,11 @@ class BridgeBench {
   std::optional<wire::RigCommand> said_again;
 
  private:
+  static RigConfiguration with(RigConfiguration configuration, const RigCalibration& truth) {
+    configuration.calibration = truth;
+    return configuration;
+  }
+
   MonotonicTime now_{std::chrono::hours(1)};
   RigConfiguration configuration_;
   std::pair<std::unique_ptr<CanBus>, std::unique_ptr<CanBus>> ends_;

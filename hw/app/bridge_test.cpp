@@ -79,6 +79,43 @@ TEST_F(Bridge, WithoutItsCommanderItLetsTheDrivesGoAndTheOldOrderDoesNotStartThe
   EXPECT_EQ(bench_.state().trouble, "");
 }
 
+TEST_F(Bridge, WhoOrderedIsToldAlsoWhereItIsRefused) {
+  EXPECT_EQ(bench_.state().ordered_by, "");
+  ASSERT_NO_FATAL_FAILURE(begin());
+  EXPECT_EQ(bench_.state().ordered_by, "tracker-1");
+  EXPECT_EQ(bench_.state().ordered, RigMode::kSaccade);
+  bench_.bridge().obey(order_of(2, 1, RigMode::kNeutral), bench_.now());
+  EXPECT_EQ(bench_.state().ordered_by, "tracker-2");
+  EXPECT_EQ(bench_.state().ordered, RigMode::kNeutral);
+  EXPECT_EQ(bench_.state().commander, "tracker-1");
+}
+
+/// A picture of the future tells nothing, unless its stamp is known to be late.
+TEST_F(Bridge, TheOffsetOfTheCamerasClockIsToldAndCountsForWhatIsSeenFromThenOn) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  auto fixate = order_of(1, 3, RigMode::kFixate);
+  bench_.order(fixate);
+  bench_.said_again.reset();
+  int64_t picture = 0;
+  const auto see = [&] {
+    for (int i = 0; i < 10; ++i) {
+      fixate.seen = {++picture};
+      fixate.target = {0, 0, 2};
+      bench_.bridge().obey(fixate, bench_.now(), bench_.now() + 170ms);
+      bench_.pass(20ms);
+    }
+    return bench_.state();
+  };
+  const RigState before = see();
+  EXPECT_FALSE(before.sees_target);
+  EXPECT_FALSE(before.camera_clock.known);
+  bench_.bridge().set_camera_clock({true, -200'000'000, 0.001F});
+  const RigState after = see();
+  EXPECT_TRUE(after.sees_target);
+  EXPECT_TRUE(after.camera_clock.known);
+  EXPECT_EQ(after.camera_clock.offset, -200'000'000);
+}
+
 TEST_F(Bridge, ASecondCommanderIsRefusedByNameAndDoesNotMoveAnythingLater) {
   ASSERT_NO_FATAL_FAILURE(begin());
   const auto intruder = order_of(2, 1, RigMode::kNeutral);
@@ -253,6 +290,18 @@ TEST(ImuClock, ALateFrameMakesNoLateSampleAndTheCounterWraps) {
     clock.receive(begin + static_cast<uint32_t>(i) * 100, {taken + on_its_way});
     if (i >= 7) {
       EXPECT_NEAR(static_cast<double>(clock.newest().nanoseconds - taken), 300'000, 1) << i;
+    }
+  }
+}
+
+TEST(ImuClock, OfDevicesOnASlowerClockItTellsTheHostsTime) {
+  constexpr int kSlower = 10;
+  ImuClock clock(kSlower);
+  for (int64_t i = 0; i < 1000; ++i) {
+    const int64_t taken = i * kSlower * 10'000'000;
+    clock.receive(static_cast<uint32_t>(i) * 100, {taken + 300'000 + (i % 7) * 1'000'000});
+    if (i >= 7) {
+      EXPECT_EQ(clock.newest().nanoseconds, taken + 300'000) << i;
     }
   }
 }

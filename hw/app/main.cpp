@@ -9,12 +9,13 @@
 #include <variant>
 
 #include "common/base/ending_signals.h"
-#include "common/base/exit_deadline.h"
 #include "common/base/log.h"
 #include "common/wire/log_redirect.h"
+#include "hw/app/calibrate.h"
+#include "hw/app/calibration_drive.h"
 #include "hw/app/doctor.h"
-#include "hw/app/rig_endpoint.h"
-#include "hw/app/rig_loop.h"
+#include "hw/app/offset_watch.h"
+#include "hw/app/rig_host.h"
 #include "hw/app/rig_options.h"
 #include "hw/app/simulate.h"
 #include "hw/can/socket_bus.h"
@@ -27,6 +28,15 @@ int complain(const Error& error) {
   return exit_code(error.code);
 }
 
+/// What the gyro and the tracker of the rig's camera say goes to `offsets`, from now on.
+void watch_offset(RigHost& host, ScaledClock clock, OffsetWatch* offsets) {
+  host.start({[&host, offsets](const wire::RigState&) { offsets->sense(host.loop().take_gyro()); },
+              [clock, offsets](const wire::TrackerStateMessage& state) {
+                const TourPose pose = pose_of(state, {clock.at(state.frame_time).time_since_epoch().count()});
+                if (pose.is_tracked) offsets->see({pose.when, pose.map_from_camera});
+              }});
+}
+
 /// Until a signal ends it.
 int serve(const RigOptions& options, const RigConfiguration& configuration, sigset_t signals) {
   sigaddset(&signals, SIGUSR1);
@@ -35,27 +45,21 @@ int serve(const RigOptions& options, const RigConfiguration& configuration, sigs
   const wire::LogRedirect middleware_log(log);
   auto bus = open_can_bus(options.can);
   if (!bus) return complain(bus.error());
-  wire::ParticipantOptions network = options.network;
-  network.log = log;
-  auto endpoint = RigEndpoint::create(network, configuration.name);
-  if (!endpoint) return complain(endpoint.error());
-  auto loop = RigLoop::start({configuration, options.can, ScaledClock(options.time_scale), log},
-                             std::move(*bus), [&endpoint] { (*endpoint)->wake(); });
-  if (!loop) return complain(loop.error());
-  (*endpoint)->start([&loop](wire::RigCommand command) { (*loop)->post(std::move(command)); },
-                     [&loop] { return (*loop)->take_state(); });
-  log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, options.can, network.domain,
-            wire::rig_port(network.domain));
+  auto host = RigHost::open({configuration, options.can, ScaledClock(options.time_scale), log},
+                            options.network, std::move(*bus));
+  if (!host) return complain(host.error());
+  RigLoop& loop = (*host)->loop();
+  OffsetWatch offsets(log, [&loop](const wire::RigCameraClock& clock) { loop.set_camera_clock(clock); });
+  watch_offset(**host, ScaledClock(options.time_scale), &offsets);
+  log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, options.can,
+            options.network.domain, wire::rig_port(options.network.domain));
   int signal = 0;
   while (sigwait(&signals, &signal) == 0 && signal == SIGUSR1) {
-    (*loop)->stop();
+    loop.stop();
     log->warn("emergency stop by signal; `cairnctl rig {} clear` ends it", configuration.name);
   }
   log->info("letting the drives go");
-  (*endpoint)->stop();
-  loop->reset();
-  const ExitDeadline deadline(0, kClosingPatience, log);
-  endpoint->reset();
+  (*host)->close(0);
   return 0;
 }
 
@@ -75,6 +79,8 @@ int run(int argc, char** argv) {
       return run_doctor(options, *configuration);
     case RigTask::kSimulate:
       return run_simulation(options, *configuration, signals);
+    case RigTask::kCalibrate:
+      return run_calibration(options, *configuration, signals);
     case RigTask::kRun:
       break;
   }

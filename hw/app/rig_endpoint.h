@@ -16,11 +16,13 @@
 
 namespace cairn {
 
-/// What the network has to do with a rig: orders that come are handed on, and states are written. With a
+/// What the network has to do with a rig: orders and the camera's poses that come are handed on, and states
+/// are written. With a
 /// thread of its own, so that the thread that has the bus never waits for the network.
 class RigEndpoint {
  public:
   using Handler = std::function<void(wire::RigCommand)>;
+  using Watcher = std::function<void(const wire::TrackerStateMessage&)>;
   using Source = std::function<std::optional<wire::RigState>()>;
 
   /// `options.role` is kRig. Errors: those of Participant::create().
@@ -30,20 +32,22 @@ class RigEndpoint {
   RigEndpoint(const RigEndpoint&) = delete;
   RigEndpoint& operator=(const RigEndpoint&) = delete;
 
-  /// Begins; both are called by its thread, until stop().
-  void start(Handler obey, Source take_state);
+  /// Begins; all are called by its thread, until stop().
+  void start(Handler obey, Source take_state, Watcher see);
   /// There is a state to take. Thread-safe, before start() too.
   void wake() { waiter_.wake(); }
-  /// Afterwards neither is called.
+  /// Afterwards none is called.
   void stop();
 
  private:
   RigEndpoint(wire::Participant participant, wire::Reader<wire::RigCommand> commands,
-              wire::Writer<wire::RigState> states, wire::Waiter waiter);
-  void run(const Handler& obey, const Source& take_state);
+              wire::Reader<wire::TrackerStateMessage> poses, wire::Writer<wire::RigState> states,
+              wire::Waiter waiter);
+  void run(const Handler& obey, const Source& take_state, const Watcher& see);
 
   wire::Participant participant_;
   wire::Reader<wire::RigCommand> commands_;
+  wire::Reader<wire::TrackerStateMessage> poses_;
   wire::Writer<wire::RigState> states_;
   wire::Waiter waiter_;
   std::atomic<bool> ends_{false};

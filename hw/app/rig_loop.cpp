@@ -14,13 +14,7 @@ using std::chrono::milliseconds;
 
 constexpr milliseconds kStatePeriod{10};
 constexpr milliseconds kClosingTime{500};
-
-/// Of the wall clock, which is that of stamps on the wire.
-Timestamp wall_time() {
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(
-              std::chrono::system_clock::now().time_since_epoch())
-              .count()};
-}
+constexpr size_t kGyroSamples = 4000;  // where nobody asks for them: some seconds
 
 }  // namespace
 
@@ -39,7 +33,7 @@ RigLoop::RigLoop(const RigLoopOptions& options, std::unique_ptr<CanBus> bus, std
       bus_(std::move(bus)),
       told_(std::move(told)),
       wake_up_(std::move(wake_up)),
-      bridge_(options_.configuration, options_.clock.now()),
+      bridge_(options_.configuration, options_.clock.now(), options_.clock.factor()),
       next_state_(options_.clock.now()) {}
 
 RigLoop::~RigLoop() {
@@ -66,6 +60,16 @@ std::optional<wire::RigState> RigLoop::take_state() {
   return std::exchange(state_, std::nullopt);
 }
 
+void RigLoop::set_camera_clock(const wire::RigCameraClock& clock) {
+  const std::lock_guard lock(mutex_);
+  camera_clock_ = clock;
+}
+
+std::vector<GyroSample> RigLoop::take_gyro() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(gyro_, {});
+}
+
 void RigLoop::run() {
   for (MonotonicTime now = options_.clock.now(); !is_over(now); now = options_.clock.now()) {
     turn(now);
@@ -79,14 +83,15 @@ void RigLoop::turn(MonotonicTime now) {
   if (stop_asked_.exchange(false)) bridge_.stop(now);
   while (const auto frame = bus_->receive()) bridge_.receive(*frame, now);
   std::vector<wire::RigCommand> commands;
+  std::optional<wire::RigCameraClock> camera_clock;
   {
     const std::lock_guard lock(mutex_);
     commands.swap(commands_);
+    camera_clock.swap(camera_clock_);
   }
-  for (const wire::RigCommand& command : commands) {
-    const auto age = std::chrono::nanoseconds(wall_time() - command.seen) / options_.clock.factor();
-    bridge_.obey(command, now, now - std::chrono::duration_cast<MonotonicTime::duration>(age));
-  }
+  if (camera_clock) bridge_.set_camera_clock(*camera_clock);
+  for (const wire::RigCommand& command : commands)
+    bridge_.obey(command, now, options_.clock.at(command.seen));
   bridge_.advance(now);
   send();
   if (now >= next_state_) publish(now);
@@ -101,11 +106,21 @@ void RigLoop::publish(MonotonicTime now) {
   next_state_ = std::max(next_state_ + kStatePeriod, now);
   wire::RigState state = bridge_.state(wall_time());
   tell_changes(state);
+  collect_gyro();
   {
     const std::lock_guard lock(mutex_);
     state_ = std::move(state);
   }
   told_();
+}
+
+void RigLoop::collect_gyro() {
+  std::vector<GyroSample> samples = bridge_.take_gyro();
+  for (GyroSample& sample : samples)
+    sample.when = {options_.clock.at(sample.when).time_since_epoch().count()};
+  const std::lock_guard lock(mutex_);
+  if (gyro_.size() > kGyroSamples) gyro_.clear();
+  gyro_.insert(gyro_.end(), samples.begin(), samples.end());
 }
 
 void RigLoop::tell_changes(const wire::RigState& state) {

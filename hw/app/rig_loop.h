@@ -42,6 +42,9 @@ class RigLoop {
   void post(wire::RigCommand command);
   /// Emergency stop. Nothing in it may wait long: it is what a signal asks for.
   void stop();
+  /// As RigBridge has them; samples with stamps of the rig's own clock.
+  void set_camera_clock(const wire::RigCameraClock& clock);
+  [[nodiscard]] std::vector<GyroSample> take_gyro();
   /// The newest state since the last call, if there is one: 100 a second.
   [[nodiscard]] std::optional<wire::RigState> take_state();
 
@@ -52,6 +55,7 @@ class RigLoop {
   void turn(MonotonicTime now);
   void send();
   void publish(MonotonicTime now);
+  void collect_gyro();
   void tell_changes(const wire::RigState& state);
   void wait();
   [[nodiscard]] bool is_over(MonotonicTime now);
@@ -73,6 +77,8 @@ class RigLoop {
   std::mutex mutex_;  ///< for what follows
   std::vector<wire::RigCommand> commands_;
   std::optional<wire::RigState> state_;
+  std::optional<wire::RigCameraClock> camera_clock_;  ///< to be handed on
+  std::vector<GyroSample> gyro_;
   std::thread thread_;
 };
 

@@ -10,7 +10,9 @@
 #include "common/wire/log_redirect.h"
 #include "common/wire/partition.h"
 #include "hw/app/bridge_bench.h"
+#include "hw/app/calibration_drive.h"
 #include "hw/app/rig_endpoint.h"
+#include "hw/app/rig_host.h"
 #include "hw/app/rig_loop.h"
 
 namespace cairn {
@@ -76,7 +78,7 @@ class RigNetwork : public ::testing::Test {
           endpoint_->wake();
         }).value();
     endpoint_->start([this](wire::RigCommand command) { loop_->post(std::move(command)); },
-                     [this] { return loop_->take_state(); });
+                     [this] { return loop_->take_state(); }, [](const wire::TrackerStateMessage&) {});
     options.role = wire::Role::kRigClient;
     commander_ = wire::Participant::create(options).value();
     orders_ = wire::Writer<wire::RigCommand>::create(*commander_, wire::rig_partition("shoulder")).value();
@@ -138,6 +140,56 @@ TEST_F(RigNetwork, OrdersMoveTheDrivesAndTheEndOfTheCommanderLetsThemGo) {
   const auto alone = until(std::nullopt, [](const RigState& state) { return state.drives_idle; });
   ASSERT_TRUE(alone);
   EXPECT_THAT(alone->trouble, HasSubstr("the commander fell silent"));
+}
+
+/// Its participant is a commander's, and its poses come in the rig's partition.
+TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
+  const wire::LogRedirect quiet(null_logger());
+  const ScaledClock clock;
+  const RigConfiguration configuration = near_its_switches();
+  auto ends = make_bus_pair().value();
+  const DeviceThread devices(configuration, std::move(ends.second), clock);
+  wire::ParticipantOptions network;
+  network.role = wire::Role::kRig;
+  std::unique_ptr<RigHost> host;
+  for (uint32_t i = 0; i < kDomains && !host; ++i) {
+    network.domain = 105 + (static_cast<uint32_t>(getpid()) * 11 + i) % kDomains;
+    auto bus = make_bus_pair().value();  // of one that is refused
+    auto made = RigHost::open({configuration, "the pair", clock, null_logger()}, network,
+                              std::move(i == 0 ? ends.first : bus.first));
+    if (made) host = *std::move(made);
+  }
+  ASSERT_TRUE(host);
+  network.role = wire::Role::kRigClient;
+  const auto tracker = wire::Participant::create(network).value();
+  auto poses =
+      wire::Writer<wire::TrackerStateMessage>::create(tracker, wire::rig_partition("shoulder")).value();
+  std::atomic<bool> ends_now{false};
+  std::thread speaks([&] {
+    wire::TrackerStateMessage state;
+    state.client = client_id_from_name("ada");
+    state.session = {1};
+    state.state = TrackingState::kTracking;
+    while (!ends_now) {
+      state.frame_time = wall_time();
+      (void)poses.write(state);
+      std::this_thread::sleep_for(30ms);
+    }
+  });
+  {
+    CalibrationDrive drive(*host, clock);
+    std::string question;
+    const auto found = drive.run(configuration, {[&](const std::string& what) {
+                                                   question = what;
+                                                   return false;
+                                                 },
+                                                 [](const std::string&) {}, [] { return false; }});
+    ASSERT_FALSE(found);
+    EXPECT_EQ(found.error().message, "nothing was moved");
+    EXPECT_THAT(question, HasSubstr("The axes of shoulder will be homed"));
+  }
+  ends_now = true;
+  speaks.join();
 }
 
 TEST_F(RigNetwork, ASignalAtTheRigAndAnOrderOfAnybodyStopItAndAnotherRigOfTheHostIsRefused) {

@@ -19,10 +19,11 @@ constexpr const char* kFooter =
     "  pkill -USR1 -x cairn-rig        (and from anywhere: cairnctl rig NAME stop)\n"
     "Exit codes: 0 ok, 1 a check of doctor failed, 2 usage, 3 configuration, or an interface that is not "
     "there,\n"
-    "5 refused (another cairn-rig of this host and domain)\n\n"
+    "5 refused (another cairn-rig of this host and domain; a calibration that cannot be), 130 interrupted\n\n"
     "Examples:\n"
     "  sudo ip link set can0 up type can bitrate 500000 restart-ms 100\n"
     "  cairn-rig doctor --can can0 --config shoulder.yaml\n"
+    "  cairn-rig calibrate --can can0 --config shoulder.yaml   (beside `cairn-track --rig shoulder`)\n"
     "  cairn-rig --can can0 --config shoulder.yaml --server maps.example.org\n"
     "without hardware:\n"
     "  sudo ip link add vcan0 up type vcan\n"
@@ -45,6 +46,29 @@ void add_bus_options(CLI::App* app, RigOptions* options) {
       ->capture_default_str();
 }
 
+struct Loudness {
+  bool verbose = false;
+  bool quiet = false;
+};
+
+/// What tasks need that are heard on the network.
+void add_network_options(CLI::App* app, RigOptions* options, Loudness* loudness) {
+  auto& network = options->network;
+  app->add_option("--name", options->name, "of the rig [that of the file]")->check(check_name);
+  app->add_option("--domain", network.domain, "DDS domain")
+      ->check(CLI::Range(0U, wire::kMaxDomain))
+      ->capture_default_str();
+  app->add_option("--server", network.server_host, "host of cairn-server")->capture_default_str();
+  network.profile.clear();
+  app->add_option("--profile", network.profile, "network [loopback for localhost, wifi otherwise]")
+      ->type_name("loopback|wifi|FILE");
+  app->add_option("--listen", network.listen,
+                  "network interface or address of this machine [that of the route to the server]")
+      ->type_name("IFACE|ADDR");
+  app->add_flag("-v,--verbose", loudness->verbose, "more words");
+  app->add_flag("-q,--quiet", loudness->quiet, "warnings only");
+}
+
 void describe(CLI::App* app, RigOptions* options) {
   app->footer(kFooter);
   app->set_version_flag("--version", "cairn-rig " + std::string(version()));
@@ -58,6 +82,13 @@ void describe(CLI::App* app, RigOptions* options) {
   simulate->callback([options] { options->task = RigTask::kSimulate; });
   add_bus_options(simulate, options);
   simulate->add_option("--seed", options->seed, "of noise and chance")->capture_default_str();
+  CLI::App* calibrate = app->add_subcommand(
+      "calibrate",
+      "finds how camera and IMU sit on the head and what lies between their clocks, with the map of the "
+      "camera's tracker (cairn-track --rig), and writes it into FILE; the axes move");
+  calibrate->callback([options] { options->task = RigTask::kCalibrate; });
+  add_bus_options(calibrate, options);
+  calibrate->add_flag("--yes", options->agreed, "the axes may move: do not ask");
 }
 
 }  // namespace
@@ -67,8 +98,7 @@ std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* arg
   CLI::App app("Moves a camera in pan and tilt: drives and an IMU on a CAN bus, as commanders ask.",
                "cairn-rig");
   std::vector<std::string> faults;
-  bool verbose = false;
-  bool quiet = false;
+  Loudness words;
   describe(&app, &options);
   app.get_subcommand("simulate")
       ->add_option(
@@ -77,23 +107,12 @@ std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* arg
           "line each, from stdin. WHAT: " +
               list_of_device_faults())
       ->type_name("WHAT@S");
-  auto& network = options.network;
-  const bool is_run = argc < 2 || (std::string(argv[1]) != "doctor" && std::string(argv[1]) != "simulate");
-  if (is_run) {
+  const std::string task = argc < 2 ? "" : argv[1];
+  if (task == "calibrate") {
+    add_network_options(app.get_subcommand(task), &options, &words);
+  } else if (task != "doctor" && task != "simulate") {
     add_bus_options(&app, &options);
-    app.add_option("--name", options.name, "of the rig [that of the file]")->check(check_name);
-    app.add_option("--domain", network.domain, "DDS domain")
-        ->check(CLI::Range(0U, wire::kMaxDomain))
-        ->capture_default_str();
-    app.add_option("--server", network.server_host, "host of cairn-server")->capture_default_str();
-    network.profile.clear();
-    app.add_option("--profile", network.profile, "network [loopback for localhost, wifi otherwise]")
-        ->type_name("loopback|wifi|FILE");
-    app.add_option("--listen", network.listen,
-                   "network interface or address of this machine [that of the route to the server]")
-        ->type_name("IFACE|ADDR");
-    app.add_flag("-v,--verbose", verbose, "more words");
-    app.add_flag("-q,--quiet", quiet, "warnings only");
+    add_network_options(&app, &options, &words);
   }
   try {
     app.parse(argc, argv);
@@ -108,9 +127,10 @@ std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* arg
     }
     options.faults.push_back(*fault);
   }
+  auto& network = options.network;
   network.role = wire::Role::kRig;
   if (network.profile.empty()) network.profile = wire::default_profile(network.server_host);
-  options.verbosity = (verbose ? 1 : 0) - (quiet ? 1 : 0);
+  options.verbosity = (words.verbose ? 1 : 0) - (words.quiet ? 1 : 0);
   return options;
 }
 

@@ -11,7 +11,7 @@
 
 namespace cairn {
 
-enum class RigTask : uint8_t { kRun, kDoctor, kSimulate };
+enum class RigTask : uint8_t { kRun, kDoctor, kSimulate, kCalibrate };
 
 /// The words of `cairn-rig`, checked.
 struct RigOptions {
@@ -23,7 +23,8 @@ struct RigOptions {
   std::vector<TimedFault> faults;
   uint32_t seed = 1;
   int time_scale = 1;
-  int verbosity = 0;  ///< as make_logger()
+  bool agreed = false;  ///< calibrate: the axes may move without a question
+  int verbosity = 0;    ///< as make_logger()
 };
 
 /// The words, or the exit code of a process that is to end now, which has said why.

@@ -203,10 +203,16 @@ void SimulatedRig::move_imu() {
   const auto rate_of = [this](size_t axis) {
     return side(configuration_.axes.at(axis)) * bus_.drive(axis).plant().rate();
   };
-  const PanTilt angles{angle(AxisName::kPan) * kDegree, angle(AxisName::kTilt) * kDegree};
-  const Eigen::Vector3d rate = rate_of_head(angles, {rate_of(0), rate_of(1)});
-  const Eigen::Vector3d up = base_from_head(angles).conjugate() * Eigen::Vector3d(0, 0, kGravity);
+  const PanTilt angles = head();
+  const Eigen::Quaterniond imu_from_head = configuration_.calibration.head_from_imu.conjugate();
+  const Eigen::Vector3d rate = imu_from_head * rate_of_head(angles, {rate_of(0), rate_of(1)});
+  const Eigen::Vector3d up =
+      imu_from_head * (base_from_head(angles).conjugate() * Eigen::Vector3d(0, 0, kGravity));
   bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {up.x(), up.y(), up.z()}});
+}
+
+PanTilt SimulatedRig::head() {
+  return {angle(AxisName::kPan) * kDegree, angle(AxisName::kTilt) * kDegree};
 }
 
 double SimulatedRig::angle(AxisName name) {

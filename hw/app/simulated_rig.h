@@ -41,7 +41,8 @@ struct TimedFault {
 /// "reset-pan, reset-tilt, ..."
 [[nodiscard]] std::string list_of_device_faults();
 
-/// The drives and the IMU of a configuration as nodes of any CanBus, with faults on demand. What happens to
+/// The drives and the IMU of a configuration, which sits on the head as its calibration says, as nodes of any
+/// CanBus, with faults on demand. What happens to
 /// them is told as lines for people. Pure: the clock is handed in.
 class SimulatedRig {
  public:
@@ -56,6 +57,8 @@ class SimulatedRig {
   void inject(DeviceFault what, std::optional<std::chrono::milliseconds> lasts, MonotonicTime now);
   /// Where each axis has been, and whether it lay at its hard stop: a line each.
   void tell_extremes();
+  /// How the head stands on the base, behind the gears' backlash.
+  [[nodiscard]] PanTilt head();
 
  private:
   struct Seen {

@@ -27,6 +27,8 @@ class Pointer {
   [[nodiscard]] Status aim(const Pointing& pointing);
   /// Error kRefused for one that is of the future, older than what is remembered of the head, or no number.
   [[nodiscard]] Status see(const Sighting& sighting);
+  /// As RigCalibration has it, measured since.
+  void set_camera_offset(std::chrono::nanoseconds offset) { configuration_.calibration.offset = offset; }
   /// Demands come from others now.
   void let_go() { pointing_.reset(); }
 

@@ -86,6 +86,9 @@ class Rig {
   /// is alive, and for what state or faults do not allow; nothing has changed then.
   [[nodiscard]] Status take(const RigCommand& command, MonotonicTime now);
   void receive(const CanFrame& frame, MonotonicTime now);
+  /// What a stamp of the camera lacks to the IMU's, measured since the configuration was written; counts for
+  /// sightings from now on.
+  void set_camera_offset(std::chrono::nanoseconds offset) { pointer_.set_camera_offset(offset); }
   /// Does what fell due until `now`.
   void advance(MonotonicTime now);
   /// When something falls due. Where a period is a whole number of the IMU's samples, that falls in step with

@@ -91,6 +91,10 @@ json describe(const RigState& state) {
                   {"acceleration_m_s2", {imu.acceleration.x(), imu.acceleration.y(), imu.acceleration.z()}},
                   {"clock_offset_s", static_cast<double>(imu.clock_offset) * 1e-9}};
   }
+  if (state.camera_clock.known) {
+    all["camera_clock"] = {{"offset_s", static_cast<double>(state.camera_clock.offset) * 1e-9},
+                           {"sigma_s", state.camera_clock.sigma}};
+  }
   return all;
 }
 
@@ -112,6 +116,11 @@ void print_state(const RigState& state, bool as_json) {
     std::printf("IMU      turns at %.3f rad/s, pulled by %.2f m/s^2\n",
                 static_cast<double>(state.imu.rate.norm()),
                 static_cast<double>(state.imu.acceleration.norm()));
+  }
+  if (state.camera_clock.known) {
+    std::printf("camera   its stamps lack %.1f ms to the IMU's, known to %.1f ms\n",
+                static_cast<double>(state.camera_clock.offset) * 1e-6,
+                static_cast<double>(state.camera_clock.sigma) * 1000);
   }
   std::printf("trouble  %s\n", state.trouble.empty() ? "none" : state.trouble.c_str());
 }

@@ -10,6 +10,7 @@ namespace {
 constexpr double kMaxAngle = 100;          ///< [rad] a rate of 100 rad/s likewise is no shoulder's
 constexpr double kMaxAcceleration = 1000;  ///< [m/s^2]
 constexpr uint8_t kMaxFault = 63;
+constexpr float kMaxSigma = 10;  ///< [s]
 
 void require_name(const char* text, bool may_be_empty, const char* what, Check* check) {
   const std::string name = get_text(text);
@@ -145,6 +146,11 @@ cairn_RigState encode(const RigState& message, Scratch*) {
   sample.sees_target = message.sees_target;
   sample.looked_at = message.looked_at;
   sample.rounds = message.rounds;
+  sample.camera_clock_known = message.camera_clock.known;
+  sample.camera_offset = message.camera_clock.offset;
+  sample.camera_offset_sigma = message.camera_clock.sigma;
+  sample.ordered_by = borrow(message.ordered_by);
+  sample.ordered = static_cast<uint8_t>(message.ordered);
   return sample;
 }
 
@@ -168,6 +174,11 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   check.time(sample.time);
   check.text(sample.trouble, kMaxRigText);
   check.require(sample.looked_at >= 0 && sample.looked_at <= 1, "share out of range");
+  check.time(sample.camera_offset);
+  check.require(sample.camera_offset_sigma >= 0 && sample.camera_offset_sigma <= kMaxSigma,
+                "deviation out of range");
+  require_name(sample.ordered_by, true, "not the name of a commander", &check);
+  require_mode(sample.ordered, &check);
   if (!check.passed()) return unfit(check.what());
   RigState message = decode_key<RigState>(sample);
   message.time = {sample.time};
@@ -186,13 +197,16 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   message.sees_target = sample.sees_target;
   message.looked_at = sample.looked_at;
   message.rounds = sample.rounds;
+  message.camera_clock = {sample.camera_clock_known, sample.camera_offset, sample.camera_offset_sigma};
+  message.ordered_by = get_text(sample.ordered_by);
+  message.ordered = static_cast<RigMode>(sample.ordered);
   return message;
 }
 
 template <>
 size_t payload_bytes<RigState>(const cairn_RigState& sample) {
   return sizeof(sample) + text_bytes(sample.rig) + text_bytes(sample.commander) + text_bytes(sample.refusal) +
-         text_bytes(sample.trouble);
+         text_bytes(sample.trouble) + text_bytes(sample.ordered_by);
 }
 
 }  // namespace cairn::wire::internal

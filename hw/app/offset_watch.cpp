@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "hw/app/offset_watch.h"
+
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+constexpr double kSharp = 0.005;       // [s]: beyond, the configuration's is as good
+constexpr double kWorthTelling = 2e6;  // [ns]
+
+}  // namespace
+
+std::optional<wire::RigCameraClock> camera_clock_of(const CameraAndGyro& found) {
+  if (!(found.sigma <= kSharp)) return std::nullopt;
+  return wire::RigCameraClock{true, std::llround(found.offset * 1e9), static_cast<float>(found.sigma)};
+}
+
+OffsetWatch::OffsetWatch(Logger log, Teller tell, std::chrono::milliseconds period)
+    : log_(std::move(log)), tell_(std::move(tell)), period_(period) {
+  thread_ = std::thread(&OffsetWatch::run, this);
+}
+
+OffsetWatch::~OffsetWatch() {
+  {
+    const std::lock_guard lock(mutex_);
+    ends_ = true;
+  }
+  changed_.notify_all();
+  thread_.join();
+}
+
+void OffsetWatch::sense(const std::vector<GyroSample>& samples) {
+  const std::lock_guard lock(mutex_);
+  for (const GyroSample& sample : samples) sensed_.sense(sample);
+}
+
+void OffsetWatch::see(const CameraRotation& rotation) {
+  const std::lock_guard lock(mutex_);
+  sensed_.see(rotation);
+  has_news_ = true;
+}
+
+void OffsetWatch::run() {
+  std::unique_lock lock(mutex_);
+  while (!changed_.wait_for(lock, period_, [this] { return ends_; })) {
+    if (!std::exchange(has_news_, false)) continue;
+    const ClockOffset sensed = sensed_;
+    lock.unlock();
+    estimate(sensed);
+    lock.lock();
+  }
+}
+
+void OffsetWatch::estimate(const ClockOffset& sensed) {
+  const auto found = sensed.estimate();
+  if (!found) return log_->debug("offset of the camera's clock: {}", found.error().message);
+  const auto clock = camera_clock_of(*found);
+  if (!clock)
+    return log_->debug("offset of the camera's clock: known to {:.1f} ms only", found->sigma * 1000);
+  if (!told_ || std::abs(static_cast<double>(clock->offset - told_->offset)) > kWorthTelling)
+    log_->info("stamps of the camera lack {:.1f} ms to the IMU's, known to {:.1f} ms",
+               static_cast<double>(clock->offset) * 1e-6, static_cast<double>(clock->sigma) * 1000);
+  told_ = clock;
+  tell_(*clock);
+}
+
+}  // namespace cairn

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "common/base/log.h"
+#include "common/wire/rig_messages.h"
+#include "hw/calibration/clock_offset.h"
+
+namespace cairn {
+
+/// What of an estimate counts from now on; nothing where it is not sharp enough. Pure.
+[[nodiscard]] std::optional<wire::RigCameraClock> camera_clock_of(const CameraAndGyro& found);
+
+/// Estimates while the rig is at work how stamps of its camera lie to those of the IMU, each `period` again,
+/// with a thread of its own: that takes some hundredths of a second. Where the camera does not turn,
+/// or nobody tracks it, the last estimate holds. Stamps of both are of the rig's clock. Thread-safe.
+class OffsetWatch {
+ public:
+  /// `tell` is called by the thread.
+  using Teller = std::function<void(const wire::RigCameraClock&)>;
+  OffsetWatch(Logger log, Teller tell, std::chrono::milliseconds period = std::chrono::seconds(10));
+  ~OffsetWatch();
+  OffsetWatch(const OffsetWatch&) = delete;
+  OffsetWatch& operator=(const OffsetWatch&) = delete;
+
+  void sense(const std::vector<GyroSample>& samples);
+  void see(const CameraRotation& rotation);
+
+ private:
+  void run();
+  void estimate(const ClockOffset& sensed);
+
+  const Logger log_;
+  const Teller tell_;
+  const std::chrono::milliseconds period_;
+  std::optional<wire::RigCameraClock> told_;  ///< of the thread
+  std::mutex mutex_;                          ///< for what follows
+  std::condition_variable changed_;
+  ClockOffset sensed_;
+  bool has_news_ = false;  ///< pictures since the last estimate
+  bool ends_ = false;
+  std::thread thread_;
+};
+
+}  // namespace cairn
