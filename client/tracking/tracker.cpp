@@ -304,6 +304,9 @@ Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   Attempt found = attempt(expected, expected_effort());
   if (found.evidence.share == PoseVerdict::kBad)
     found = attempt(turned() * model.last(), wide_effort(options));
+  // Who comes back expects the camera degrees away from where it is: what is in sight, and how it looks, is
+  // judged anew from the pose found.
+  if (found.pose && recovery.as<Turned>() != nullptr) found = attempt(*found.pose, normal_effort(options));
   if (found.pose) found.evidence.is_leap = model.is_leap(*found.pose, expected, time, mean_depth);
   found = judged(found, PoseOrigin::kMotion);
   const bool is_doubted =
