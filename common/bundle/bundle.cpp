@@ -39,9 +39,11 @@ double estimator_variance(const BundleProblem& problem, double squared_cutoff) {
   }
   const auto moving =
       std::count_if(problem.poses.begin(), problem.poses.end(), [](const BundlePose& p) { return !p.fixed; });
-  const double parameters = static_cast<double>(kPointSize * problem.points.size()) +
-                            kPoseSize * static_cast<double>(moving) +
-                            kIntrinsics * static_cast<double>(problem.free_cameras.size());
+  const auto still = std::count(problem.fixed_points.begin(), problem.fixed_points.end(), true);
+  const double parameters =
+      kPointSize * static_cast<double>(problem.points.size() - static_cast<size_t>(still)) +
+      kPoseSize * static_cast<double>(moving) +
+      kIntrinsics * static_cast<double>(problem.free_cameras.size());
   const double freedom = count - parameters;
   if (!(freedom > 0 && psi_slope > 0)) return std::numeric_limits<double>::infinity();
   return psi_squared / freedom * (weights * count) / (psi_slope * psi_slope);

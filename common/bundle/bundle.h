@@ -29,9 +29,12 @@ struct BundleObservation {
 
 struct BundleProblem {
   std::vector<BundlePose> poses;
-  std::vector<Eigen::Vector3d> points;  ///< map frame; all move
+  std::vector<Eigen::Vector3d> points;  ///< map frame
+  std::vector<bool> fixed_points;       ///< those that do not move; empty: all move
   std::vector<BundleObservation> observations;
   std::vector<FreeCamera> free_cameras;  ///< adjusted too, within their priors
+
+  [[nodiscard]] bool is_fixed_point(size_t i) const { return i < fixed_points.size() && fixed_points[i]; }
 };
 
 struct BundleOptions {
@@ -54,12 +57,12 @@ struct BundleReport {
   int observations = 0;
 };
 
-/// Minimises the sum of Tukey's cost of whitened reprojection errors over free poses, all points and the
-/// intrinsics of free cameras (these with their priors), in place; the covariance of free cameras is that of
-/// the M-estimate (Huber 1981, 7.6) with everything else re-adjusted, its noise that of the residuals.
-/// Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al. 2000, 6.1); Tukey's
-/// cut-off by the median of the residuals (PTAM r114). At least one pose should be fixed. One thread; equal
-/// inputs give equal bytes.
+/// Minimises the sum of Tukey's cost of whitened reprojection errors over the poses and points that are not
+/// fixed and the intrinsics of free cameras (these with their priors), in place; the covariance of free
+/// cameras is that of the M-estimate (Huber 1981, 7.6) with everything else re-adjusted, its noise that of
+/// the residuals. Levenberg-Marquardt with points eliminated first (Schur complement; Triggs et al.
+/// 2000, 6.1); Tukey's cut-off by the median of the residuals (PTAM r114). At least one pose, or three
+/// points, should be fixed. One thread; equal inputs give equal bytes.
 BundleReport solve_bundle(BundleProblem* problem, const BundleOptions& options);
 
 /// Squared whitened reprojection error; infinite where the point does not project.

@@ -208,6 +208,24 @@ TEST(SolveBundle, NoMovingPoseLeavesThePoints) {
   EXPECT_LT(largest_difference(problem, truth), 1e-7);
 }
 
+TEST(SolveBundle, FixedPointsDoNotMoveAndHoldAllElse) {
+  Random random(10);
+  BundleProblem truth = exact_scene(&random);
+  for (BundlePose& p : truth.poses) p.fixed = false;
+  BundleProblem problem = truth;
+  perturb(&problem, &random);
+  for (size_t i = 0; i < truth.points.size(); ++i) {
+    problem.fixed_points.push_back(i % 4 == 0);
+    if (i % 4 == 0) problem.points[i] = truth.points[i];
+  }
+  BundleOptions options;
+  options.max_iterations = 100;
+  options.function_tolerance = 1e-14;
+  ASSERT_TRUE(solve_bundle(&problem, options).usable);
+  EXPECT_LT(largest_difference(problem, truth), 1e-7);
+  for (size_t i = 0; i < truth.points.size(); i += 4) EXPECT_EQ(problem.points[i], truth.points[i]);
+}
+
 TEST(SolveBundle, SameInputSameBytes) {
   Random random(7);
   BundleProblem a = exact_scene(&random);

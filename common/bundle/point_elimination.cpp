@@ -47,6 +47,7 @@ PointElimination::PointElimination(const BundleProblem& problem, const TileKerne
   }
 
   const size_t points = problem.points.size();
+  for (size_t p = 0; p < points; ++p) is_fixed_point_.push_back(problem.is_fixed_point(p));
   first_observation_.assign(points + 1, 0);
   for (const BundleObservation& o : problem.observations)
     ++first_observation_[static_cast<size_t>(o.point) + 1];
@@ -66,7 +67,7 @@ PointElimination::PointElimination(const BundleProblem& problem, const TileKerne
     std::stable_sort(begin, end, [](const auto& a, const auto& b) { return a.pose < b.pose; });
     for (auto o = begin; o != end; ++o) {
       const int column = column_of_pose_[static_cast<size_t>(o->pose)];
-      if (column < 0) continue;
+      if (column < 0 || is_fixed_point_[p]) continue;
       if (tracks[p].empty() || tracks[p].back() != column) tracks[p].push_back(column);
       o->slot = first_slot_.back() + static_cast<int>(tracks[p].size()) - 1;
     }
@@ -164,11 +165,13 @@ double PointElimination::accumulate(const std::vector<View>& views, size_t point
       border_.add({view.free_camera, view.column, weight, J, r, J.transpose() * (o.inverse_sigma * A), x,
                    view.rotation});
     }
-    if (o.slot < 0) continue;
+    if (view.column < 0) continue;
 
-    SlotMap W(slots_.data() + static_cast<ptrdiff_t>(o.slot) * kSlotElements);
-    W.topRows<3>() += N;
-    W.bottomRows<3>() += cross_columns(x, N);
+    if (o.slot >= 0) {
+      SlotMap W(slots_.data() + static_cast<ptrdiff_t>(o.slot) * kSlotElements);
+      W.topRows<3>() += N;
+      W.bottomRows<3>() += cross_columns(x, N);
+    }
     PoseSums& sums = sums_[static_cast<size_t>(view.column)];
     const Eigen::Matrix3d xM = cross_columns(x, M);
     sums.top_left += M;
@@ -194,7 +197,7 @@ void PointElimination::eliminate(size_t point, double lambda, const Eigen::Matri
   inverse[1] = 1.0 / std::sqrt(d[1] - l[0] * l[0]);
   l[2] = (V(2, 1) - l[1] * l[0]) * inverse[1];
   inverse[2] = 1.0 / std::sqrt(d[2] - l[1] * l[1] - l[2] * l[2]);
-  if (!inverse.allFinite()) {  // stays where it is
+  if (is_fixed_point_[point] || !inverse.allFinite()) {  // stays where it is
     inverse.setZero();
     l.setZero();
   }

@@ -59,7 +59,7 @@ class PointElimination {
  private:
   struct Observation {
     int pose;
-    int slot;  ///< of a moving pose that sees this point, -1 for a fixed one
+    int slot;  ///< of a moving pose that sees this point, -1 where either is fixed
     Eigen::Vector2d pixel;
     double inverse_sigma;
   };
@@ -92,6 +92,7 @@ class PointElimination {
   std::vector<int> free_camera_;        ///< of each pose, -1 for none
   std::vector<int> column_of_pose_;
   std::vector<int> pose_of_column_;
+  std::vector<bool> is_fixed_point_;
   std::vector<Observation> observations_;  ///< by point, then pose
   std::vector<int> first_observation_;     ///< of each point, and the end
   std::vector<int> first_slot_;            ///< of each point, and the end

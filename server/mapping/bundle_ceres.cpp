@@ -93,8 +93,11 @@ class CeresBundle {
 
   void set_ordering() {
     ordering_ = std::make_shared<ceres::ParameterBlockOrdering>();
-    for (Eigen::Vector3d& point : problem_->points) {
-      if (ceres_.HasParameterBlock(point.data())) ordering_->AddElementToGroup(point.data(), 0);
+    for (size_t i = 0; i < problem_->points.size(); ++i) {
+      double* point = problem_->points[i].data();
+      if (!ceres_.HasParameterBlock(point)) continue;
+      ordering_->AddElementToGroup(point, 0);
+      if (problem_->is_fixed_point(i)) ceres_.SetParameterBlockConstant(point);
     }
     for (size_t i = 0; i < poses_.size(); ++i) {
       double* pose = poses_[i].data();

@@ -90,6 +90,27 @@ TEST_P(Judged, AgreesWithCeresOnUniqueProblems) {
   EXPECT_LT(largest_difference(ours, theirs), 1e-4);
 }
 
+TEST_P(Judged, AgreesWithCeresWhereOnlyPointsAreFixed) {
+  Random random(GetParam());
+  BundleProblem ours = noisy_walk(12, 300, &random);
+  ours.poses[0].fixed = false;
+  perturb(&ours, &random);
+  for (size_t i = 0; i < ours.points.size(); ++i) ours.fixed_points.push_back(i % 3 == 0);
+  const BundleProblem before = ours;
+  BundleProblem theirs = ours;
+  BundleOptions options;
+  options.max_iterations = 200;
+  options.function_tolerance = 1e-13;
+  options.min_squared_cutoff = 1e4;
+  const BundleReport a = solve_bundle(&ours, options);
+  const BundleReport b = solve_bundle_with_ceres(&theirs, options, {});
+  ASSERT_TRUE(a.usable && b.usable);
+  EXPECT_LT(a.final_cost, a.initial_cost);
+  EXPECT_NEAR(a.final_cost, b.final_cost, 1e-7 * b.final_cost);
+  EXPECT_LT(largest_difference(ours, theirs), 1e-4);
+  for (size_t i = 0; i < ours.points.size(); i += 3) EXPECT_EQ(ours.points[i], before.points[i]);
+}
+
 TEST_P(Judged, ReachesTheCostOfCeresWhereTheScaleIsFree) {
   Random random(GetParam());
   BundleProblem ours = noisy_walk(30, 500, &random);

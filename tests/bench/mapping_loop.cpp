@@ -135,9 +135,8 @@ void MappingLoop::take_in(const KeyframeProposal& proposal, const Frame& frame) 
     chain_[proposal.number] = {decision.keyframe, SE3()};
     work();
     tracker_->keyframe_answered(proposal.number, decision.keyframe);
-  } else {
-    if (decision.verdict == KeyframeVerdict::kTooClose)
-      chain_[proposal.number] = {input.reference, input.camera_from_reference};
+  } else {  // as in server/service/map_runner, the next frame of the chain is judged by what it shows itself
+    chain_[proposal.number] = {input.reference, input.camera_from_reference};
     tracker_->keyframe_answered(proposal.number, std::nullopt);
   }
 }
