@@ -61,7 +61,8 @@ class FrameSource {
 ///  * `video:FILE?times=FILE`: whatever OpenCV's FFmpeg reads, turned as the file says; stamped by the list,
 ///  else by the container
 ///  * `v4l2:/dev/video0?size=640x480&fps=30`: a camera; an error when it gives no picture for 2 s
-///  * `sim:SCENARIO?seed=1&camera=hand`: with CAIRN_SIMULATOR; further options are the simulator's
+///  * `sim:SCENARIO?seed=1&camera=hand`: with CAIRN_SIMULATOR; further options are the simulator's;
+///  `rig=PATH`: what the camera of `cairn-rig simulate --camera PATH` sees, live
 /// A `times=FILE` has one time a line. `unit=s|ms|us|ns` says what the times of any list count. Of pictures
 /// of different sizes, those of the commonest size are frames, the others errors.
 /// Errors: kUsage (unknown scheme or option; lists the valid ones), kNotFound, kIo, kConfiguration (pictures

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/simulated_source.h"
 
+#include "client/capture/simulated_rig_source.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -36,6 +37,7 @@ class SimulatedSource final : public FrameSource {
 }  // namespace
 
 Result<std::unique_ptr<FrameSource>> open_simulated_source(const SourceUri& uri) {
+  if (uri.options.contains("rig")) return open_simulated_rig_source(uri);
   SimulatorOptions options;
   for (const auto& [key, value] : uri.options) {
     if (auto status = options.set_option(key, value); !status) return tl::unexpected(status.error());

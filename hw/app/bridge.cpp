@@ -41,8 +41,8 @@ std::string cut(const std::string& text) {
 
 }  // namespace
 
-RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now, int time_scale)
-    : configuration_(configuration), rig_(configuration, now), imu_clock_(time_scale) {}
+RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
+    : configuration_(configuration), rig_(configuration, now) {}
 
 void RigBridge::set_camera_clock(const wire::RigCameraClock& clock) {
   camera_clock_ = clock;

@@ -17,8 +17,7 @@ namespace cairn {
 /// new order is carried out or refused, once; said again it is a sign of life. Pure: the clock is handed in.
 class RigBridge {
  public:
-  /// `time_scale`: of `now` against the stamps of frames (ScaledClock).
-  RigBridge(const RigConfiguration& configuration, MonotonicTime now, int time_scale = 1);
+  RigBridge(const RigConfiguration& configuration, MonotonicTime now);
 
   /// `seen`: when the target was seen, by the clock of `now`; counts for fixate.
   void obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen);

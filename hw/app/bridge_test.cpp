@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "hw/app/bridge_bench.h"
+#include "hw/app/scaled_clock.h"
 
 namespace cairn {
 namespace {
@@ -242,6 +243,41 @@ TEST_F(Bridge, AnAxisThatDoesNotAnswerIsNamedWithItsNode) {
   EXPECT_EQ(bench_.state().axes[0].fault, 1);
 }
 
+/// All the way: the gyro feels it, the axes make up for it, and the camera's truth tells.
+TEST_F(Bridge, TheWearerOfSimulatedDevicesWalksAndTurnsAsToldAndLockHoldsTheCamera) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  bench_.order(order_of(1, 3, RigMode::kLock));
+  bench_.pass(3s);
+  const Eigen::Vector3d axis = bench_.devices().world_from_camera().rotation() * Eigen::Vector3d::UnitZ();
+  const auto off = [&] {
+    const Eigen::Vector3d now = bench_.devices().world_from_camera().rotation() * Eigen::Vector3d::UnitZ();
+    return std::atan2(now.cross(axis).norm(), now.dot(axis));
+  };
+  const double before = bench_.state().axes[0].position;
+  ASSERT_TRUE(bench_.devices().obey("turn 20 1.5", bench_.now()));
+  bench_.pass(2s);
+  EXPECT_LT(off(), 1 * kDegree);
+  EXPECT_NEAR(bench_.state().axes[0].position, before - 20 * kDegree, 1 * kDegree);
+  ASSERT_TRUE(bench_.devices().obey("walk 0.5 10", bench_.now()));
+  bench_.pass(1s);
+  const double begun = bench_.devices().world_from_camera().translation().x();
+  bench_.pass(3s);
+  EXPECT_GT(bench_.devices().world_from_camera().translation().x(), begun + 0.1);
+  ASSERT_TRUE(bench_.devices().obey("stand", bench_.now()));
+  bench_.pass(1500ms);
+  bench_.said_again.reset();
+}
+
+TEST_F(Bridge, WhatNoWearerDoesAndNoDeviceSuffersIsRefusedInWords) {
+  for (const char* line : {"walk", "walk fast", "walk 100", "walk 1 500", "stand up", "turn", "turn 9000",
+                           "turn 90 0", "walk nan", "fly", ""}) {
+    const Status refused = bench_.devices().obey(line, bench_.now());
+    ASSERT_FALSE(refused) << line;
+    EXPECT_EQ(refused.error().code, ErrorCode::kUsage);
+  }
+  EXPECT_TRUE(bench_.devices().obey("drop+0.1", bench_.now()));
+}
+
 struct FaultCase {
   DeviceFault what;
   std::chrono::milliseconds within;
@@ -294,15 +330,15 @@ TEST(ImuClock, ALateFrameMakesNoLateSampleAndTheCounterWraps) {
   }
 }
 
-TEST(ImuClock, OfDevicesOnASlowerClockItTellsTheHostsTime) {
-  constexpr int kSlower = 10;
-  ImuClock clock(kSlower);
-  for (int64_t i = 0; i < 1000; ++i) {
-    const int64_t taken = i * kSlower * 10'000'000;
-    clock.receive(static_cast<uint32_t>(i) * 100, {taken + 300'000 + (i % 7) * 1'000'000});
-    if (i >= 7) {
-      EXPECT_EQ(clock.newest().nanoseconds, taken + 300'000) << i;
-    }
+TEST(ScaledClock, StampsAndDeadlinesAreByOneSlowedClock) {
+  for (const int factor : {1, 10}) {
+    const ScaledClock clock(factor);
+    const auto begin = clock.now();
+    const Timestamp stamp = clock.wall_time();
+    const auto when = clock.at(stamp);
+    EXPECT_GE(when, begin - 2ms);
+    EXPECT_LE(when, clock.now() + 2ms);
+    EXPECT_EQ(clock.of_wall({5'000'000'000}).nanoseconds, 5'000'000'000 / factor);
   }
 }
 

@@ -15,12 +15,12 @@ void ImuClock::receive(uint32_t ticks, Timestamp received) {
   const int32_t passed = ticks_ ? static_cast<int32_t>(ticks - *ticks_) : 0;
   ticks_ = ticks;
   if (passed < 0) {  // it began anew
-    *this = ImuClock(time_scale_);
+    *this = ImuClock();
     ticks_ = ticks;
   }
-  own_time_ = least_ ? own_time_ + passed * kTick * time_scale_ : int64_t{ticks} * kTick;
+  own_time_ = least_ ? own_time_ + passed * kTick : int64_t{ticks} * kTick;
   const int64_t offset = received.nanoseconds - own_time_;
-  if (!least_ || own_time_ - begin_ > kSecond * time_scale_) {
+  if (!least_ || own_time_ - begin_ > kSecond) {
     least_before_ = least_;
     least_ = offset;
     begin_ = own_time_;

@@ -14,9 +14,6 @@ namespace cairn {
 /// between the clocks makes 0.2 ms. Pure.
 class ImuClock {
  public:
-  /// `time_scale`: so many seconds of the host for one of the IMU (ScaledClock).
-  explicit ImuClock(int time_scale = 1) : time_scale_(time_scale) {}
-
   /// A sample taken at `ticks` (of 0.1 ms; they wrap), whose frame was received then.
   void receive(uint32_t ticks, Timestamp received);
 
@@ -26,9 +23,8 @@ class ImuClock {
   [[nodiscard]] Timestamp newest() const { return {own_time_ + offset().value_or(0)}; }
 
  private:
-  int time_scale_;
   std::optional<uint32_t> ticks_;
-  int64_t own_time_ = 0;  ///< of the IMU, without wrapping, in time of the host [ns]
+  int64_t own_time_ = 0;  ///< of the IMU, without wrapping [ns]
   int64_t begin_ = 0;     ///< of the present second, in the same
   std::optional<int64_t> least_;
   std::optional<int64_t> least_before_;  ///< of the second before

@@ -15,7 +15,7 @@
 #include <functional>
 #include <string_view>
 
-#include "hw/can/file_descriptor.h"
+#include "common/base/file_descriptor.h"
 
 namespace cairn {
 namespace {

@@ -37,30 +37,81 @@ void watch_offset(RigHost& host, ScaledClock clock, OffsetWatch* offsets) {
               }});
 }
 
-/// Until a signal ends it.
-int serve(const RigOptions& options, const RigConfiguration& configuration, sigset_t signals) {
-  sigaddset(&signals, SIGUSR1);
-  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+/// A rig at work, with what watches it.
+class Service {
+ public:
+  [[nodiscard]] static Result<std::unique_ptr<Service>> start(const RigOptions& options,
+                                                              const RigConfiguration& configuration,
+                                                              std::unique_ptr<CanBus> bus,
+                                                              const Logger& log) {
+    const std::string bus_name = options.can.empty() ? "simulated devices" : options.can;
+    const ScaledClock clock(options.time_scale);
+    auto host = RigHost::open({configuration, bus_name, clock, log}, options.network, std::move(bus));
+    if (!host) return tl::unexpected(host.error());
+    std::unique_ptr<Service> service(new Service(*std::move(host), configuration.name, log));
+    watch_offset(*service->host_, clock, &service->offsets_);
+    log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, bus_name,
+              options.network.domain, wire::rig_port(options.network.domain));
+    return service;
+  }
+  /// Emergency stop.
+  void stop() {
+    host_->loop().stop();
+    log_->warn("emergency stop by signal; `cairnctl rig {} clear` ends it", name_);
+  }
+  /// The process is to end well.
+  void close() {
+    log_->info("letting the drives go");
+    host_->close(0);
+  }
+
+ private:
+  Service(std::unique_ptr<RigHost> host, std::string name, Logger log)
+      : name_(std::move(name)),
+        log_(std::move(log)),
+        offsets_(log_, [loop = &host->loop()](
+                           const wire::RigCameraClock& clock) { loop->set_camera_clock(clock); }),
+        host_(std::move(host)) {}
+
+  std::string name_;
+  Logger log_;
+  OffsetWatch offsets_;
+  std::unique_ptr<RigHost> host_;  ///< last: its threads use the above
+};
+
+/// Beside a bus: until a signal ends it.
+int serve(const RigOptions& options, const RigConfiguration& configuration, const sigset_t& signals) {
   const Logger log = make_logger("cairn-rig", options.verbosity);
   const wire::LogRedirect middleware_log(log);
   auto bus = open_can_bus(options.can);
   if (!bus) return complain(bus.error());
-  auto host = RigHost::open({configuration, options.can, ScaledClock(options.time_scale), log},
-                            options.network, std::move(*bus));
-  if (!host) return complain(host.error());
-  RigLoop& loop = (*host)->loop();
-  OffsetWatch offsets(log, [&loop](const wire::RigCameraClock& clock) { loop.set_camera_clock(clock); });
-  watch_offset(**host, ScaledClock(options.time_scale), &offsets);
-  log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, options.can,
-            options.network.domain, wire::rig_port(options.network.domain));
+  const auto service = Service::start(options, configuration, std::move(*bus), log);
+  if (!service) return complain(service.error());
   int signal = 0;
-  while (sigwait(&signals, &signal) == 0 && signal == SIGUSR1) {
-    loop.stop();
-    log->warn("emergency stop by signal; `cairnctl rig {} clear` ends it", configuration.name);
-  }
-  log->info("letting the drives go");
-  (*host)->close(0);
+  while (sigwait(&signals, &signal) == 0 && signal == SIGUSR1) (*service)->stop();
+  (*service)->close();
   return 0;
+}
+
+/// Devices on a bus.
+int simulate(const RigOptions& options, const RigConfiguration& configuration, const sigset_t& signals) {
+  auto bus = open_can_bus(options.can);
+  if (!bus) return complain(bus.error());
+  const Status done = run_simulation(options, configuration, signals, **bus, {});
+  return done ? 0 : complain(done.error());
+}
+
+/// Devices and the rig's own program in one process: a pair of sockets is their bus.
+int simulate_all(const RigOptions& options, const RigConfiguration& configuration, const sigset_t& signals) {
+  const Logger log = make_logger("cairn-rig", options.verbosity);
+  const wire::LogRedirect middleware_log(log);
+  auto ends = make_bus_pair();
+  if (!ends) return complain(ends.error());
+  const auto service = Service::start(options, configuration, std::move(ends->first), log);
+  if (!service) return complain(service.error());
+  const Status done = run_simulation(options, configuration, signals, *ends->second,
+                                     {[&] { (*service)->stop(); }, [&] { (*service)->close(); }});
+  return done ? 0 : complain(done.error());
 }
 
 int run(int argc, char** argv) {
@@ -70,7 +121,11 @@ int run(int argc, char** argv) {
   auto configuration = read_rig_configuration(options.config);
   if (!configuration) return complain(configuration.error());
   if (!options.name.empty()) configuration->name = options.name;
-  const sigset_t signals = block_ending_signals();  // before any thread
+  sigset_t signals = block_ending_signals();  // before any thread
+  const bool has_rig =
+      options.task == RigTask::kRun || (options.task == RigTask::kSimulate && options.can.empty());
+  if (has_rig) sigaddset(&signals, SIGUSR1);
+  pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   // A reader of our words that has gone is no reason to go, least of all with drives that move.
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
@@ -78,7 +133,8 @@ int run(int argc, char** argv) {
     case RigTask::kDoctor:
       return run_doctor(options, *configuration);
     case RigTask::kSimulate:
-      return run_simulation(options, *configuration, signals);
+      return options.can.empty() ? simulate_all(options, *configuration, signals)
+                                 : simulate(options, *configuration, signals);
     case RigTask::kCalibrate:
       return run_calibration(options, *configuration, signals);
     case RigTask::kRun:

@@ -33,7 +33,7 @@ RigLoop::RigLoop(const RigLoopOptions& options, std::unique_ptr<CanBus> bus, std
       bus_(std::move(bus)),
       told_(std::move(told)),
       wake_up_(std::move(wake_up)),
-      bridge_(options_.configuration, options_.clock.now(), options_.clock.factor()),
+      bridge_(options_.configuration, options_.clock.now()),
       next_state_(options_.clock.now()) {}
 
 RigLoop::~RigLoop() {
@@ -81,7 +81,10 @@ void RigLoop::run() {
 void RigLoop::turn(MonotonicTime now) {
   wake_up_.clear();
   if (stop_asked_.exchange(false)) bridge_.stop(now);
-  while (const auto frame = bus_->receive()) bridge_.receive(*frame, now);
+  while (auto frame = bus_->receive()) {
+    frame->stamp = options_.clock.of_wall(frame->stamp);
+    bridge_.receive(*frame, now);
+  }
   std::vector<wire::RigCommand> commands;
   std::optional<wire::RigCameraClock> camera_clock;
   {
@@ -104,7 +107,7 @@ void RigLoop::send() {
 
 void RigLoop::publish(MonotonicTime now) {
   next_state_ = std::max(next_state_ + kStatePeriod, now);
-  wire::RigState state = bridge_.state(wall_time());
+  wire::RigState state = bridge_.state(options_.clock.wall_time());
   tell_changes(state);
   collect_gyro();
   {

@@ -171,7 +171,7 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
     state.session = {1};
     state.state = TrackingState::kTracking;
     while (!ends_now) {
-      state.frame_time = wall_time();
+      state.frame_time = clock.wall_time();
       (void)poses.write(state);
       std::this_thread::sleep_for(30ms);
     }

@@ -25,7 +25,9 @@ constexpr const char* kFooter =
     "  cairn-rig doctor --can can0 --config shoulder.yaml\n"
     "  cairn-rig calibrate --can can0 --config shoulder.yaml   (beside `cairn-track --rig shoulder`)\n"
     "  cairn-rig --can can0 --config shoulder.yaml --server maps.example.org\n"
-    "without hardware:\n"
+    "without hardware, and without CAN:\n"
+    "  cairn-rig simulate --config shoulder.yaml --camera /tmp/shoulder\n"
+    "or with it:\n"
     "  sudo ip link add vcan0 up type vcan\n"
     "  cairn-rig simulate --can vcan0 --config shoulder.yaml --fault stuck-pan@20 &\n"
     "  cairn-rig --can vcan0 --config shoulder.yaml\n"
@@ -36,14 +38,15 @@ std::string check_name(const std::string& text) {
   return is_valid_name(text) ? "" : "'" + text + "': expected 1 to 32 of a-z, 0-9 and -";
 }
 
-/// What all tasks need.
-void add_bus_options(CLI::App* app, RigOptions* options) {
-  app->add_option("--can", options->can, "interface of the bus, can0 say")->type_name("IFACE")->required();
+/// What all tasks need. The interface, where it is given.
+CLI::Option* add_bus_options(CLI::App* app, RigOptions* options) {
+  auto* can = app->add_option("--can", options->can, "interface of the bus, can0 say")->type_name("IFACE");
   app->add_option("--config", options->config, "what the rig is, YAML")->type_name("FILE")->required();
   app->add_option("--time-scale", options->time_scale,
                   "a second of the rig takes so many: for simulated devices on a slow machine")
       ->check(CLI::Range(1, kMostTimeScale))
       ->capture_default_str();
+  return can;
 }
 
 struct Loudness {
@@ -76,18 +79,24 @@ void describe(CLI::App* app, RigOptions* options) {
   CLI::App* doctor = app->add_subcommand(
       "doctor", "bring-up step by step: interface, bus, drives, IMU; it listens, nothing moves");
   doctor->callback([options] { options->task = RigTask::kDoctor; });
-  add_bus_options(doctor, options);
+  add_bus_options(doctor, options)->required();
   CLI::App* simulate = app->add_subcommand(
-      "simulate", "drives and IMU as nodes of the bus; what happens to them is told on stdout");
+      "simulate",
+      "drives and IMU as nodes of the bus, on a wearer who walks; what happens to them is told on stdout. "
+      "Without --can there is no bus: the rig's own program is in the process too, with its options");
   simulate->callback([options] { options->task = RigTask::kSimulate; });
   add_bus_options(simulate, options);
+  simulate
+      ->add_option("--camera", options->camera,
+                   "socket that tells where the camera is: `cairn-track --source 'sim:shoulder?rig=PATH'`")
+      ->type_name("PATH");
   simulate->add_option("--seed", options->seed, "of noise and chance")->capture_default_str();
   CLI::App* calibrate = app->add_subcommand(
       "calibrate",
       "finds how camera and IMU sit on the head and what lies between their clocks, with the map of the "
       "camera's tracker (cairn-track --rig), and writes it into FILE; the axes move");
   calibrate->callback([options] { options->task = RigTask::kCalibrate; });
-  add_bus_options(calibrate, options);
+  add_bus_options(calibrate, options)->required();
   calibrate->add_flag("--yes", options->agreed, "the axes may move: do not ask");
 }
 
@@ -105,13 +114,14 @@ std::variant<RigOptions, int> parse_rig_options(int argc, const char* const* arg
           "--fault", faults,
           "of the devices, WHAT@SECONDS or WHAT@SECONDS+DURATION; also read as WHAT or WHAT+DURATION, a "
           "line each, from stdin. WHAT: " +
-              list_of_device_faults())
+              list_of_device_faults() +
+              ". Lines of stdin tell the wearer, too: walk HZ [DEG/S], stand, turn DEGREES [SECONDS]")
       ->type_name("WHAT@S");
   const std::string task = argc < 2 ? "" : argv[1];
-  if (task == "calibrate") {
+  if (task == "calibrate" || task == "simulate") {
     add_network_options(app.get_subcommand(task), &options, &words);
-  } else if (task != "doctor" && task != "simulate") {
-    add_bus_options(&app, &options);
+  } else if (task != "doctor") {
+    add_bus_options(&app, &options)->required();
     add_network_options(&app, &options, &words);
   }
   try {

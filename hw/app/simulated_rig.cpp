@@ -7,20 +7,23 @@
 #include <charconv>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 #include <utility>
-
-#include "hw/rig/kinematics.h"
 
 namespace cairn {
 namespace {
 
 using std::chrono::milliseconds;
 
-constexpr double kGravity = 9.80665;  // [m/s^2]
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kBeyondLimits = 2 * kDegree;  // the hard stops lie so far outside of the hard limits
 constexpr double kLongest = 1e6;               // [s]
-constexpr double kSpareFriction = 1.2;         // over what the configuration says at least
+constexpr double kSlowestGait = 0.2;           // [Hz]
+constexpr double kFastestGait = 3;
+constexpr double kFastestWay = 60;  // [deg/s] around the point
+constexpr double kTurnTime = 1.2;   // [s]
+constexpr double kQuickestTurn = 0.2;
+constexpr double kSpareFriction = 1.2;  // over what the configuration says at least
 
 constexpr std::array<std::pair<std::string_view, DeviceFault>, 10> kFaults = {{
     {"reset-pan", DeviceFault::kResetPan},
@@ -60,6 +63,14 @@ std::optional<milliseconds> to_time(std::string_view text) {
   const bool whole = problem == std::errc() && end == text.data() + text.size();
   if (!whole || !(seconds >= 0 && seconds <= kLongest)) return std::nullopt;
   return milliseconds(std::llround(seconds * 1000));
+}
+
+/// All that is left of the line; nothing where something is none.
+std::optional<std::vector<double>> read_numbers(std::istringstream& words) {
+  std::vector<double> numbers;
+  for (double number = 0; words >> number;) numbers.push_back(number);
+  if (!words.eof()) return std::nullopt;
+  return numbers;
 }
 
 /// The plant of a motor that turns the other way has the axis's angle negated.
@@ -169,6 +180,45 @@ void SimulatedRig::inject(DeviceFault what, std::optional<milliseconds> lasts, M
     to_end_.push_back({what, std::chrono::duration_cast<milliseconds>(now - start_) + *lasts, std::nullopt});
 }
 
+Status SimulatedRig::inject(const std::string& line, MonotonicTime now) {
+  const size_t plus = line.find('+');
+  const auto fault =
+      parse_timed_fault(line.substr(0, plus) + "@0" + (plus == std::string::npos ? "" : line.substr(plus)));
+  if (!fault) {
+    return fail(ErrorCode::kUsage,
+                fault.error().message + "; and walk HZ [DEG/S], stand, turn DEGREES [SECONDS]");
+  }
+  inject(fault->what, fault->lasts, now);
+  return {};
+}
+
+Status SimulatedRig::obey(const std::string& line, MonotonicTime now) {
+  std::istringstream words(line);
+  std::string what;
+  words >> what;
+  const bool is_walk = what == "walk";
+  if (!is_walk && what != "turn" && what != "stand") return inject(line, now);
+  now_ = now;
+  const auto numbers = read_numbers(words);
+  if (!numbers || numbers->size() > (what == "stand" ? 0 : 2) || (what != "stand" && numbers->empty()))
+    return fail(ErrorCode::kUsage,
+                "'" + line + "': expected walk HZ [DEG/S], stand or turn DEGREES [SECONDS]");
+  const auto number = [&](size_t i, double otherwise) {
+    return i < numbers->size() ? numbers->at(i) : otherwise;
+  };
+  if (is_walk && !(number(0, 0) >= kSlowestGait && number(0, 0) <= kFastestGait &&
+                   std::abs(number(1, 0)) <= kFastestWay))
+    return fail(ErrorCode::kUsage, "'" + line + "': a wearer walks at 0.2 to 3 Hz, at 60 deg/s at most");
+  if (what == "turn" && !(std::abs(number(0, 0)) <= 360 && number(1, kTurnTime) >= kQuickestTurn))
+    return fail(ErrorCode::kUsage,
+                "'" + line + "': a wearer turns by 360 degrees at most, within 0.2 s or more");
+  if (is_walk) wearer_.walk(number(0, 0), number(1, 0) * kDegree, seconds());
+  if (what == "stand") wearer_.stand(seconds());
+  if (what == "turn") wearer_.turn(number(0, 0) * kDegree, number(1, kTurnTime), seconds());
+  say("wearer: " + line);
+  return {};
+}
+
 void SimulatedRig::set(DeviceFault what, bool on) {
   switch (what) {
     case DeviceFault::kResetPan:
@@ -198,21 +248,27 @@ void SimulatedRig::set(DeviceFault what, bool on) {
   }
 }
 
-/// It sits on the head, and the base stands still.
+/// It sits on the head.
 void SimulatedRig::move_imu() {
   const auto rate_of = [this](size_t axis) {
     return side(configuration_.axes.at(axis)) * bus_.drive(axis).plant().rate();
   };
-  const PanTilt angles = head();
+  const HeadMotion moved = motion_of_head(head(), {rate_of(0), rate_of(1)},
+                                          {wearer_.rate(seconds()), wearer_.acceleration(seconds())});
   const Eigen::Quaterniond imu_from_head = configuration_.calibration.head_from_imu.conjugate();
-  const Eigen::Vector3d rate = imu_from_head * rate_of_head(angles, {rate_of(0), rate_of(1)});
-  const Eigen::Vector3d up =
-      imu_from_head * (base_from_head(angles).conjugate() * Eigen::Vector3d(0, 0, kGravity));
-  bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {up.x(), up.y(), up.z()}});
+  const Eigen::Vector3d rate = imu_from_head * moved.rate;
+  const Eigen::Vector3d pull = imu_from_head * moved.acceleration;
+  bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {pull.x(), pull.y(), pull.z()}});
 }
 
 PanTilt SimulatedRig::head() {
   return {angle(AxisName::kPan) * kDegree, angle(AxisName::kTilt) * kDegree};
+}
+
+SE3 SimulatedRig::world_from_camera() {
+  return {wearer_.world_from_base(seconds()) * base_from_head(head()) *
+              configuration_.calibration.head_from_camera,
+          wearer_.position(seconds())};
 }
 
 double SimulatedRig::angle(AxisName name) {
@@ -243,7 +299,7 @@ void SimulatedRig::tell_extremes() {
 }
 
 void SimulatedRig::say(const std::string& what) {
-  tell_(fmt::format("{:.3f} {}", std::chrono::duration<double>(now_ - start_).count(), what));
+  tell_(fmt::format("{:.3f} {}", seconds(), what));
 }
 
 }  // namespace cairn

@@ -10,9 +10,12 @@
 #include <vector>
 
 #include "common/base/result.h"
+#include "common/geometry/se3.h"
 #include "hw/can/can_bus.h"
+#include "hw/rig/kinematics.h"
 #include "hw/rig/rig_configuration.h"
 #include "hw/simulated/simulated_bus.h"
+#include "hw/simulated/wearer.h"
 
 namespace cairn {
 
@@ -42,8 +45,8 @@ struct TimedFault {
 [[nodiscard]] std::string list_of_device_faults();
 
 /// The drives and the IMU of a configuration, which sits on the head as its calibration says, as nodes of any
-/// CanBus, with faults on demand. What happens to
-/// them is told as lines for people. Pure: the clock is handed in.
+/// CanBus, on a shoulder whose wearer walks and turns, with faults on demand. What happens to them is told as
+/// lines for people. Pure: the clock is handed in.
 class SimulatedRig {
  public:
   using Teller = std::function<void(const std::string&)>;
@@ -55,10 +58,15 @@ class SimulatedRig {
   void turn(CanBus& bus, MonotonicTime now);
   /// A fault from now on.
   void inject(DeviceFault what, std::optional<std::chrono::milliseconds> lasts, MonotonicTime now);
-  /// Where each axis has been, and whether it lay at its hard stop: a line each.
-  void tell_extremes();
+  /// What somebody wants of it from now on: "WHAT" or "WHAT+SECONDS" of a fault, "walk HZ [DEG/S]", "stand",
+  /// "turn DEGREES [SECONDS]". Error kUsage.
+  [[nodiscard]] Status obey(const std::string& line, MonotonicTime now);
   /// How the head stands on the base, behind the gears' backlash.
   [[nodiscard]] PanTilt head();
+  /// How its camera truly stands at the time of the last turn(), in the world of Wearer.
+  [[nodiscard]] SE3 world_from_camera();
+  /// Where each axis has been, and whether it lay at its hard stop: a line each.
+  void tell_extremes();
 
  private:
   struct Seen {
@@ -67,14 +75,17 @@ class SimulatedRig {
     double most = 0;
   };
 
+  [[nodiscard]] Status inject(const std::string& line, MonotonicTime now);
   void set(DeviceFault what, bool on);
   void move_imu();
   void look();
   void say(const std::string& what);
   [[nodiscard]] double angle(AxisName name);
+  [[nodiscard]] double seconds() const { return std::chrono::duration<double>(now_ - start_).count(); }
 
   RigConfiguration configuration_;
   simulated::SimulatedBus bus_;
+  simulated::Wearer wearer_;
   MonotonicTime start_;
   MonotonicTime now_;
   Teller tell_;

@@ -6,8 +6,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "common/base/file_descriptor.h"
 #include "common/base/result.h"
-#include "hw/can/file_descriptor.h"
 
 namespace cairn {
 

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <optional>
 
-#include "hw/can/file_descriptor.h"
+#include "common/base/file_descriptor.h"
 #include "hw/can/kernel_frame.h"
 #include "hw/can/link_monitor.h"
 #include "hw/can/stamp_clock.h"

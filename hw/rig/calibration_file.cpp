@@ -17,8 +17,8 @@
 #include <sstream>
 #include <vector>
 
+#include "common/base/file_descriptor.h"
 #include "common/geometry/se3.h"
-#include "hw/can/file_descriptor.h"
 
 namespace cairn {
 namespace {

@@ -21,6 +21,11 @@ Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates) {
   return {rates.pan * std::sin(angles.tilt), -rates.tilt, rates.pan * std::cos(angles.tilt)};
 }
 
+HeadMotion motion_of_head(const PanTilt& angles, const PanTilt& rates, const HeadMotion& base) {
+  const Eigen::Quaterniond head_from_base = base_from_head(angles).conjugate();
+  return {head_from_base * base.rate + rate_of_head(angles, rates), head_from_base * base.acceleration};
+}
+
 Eigen::Quaterniond nominal_head_from_camera() {
   Eigen::Matrix3d ahead;
   ahead << 0, 0, 1, -1, 0, 0, 0, -1, 0;

@@ -18,6 +18,14 @@ struct PanTilt {
 /// How the head turns against the base while the axes turn at `rates`: [rad/s], in the head's axes.
 [[nodiscard]] Eigen::Vector3d rate_of_head(const PanTilt& angles, const PanTilt& rates);
 
+/// What an IMU on the head measures, in the head's axes.
+struct HeadMotion {
+  Eigen::Vector3d rate;          ///< [rad/s]
+  Eigen::Vector3d acceleration;  ///< [m/s^2], with the pull that holds it up
+};
+/// While the axes turn at `rates` and the base moves so, in its own axes.
+[[nodiscard]] HeadMotion motion_of_head(const PanTilt& angles, const PanTilt& rates, const HeadMotion& base);
+
 /// The head from a camera that looks along the head's x, upright.
 [[nodiscard]] Eigen::Quaterniond nominal_head_from_camera();
 

@@ -15,14 +15,15 @@
 #include "hw/rig/head_history.h"
 #include "hw/rig/search_plan.h"
 #include "hw/rig/target_track.h"
-#include "hw/rig/test_gait.h"
+#include "hw/rig/test_rig.h"
+#include "hw/simulated/gait.h"
 
 namespace cairn {
 namespace {
 
 using Eigen::Vector3d;
+using simulated::Gait;
 using testing::angle_between;
-using testing::Gait;
 
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kPeriod = 0.01;

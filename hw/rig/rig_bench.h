@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "hw/rig/rig.h"
-#include "hw/rig/test_gait.h"
 #include "hw/rig/test_rig.h"
+#include "hw/simulated/gait.h"
 #include "hw/simulated/simulated_bus.h"
 
 // For tests only.
@@ -37,6 +37,8 @@ inline std::vector<simulated::DriveOptions> sound_drives(double pan, double tilt
   drives[1].plant.start = -tilt;
   return drives;
 }
+
+using simulated::Gait;
 
 /// A rig, its commander and simulated devices, joined by frames alone, in simulated time. That no axis is
 /// ever beyond its hard limits is checked at each millisecond.
@@ -139,15 +141,20 @@ class RigBench {
   bool commander_lives = true;
 
  private:
+  inline static const Eigen::Vector3d kUp{0, 0, 9.81};  // [m/s^2]
+
   [[nodiscard]] double walked() const { return std::chrono::duration<double>(now_ - set_out_).count(); }
   /// It sits on the head.
   void move_imu() {
     const PanTilt rates{bus_.drive(0).plant().rate(), -bus_.drive(1).plant().rate()};
     const Eigen::Quaterniond imu_from_head = configuration_.calibration.head_from_imu.conjugate();
-    const Eigen::Quaterniond imu_from_base = imu_from_head * base_from_head(angles()).conjugate();
-    const Eigen::Vector3d rate =
-        imu_from_base * gait_.rate(walked()) + imu_from_head * rate_of_head(angles(), rates);
-    const Eigen::Vector3d acceleration = imu_from_base * gait_.acceleration(walked());
+    const auto position = [this](double t) { return gait_.position(t); };
+    const Eigen::Vector3d pull = simulated::acceleration_of(position, walked()) + kUp;
+    const HeadMotion base{simulated::rate_of([this](double t) { return gait_.world_from_base(t); }, walked()),
+                          world_from_base().conjugate() * pull};
+    const HeadMotion head = motion_of_head(angles(), rates, base);
+    const Eigen::Vector3d rate = imu_from_head * head.rate;
+    const Eigen::Vector3d acceleration = imu_from_head * head.acceleration;
     bus_.imu().move({{rate.x(), rate.y(), rate.z()}, {acceleration.x(), acceleration.y(), acceleration.z()}});
   }
   void send() {

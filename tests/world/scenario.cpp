@@ -10,6 +10,7 @@
 #include "tests/world/hold.h"
 #include "tests/world/laboratory.h"
 #include "tests/world/office.h"
+#include "tests/world/shoulder.h"
 
 namespace cairn {
 namespace {
@@ -19,7 +20,7 @@ struct Recipe {
   Scenario (*make)(const ScenarioOptions& options);
 };
 
-constexpr std::array<Recipe, 13> kRecipes = {
+constexpr std::array<Recipe, 14> kRecipes = {
     {{{"desk",
        "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; a round trip of 55 s"},
       make_desk},
@@ -43,7 +44,9 @@ constexpr std::array<Recipe, 13> kRecipes = {
      {{"bays", "forward along a footbridge of equal bays at night"}, make_bays},
      {{"columns",
        "round a temple of equal columns before black; with speed=6&frames=48 stills 7.5 degrees apart"},
-      make_columns}}};
+      make_columns},
+     {{"shoulder", "round a stand in the middle of a room, for the camera of a simulated rig"},
+      make_shoulder}}};
 
 }  // namespace
 
