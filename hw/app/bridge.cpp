@@ -245,7 +245,8 @@ wire::RigState RigBridge::state(Timestamp host_time) const {
   state.camera_clock = camera_clock_;
   state.ordered_by = ordered_by_;
   state.ordered = ordered_;
-  state.trouble = cut(rig_.describe());
+  const std::string of_rig = rig_.describe();
+  state.trouble = cut(bus_trouble_ + (bus_trouble_.empty() || of_rig.empty() ? "" : ". ") + of_rig);
   return state;
 }
 

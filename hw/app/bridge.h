@@ -4,6 +4,7 @@
 #include <deque>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/wire/rig_messages.h"
@@ -39,6 +40,8 @@ class RigBridge {
   [[nodiscard]] MonotonicTime next_due() const { return rig_.next_due(); }
   [[nodiscard]] std::vector<OutgoingFrame> take_frames() { return rig_.take_frames(); }
 
+  /// What is wrong with the bus, in words; empty: nothing. Told before what is wrong with the rig.
+  void set_bus_trouble(std::string trouble) { bus_trouble_ = std::move(trouble); }
   [[nodiscard]] wire::RigState state(Timestamp host_time) const;
   [[nodiscard]] const Rig& rig() const { return rig_; }
 
@@ -64,6 +67,7 @@ class RigBridge {
   std::string ordered_by_;
   wire::RigMode ordered_ = wire::RigMode::kIdle;
   std::deque<wire::CommandId> newest_;  ///< of each of the last sessions
+  std::string bus_trouble_;
   ImuClock imu_clock_;
   std::optional<wire::RigImu> imu_;
   std::vector<GyroSample> gyro_;

@@ -80,6 +80,15 @@ TEST_F(Bridge, WithoutItsCommanderItLetsTheDrivesGoAndTheOldOrderDoesNotStartThe
   EXPECT_EQ(bench_.state().trouble, "");
 }
 
+TEST_F(Bridge, WhatIsWrongWithTheBusIsToldFirst) {
+  bench_.bridge().set_bus_trouble("can0: the interface is down");
+  bench_.pass(10ms);
+  EXPECT_EQ(bench_.state().trouble, "can0: the interface is down");
+  bench_.devices().inject(DeviceFault::kMutePan, std::nullopt, bench_.now());
+  bench_.pass(300ms);
+  EXPECT_THAT(bench_.state().trouble, ::testing::StartsWith("can0: the interface is down. pan (node 16)"));
+}
+
 TEST_F(Bridge, WhoOrderedIsToldAlsoWhereItIsRefused) {
   EXPECT_EQ(bench_.state().ordered_by, "");
   ASSERT_NO_FATAL_FAILURE(begin());

@@ -103,7 +103,7 @@ int run_calibration(const RigOptions& options, const RigConfiguration& configura
     return complain(writable.error());
   const Logger log = make_logger("cairn-rig", options.verbosity - 1);  // the tour has words of its own
   const wire::LogRedirect middleware_log(log);
-  auto bus = open_can_bus(options.can);
+  auto bus = open_can_bus(options.can);  // without waiting: a person is there
   if (!bus) return complain(bus.error());
   auto host = RigHost::open({configuration, options.can, ScaledClock(options.time_scale), log},
                             options.network, std::move(*bus));

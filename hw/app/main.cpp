@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // cairn-rig: the bridge between commanders and the drives and IMU of a rig.
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <exception>
@@ -18,6 +19,7 @@
 #include "hw/app/rig_host.h"
 #include "hw/app/rig_options.h"
 #include "hw/app/simulate.h"
+#include "hw/can/late_bus.h"
 #include "hw/can/socket_bus.h"
 
 namespace cairn {
@@ -83,7 +85,16 @@ class Service {
 int serve(const RigOptions& options, const RigConfiguration& configuration, const sigset_t& signals) {
   const Logger log = make_logger("cairn-rig", options.verbosity);
   const wire::LogRedirect middleware_log(log);
-  auto bus = open_can_bus(options.can);
+  bool ended = false;
+  const auto is_ended_after = [&](std::chrono::milliseconds time) {
+    const timespec wait{time.count() / 1000, time.count() % 1000 * 1'000'000};
+    const int signal = sigtimedwait(&signals, nullptr, &wait);
+    return ended = signal > 0 && signal != SIGUSR1;
+  };
+  auto bus = open_late_can_bus(
+      {.tell = [&log](const std::string& words) { log->warn("{}", words); }, .gives_up = is_ended_after},
+      [&options] { return open_can_bus(options.can); });
+  if (!bus && ended) return 0;
   if (!bus) return complain(bus.error());
   const auto service = Service::start(options, configuration, std::move(*bus), log);
   if (!service) return complain(service.error());

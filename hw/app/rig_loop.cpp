@@ -107,8 +107,10 @@ void RigLoop::send() {
 
 void RigLoop::publish(MonotonicTime now) {
   next_state_ = std::max(next_state_ + kStatePeriod, now);
+  const std::string bus_trouble = describe(bus_->health(), options_.interface_name);
+  bridge_.set_bus_trouble(bus_trouble);
   wire::RigState state = bridge_.state(options_.clock.wall_time());
-  tell_changes(state);
+  tell_changes(state, bus_trouble);
   collect_gyro();
   {
     const std::lock_guard lock(mutex_);
@@ -126,18 +128,18 @@ void RigLoop::collect_gyro() {
   gyro_.insert(gyro_.end(), samples.begin(), samples.end());
 }
 
-void RigLoop::tell_changes(const wire::RigState& state) {
-  const auto tell = [this](std::string* before, std::string now, const char* when_over) {
+void RigLoop::tell_changes(const wire::RigState& state, const std::string& bus_trouble) {
+  const auto tell = [this](std::string* before, const std::string& now, const char* when_over) {
     if (now == *before) return;
     if (!now.empty()) {
       options_.log->warn("{}", now);
     } else if (when_over != nullptr) {
       options_.log->info("{}", when_over);
     }
-    *before = std::move(now);
+    *before = now;
   };
-  tell(&bus_trouble_, describe(bus_->health(), options_.interface_name), "the bus works again");
-  tell(&trouble_, state.trouble, "nothing keeps the rig from moving any more");
+  tell(&bus_trouble_, bus_trouble, "the bus works again");
+  tell(&trouble_, bridge_.rig().describe(), "nothing keeps the rig from moving any more");
   tell(&refusal_, state.refusal.empty() ? "" : "an order is refused: " + state.refusal, nullptr);
   std::string doing = std::string(name_of(state.mode));
   if (!state.commander.empty()) doing += ", commanded by " + state.commander;

@@ -56,7 +56,7 @@ class RigLoop {
   void send();
   void publish(MonotonicTime now);
   void collect_gyro();
-  void tell_changes(const wire::RigState& state);
+  void tell_changes(const wire::RigState& state, const std::string& bus_trouble);
   void wait();
   [[nodiscard]] bool is_over(MonotonicTime now);
 

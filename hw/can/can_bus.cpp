@@ -30,11 +30,13 @@ std::string describe(const BusHealth& health, std::string_view interface_name) {
              " type can restart` brings it back, restart-ms 100 beside the bit rate lets it come back by "
              "itself";
     case BusCondition::kInterfaceDown:
-      return name + ": the interface is down; `sudo ip link set " + name + " up type can bitrate 500000`";
+      return name + ": the interface is down; `sudo ip link set " + name +
+             " up type can bitrate 500000 restart-ms 100`, a virtual one without what follows `up`. It is "
+             "waited for";
     case BusCondition::kInterfaceGone:
       return name +
              ": there is no such interface any more; is its adapter plugged in? `ip -br link show type "
-             "can` lists those that are there";
+             "can` lists those that are there. It is waited for";
     case BusCondition::kFault:
       return name + ": the system refuses it: " + std::strerror(health.system_error);
   }

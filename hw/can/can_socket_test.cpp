@@ -268,7 +268,7 @@ TEST_F(Vcan, AClassicInterfaceTakesNoFrameOfCanFd) {
 TEST_F(Vcan, WhatCannotBeOpenedIsToldApart) {
   const auto none = open_can_bus("nocan7");
   ASSERT_FALSE(none);
-  EXPECT_EQ(none.error().code, ErrorCode::kConfiguration);
+  EXPECT_EQ(none.error().code, ErrorCode::kNotFound);
   EXPECT_THAT(none.error().message, HasSubstr("nocan7: no such interface"));
   const auto other_kind = open_can_bus("lo");
   ASSERT_FALSE(other_kind);

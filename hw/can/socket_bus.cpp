@@ -207,7 +207,7 @@ Error refusal(const std::string& interface_name, int error) {
   };
   switch (error) {
     case ENXIO:
-      return with(ErrorCode::kConfiguration,
+      return with(ErrorCode::kNotFound,
                   "no such interface; `ip -br link show type can` lists those of CAN, `sudo ip link add " +
                       interface_name + " type vcan` makes a virtual one");
     case ENODEV:

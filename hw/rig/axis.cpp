@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace cairn {
 namespace {
@@ -177,8 +178,11 @@ void Axis::check_limits() {
 void Axis::check_silence(MonotonicTime now) {
   if (now - estimated_ > deadline_ || now - heartbeat_ > kHeartbeatDeadline) {
     drive_.reset();
-    fail_with(AxisFault::kSilent);
+    return fail_with(AxisFault::kSilent);
   }
+  if (!drive_ || !position_) return;
+  // One that comes late, as with its bus: nothing was known of it that could be wrong now.
+  if (!std::exchange(heard_, true) && fault() == AxisFault::kSilent) rest();
 }
 
 void Axis::advance(MonotonicTime now) {

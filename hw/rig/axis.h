@@ -113,6 +113,7 @@ class Axis {
   std::chrono::milliseconds deadline_;
   AxisState state_;
   Demand demand_;
+  bool heard_ = false;  ///< its drive has been there
   bool homed_ = false;
   std::optional<double> position_;  ///< newest, if the drive answers [rad], of a homed axis
   double rate_ = 0;

@@ -90,6 +90,25 @@ TEST_P(RigFault, WhenADriveDiesTheOtherIsIdledAndItselfByItsWatchdog) {
   expect_recovery();
 }
 
+/// As with a bus that comes up after the rig's program.
+TEST_P(RigFault, DrivesThatComeLateNeedNoOtherWordThanThoseThatWereThere) {
+  bench_.bus().set_bus_off(true);
+  bench_.pass(3s);
+  EXPECT_EQ(bench_.fault(AxisName::kPan), AxisFault::kSilent);
+  EXPECT_FALSE(bench_.command(rig_command::Home{}));
+  bench_.bus().set_bus_off(false);
+  bench_.pass(300ms);
+  EXPECT_EQ(bench_.rig().describe(), "");
+  EXPECT_TRUE(bench_.drives_are_idle());
+  ASSERT_NO_FATAL_FAILURE(bench_.start());
+  // Once it was there, its silence is a fault until somebody says otherwise.
+  bench_.bus().set_bus_off(true);
+  bench_.pass(3s);
+  bench_.bus().set_bus_off(false);
+  bench_.pass(1s);
+  EXPECT_TRUE(bench_.fault(AxisName::kPan));
+}
+
 TEST_P(RigFault, AStuckAxisIsReported) {
   ASSERT_NO_FATAL_FAILURE(start_turning());
   bench_.bus().drive(1).block(true);

@@ -87,11 +87,16 @@ class Rig(unittest.TestCase):
         config = pathlib.Path(folder.name, "shoulder.yaml")
         config.write_text(RIG)
         cls.bus = ["--can", "vcan0", "--config", str(config), "--time-scale", str(SCALE)]
-        cls.devices = Process("cairn-rig", "simulate", *cls.bus, stdin=subprocess.PIPE)
-        cls.addClassCleanup(cls.devices.end, signal.SIGKILL)
+        # The rig is there before its bus is.
+        subprocess.run(["ip", "link", "set", "vcan0", "down"], check=True)
         cls.rig = Process("cairn-rig", *cls.bus, "--domain", DOMAIN)
         cls.addClassCleanup(cls.rig.end, signal.SIGKILL)
         cls.rig.wait_for("ready on domain")
+        cls.rig.wait_for("vcan0: the interface is down; .*It is waited for")
+        subprocess.run(["ip", "link", "set", "vcan0", "up"], check=True)
+        cls.rig.wait_for("the bus works again")
+        cls.devices = Process("cairn-rig", "simulate", *cls.bus, stdin=subprocess.PIPE)
+        cls.addClassCleanup(cls.devices.end, signal.SIGKILL)
 
     def home(self):
         home = cairnctl("mode", "home")
