@@ -176,6 +176,12 @@ TEST_F(CalibrationOfARig, ASilentDriveAndAnEmergencyStopAreNamed) {
   EXPECT_THAT(refusal(), HasSubstr("emergency stop"));
 }
 
+TEST_F(CalibrationOfARig, AnImuAtAnotherRateIsNamed) {
+  bench_.devices().inject(DeviceFault::kImuRate, std::nullopt, bench_.now());
+  bench_.pass(2s);
+  EXPECT_THAT(refusal(), HasSubstr("the IMU samples at another rate"));
+}
+
 TEST_F(CalibrationOfARig, ACameraThatIsNotOnTheHeadIsRefused) {
   tracker_.stands_still = true;
   EXPECT_THAT(refusal(), HasSubstr("camera on the head"));

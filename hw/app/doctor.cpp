@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr std::chrono::seconds kListening{2};
+constexpr std::chrono::seconds kListening{1};
 
 void print(const std::vector<Check>& checks) {
   for (const Check& check : checks)

@@ -6,6 +6,8 @@
 
 #include <cmath>
 
+#include "hw/can/strange_frame.h"
+
 namespace cairn {
 namespace {
 
@@ -29,6 +31,8 @@ const std::array<NeededMessage, 4> kNeeded = {{{xsens::SampleTime{}, "SampleTime
                                                {xsens::GroupCounter{}, "GroupCounter"},
                                                {xsens::RateOfTurn{}, "RateOfTurn"},
                                                {xsens::Acceleration{}, "Acceleration"}}};
+
+constexpr auto kAllNodes = all_nodes();
 
 Check passed(std::string what) {
   return {true, std::move(what)};
@@ -90,9 +94,12 @@ void Examination::receive(const CanFrame& frame) {
     ++imu_.at(from_imu->index());
     return;
   }
-  static constexpr auto kAllNodes = all_nodes();
   const auto from_drive = odrive::decode(frame, kAllNodes);
-  if (!from_drive) return;
+  if (!from_drive) {
+    ++strange_frames_;
+    strange_ = frame;
+    return;
+  }
   if (const auto* heartbeat = std::get_if<odrive::Heartbeat>(&from_drive->message)) {
     Drive& drive = drives_[from_drive->node];
     ++drive.heartbeats;
@@ -147,6 +154,12 @@ void Examination::check_drive(AxisName name, double listened, std::vector<Check>
   }
 }
 
+void Examination::check_strange(std::vector<Check>* checks) const {
+  if (!strange_) return;
+  checks->push_back(failed(fmt::format("{}; {} frames are no messages of a drive or of the IMU",
+                                       describe_strange(*strange_, kAllNodes), strange_frames_)));
+}
+
 void Examination::check_imu(double listened, std::vector<Check>* checks) const {
   if (!configuration_.imu) {
     checks->push_back(passed("IMU: the rig has none"));
@@ -181,6 +194,7 @@ std::vector<Check> Examination::conclude(std::chrono::duration<double> listened,
   std::vector<Check> checks;
   for (const AxisName name : kAxisNames) check_drive(name, listened.count(), &checks);
   check_imu(listened.count(), &checks);
+  check_strange(&checks);
   if (bit_rate.value_or(0) > 0) {
     const double load = static_cast<double>(bits_) / listened.count() / *bit_rate;
     checks.push_back({load <= kMostLoad, fmt::format("load of the bus: {:.0f} %{}", load * 100,

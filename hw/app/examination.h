@@ -33,8 +33,8 @@ class Examination {
   explicit Examination(const RigConfiguration& configuration) : configuration_(configuration) {}
 
   void receive(const CanFrame& frame);
-  /// Drives, then the IMU, then the load of the bus (where its bit rate is known), as of frames that came
-  /// within `listened`.
+  /// Drives, then the IMU, then frames that are no messages, then the load of the bus (where its bit rate is
+  /// known), as of frames that came within `listened`.
   [[nodiscard]] std::vector<Check> conclude(std::chrono::duration<double> listened,
                                             std::optional<uint32_t> bit_rate) const;
 
@@ -46,6 +46,7 @@ class Examination {
   };
 
   void check_drive(AxisName name, double listened, std::vector<Check>* checks) const;
+  void check_strange(std::vector<Check>* checks) const;
   void check_imu(double listened, std::vector<Check>* checks) const;
   [[nodiscard]] std::string other_nodes() const;
 
@@ -53,6 +54,8 @@ class Examination {
   std::map<odrive::Node, Drive> drives_;  ///< all that sent a heartbeat or estimates
   std::array<int, std::variant_size_v<xsens::Message>> imu_{};
   uint64_t bits_ = 0;
+  uint64_t strange_frames_ = 0;
+  std::optional<CanFrame> strange_;  ///< the newest that is no message of any drive or IMU
 };
 
 }  // namespace cairn

@@ -67,6 +67,14 @@ TEST(Examination, DrivesThatSayTheirErrorsOrNoAngleAreNamed) {
   EXPECT_THAT(found, HasSubstr("pan (node 16): errors 0x01000000"));
 }
 
+TEST(Examination, AFrameOfTheWrongLengthIsNamed) {
+  Examination examination(testing::read_rig(testing::kRigText).value());
+  for (int i = 0; i < 3; ++i) examination.receive({.id = {0x201, false}, .length = 7});
+  const std::string found = failures(examination.conclude(2s, std::nullopt));
+  EXPECT_THAT(found, HasSubstr("frame 201: 7 bytes, not the 8"));
+  EXPECT_THAT(found, HasSubstr("3 frames"));
+}
+
 TEST(Examination, AnInterfaceIsJudgedAsTheKernelTellsOfIt) {
   const InterfaceFacts sound{.is_can = true,
                              .is_up = true,

@@ -111,12 +111,21 @@ void RigLoop::publish(MonotonicTime now) {
   bridge_.set_bus_trouble(bus_trouble);
   wire::RigState state = bridge_.state(options_.clock.wall_time());
   tell_changes(state, bus_trouble);
+  tell_strange_frames();
   collect_gyro();
   {
     const std::lock_guard lock(mutex_);
     state_ = std::move(state);
   }
   told_();
+}
+
+/// They are not taken, and that is all; a device that sends nothing else falls silent.
+void RigLoop::tell_strange_frames() {
+  const uint64_t count = bridge_.rig().counters().strange_frames;
+  if (count == strange_frames_ || !strange_told_.due()) return;
+  strange_frames_ = count;
+  options_.log->warn("{}; it is not taken ({} such frames so far)", bridge_.rig().describe_strange(), count);
 }
 
 void RigLoop::collect_gyro() {

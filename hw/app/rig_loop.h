@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/wire/rig_messages.h"
 #include "hw/app/bridge.h"
 #include "hw/app/scaled_clock.h"
@@ -56,6 +57,7 @@ class RigLoop {
   void send();
   void publish(MonotonicTime now);
   void collect_gyro();
+  void tell_strange_frames();
   void tell_changes(const wire::RigState& state, const std::string& bus_trouble);
   void wait();
   [[nodiscard]] bool is_over(MonotonicTime now);
@@ -71,6 +73,8 @@ class RigLoop {
   std::string bus_trouble_;
   std::string refusal_;
   std::string doing_;
+  uint64_t strange_frames_ = 0;
+  RateLimit strange_told_{std::chrono::seconds(10)};
 
   std::atomic<bool> ends_{false};
   std::atomic<bool> stop_asked_{false};

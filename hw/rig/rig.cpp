@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "hw/can/strange_frame.h"
+
 namespace cairn {
 namespace {
 
@@ -146,10 +148,11 @@ Status Rig::handle(const rig_command::ClearStop& clear, MonotonicTime now) {
 void Rig::receive(const CanFrame& frame, MonotonicTime now) {
   if (const auto from_drive = odrive::decode(frame, nodes_)) {
     axes_.at(from_drive->node == nodes_[0] ? 0 : 1).receive(from_drive->message, now);
-  } else if (const auto from_imu = xsens::decode(frame); from_imu && imu_) {
-    sense(*from_imu, now);
+  } else if (const auto from_imu = xsens::decode(frame)) {
+    if (imu_) sense(*from_imu, now);
   } else {
     ++counters_.strange_frames;
+    strange_ = frame;
   }
   watch(now);
   collect();
@@ -249,6 +252,10 @@ void Rig::collect() {
 
 std::vector<OutgoingFrame> Rig::take_frames() {
   return std::exchange(out_, {});
+}
+
+std::string Rig::describe_strange() const {
+  return strange_ ? cairn::describe_strange(*strange_, nodes_) : std::string();
 }
 
 std::string Rig::describe() const {

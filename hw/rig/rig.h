@@ -108,6 +108,8 @@ class Rig {
   [[nodiscard]] std::optional<Halt> halt() const { return halt_; }
   [[nodiscard]] const std::string& commander() const { return commander_; }  ///< empty: none
   [[nodiscard]] const RigCounters& counters() const { return counters_; }
+  /// Of the newest of RigCounters::strange_frames; empty: there was none.
+  [[nodiscard]] std::string describe_strange() const;
   /// One line for people: what keeps the rig from moving and what helps; empty when nothing does.
   [[nodiscard]] std::string describe() const;
 
@@ -154,6 +156,7 @@ class Rig {
   bool stopped_ = false;
   std::optional<Halt> halt_;
   RigCounters counters_;
+  std::optional<CanFrame> strange_;
   std::vector<OutgoingFrame> out_;
 };
 

@@ -109,13 +109,18 @@ TEST(Rig, StrangeFramesDisturbNothing) {
   RigBench bench(kSeed);
   ASSERT_NO_FATAL_FAILURE(bench.start());
   const auto before = bench.rig().counters().strange_frames;
-  for (const CanFrame& frame :
-       {CanFrame{.id = {0x281, false}, .length = 8}, CanFrame{.id = {0x201, false}, .length = 7},
-        CanFrame{.id = {0x209, false}, .length = 8, .data = {0, 0, 0xC0, 0x7F}},
-        CanFrame{.id = {0x201, true}}}) {
+  EXPECT_EQ(bench.rig().describe_strange(), "");
+  const std::pair<CanFrame, const char*> frames[] = {
+      {{.id = {0x281, false}, .length = 8}, "281: of a node that the rig does not have"},
+      {{.id = {0x201, false}, .length = 7}, "201: 7 bytes, not the 8"},
+      {{.id = {0x032, false}, .length = 4}, "032: 4 bytes, not the 6 of this message of the IMU"},
+      {{.id = {0x209, false}, .length = 8, .data = {0, 0, 0xC0, 0x7F}}, "209: a number that is not finite"},
+      {{.id = {0x201, true}}, "201: extended"}};
+  for (const auto& [frame, words] : frames) {
     bench.rig().receive(frame, bench.now());
+    EXPECT_THAT(bench.rig().describe_strange(), ::testing::HasSubstr(words));
   }
-  EXPECT_EQ(bench.rig().counters().strange_frames, before + 4);
+  EXPECT_EQ(bench.rig().counters().strange_frames, before + 5);
   bench.pass(100ms);
   EXPECT_TRUE(bench.both<axis_state::Active>());
 }

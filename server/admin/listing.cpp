@@ -40,6 +40,25 @@ void print_map(const json& map) {
                 overlap.value("its_keyframes", 0));
 }
 
+void print_rig(const json& rig) {
+  const json order = rig.value("last_order", json::object());
+  const std::string commander = text_of(rig, "commander");
+  std::printf("%s %s%s%s", column_of(text_of(rig, "rig"), kNameColumns).c_str(),
+              rig.value("silent", false)    ? "silent, was: "
+              : rig.value("stopped", false) ? "EMERGENCY STOP, "
+                                            : "",
+              text_of(rig, "mode").c_str(), rig.value("drives_idle", true) ? ", drives let go" : "");
+  if (!commander.empty()) std::printf(", last commanded by %s", commander.c_str());
+  std::printf("\n");
+  if (!order.empty()) {
+    const std::string refusal = text_of(order, "refusal");
+    std::printf("%24s last order: %s, by %s%s%s\n", "", text_of(order, "mode").c_str(),
+                text_of(order, "by").c_str(), refusal.empty() ? "" : ", refused: ", refusal.c_str());
+  }
+  const std::string trouble = text_of(rig, "trouble");
+  if (!trouble.empty()) std::printf("%24s %s\n", "", trouble.c_str());
+}
+
 void print_whole_map(const json& map) {
   print_map(map);
   std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),

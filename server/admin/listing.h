@@ -17,6 +17,7 @@ void print_whole_map(const nlohmann::json& map);
 void print_deleted(const nlohmann::json& map);
 void print_damaged(const nlohmann::json& file);
 void print_unloaded(const nlohmann::json& map);
+void print_rig(const nlohmann::json& rig);
 void print_label(const nlohmann::json& label);
 
 }  // namespace cairn

@@ -36,5 +36,26 @@ TEST(Listing, NothingInItSteersTheTerminal) {
   }
 }
 
+TEST(Listing, ARigSaysWhatItDoesAndWhatIsInItsWay) {
+  const auto rows = [](const json& rig) {
+    testing::internal::CaptureStdout();
+    print_rig(rig);
+    return testing::internal::GetCapturedStdout();
+  };
+  json rig = {{"rig", "shoulder"},    {"mode", "lock"}, {"commander", "tracker-3"}, {"stopped", false},
+              {"drives_idle", false}, {"trouble", ""},  {"silent", false}};
+  EXPECT_EQ(rows(rig), padded("shoulder", 24) + " lock, last commanded by tracker-3\n");
+  rig["mode"] = "stop";
+  rig["stopped"] = rig["drives_idle"] = true;
+  rig["last_order"] = {{"by", "ada-71"}, {"mode", "stop"}, {"refusal", ""}};
+  rig["trouble"] = "emergency\x1b stop";
+  const std::string said = rows(rig);
+  EXPECT_NE(said.find("EMERGENCY STOP, stop, drives let go"), std::string::npos) << said;
+  EXPECT_NE(said.find("last order: stop, by ada-71\n"), std::string::npos) << said;
+  EXPECT_EQ(said.find('\x1b'), std::string::npos);
+  rig["silent"] = true;
+  EXPECT_NE(rows(rig).find("silent, was: stop"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace cairn

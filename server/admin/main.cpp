@@ -51,6 +51,7 @@ constexpr const char* kFooter =
     "  cairnctl labels                                 lists the labels of all maps\n"
     "  cairnctl labels desk rename 3 'small vice'\n"
     "  cairnctl labels desk remove 3\n"
+    "  cairnctl rigs                                   lists the rigs that the server hears\n"
     "  cairnctl rig shoulder stop                      emergency stop of a rig";
 
 constexpr const char* kExportFooter =
@@ -148,6 +149,17 @@ Status list_maps(AdminClient* client, const Options& options) {
     print_each(*all, "deleted", print_deleted);
     print_each(*all, "damaged", print_damaged);
     print_each(*all, "unloaded", print_unloaded);
+  });
+  return {};
+}
+
+Status list_rigs(AdminClient* client, const Options& options) {
+  const auto answer = client->ask({{"verb", "rigs"}});
+  if (!answer) return tl::unexpected(answer.error());
+  const json rigs = answer->content.value("rigs", json::array());
+  print(options, rigs, [&] {
+    if (rigs.empty()) std::fprintf(stderr, "cairnctl: no rigs\n");
+    print_each(answer->content, "rigs", print_rig);
   });
   return {};
 }
@@ -384,6 +396,8 @@ void describe(CLI::App* app, Options* options, Action* action) {
   app->add_subcommand("status", "how the server is, and what of its limits is used")->callback([action] {
     *action = show_status;
   });
+  app->add_subcommand("rigs", "what rigs do, who commands them, what was ordered last, what is in their way")
+      ->callback([action] { *action = list_rigs; });
   CLI::App* maps = app->add_subcommand("maps", "all maps; without a word more, lists them");
   maps->callback([action] {
     if (!*action) *action = list_maps;

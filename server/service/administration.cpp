@@ -102,6 +102,7 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             cut_text(json_text(request), kLoggedBytes));
   if (verb == "status") return describe_server(answer);
+  if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(steady_clock::now())}}));
   if (verb == "maps") {
     return list_maps({text_of(request, "after"), number_of(request, "deleted_from"),
                       number_of(request, "damaged_from"), number_of(request, "unloaded_from")},

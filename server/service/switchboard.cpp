@@ -52,18 +52,21 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   auto& [cameras, states, seeds, offers, queries, client_requests] = *readers;
   auto requests = wire::Reader<wire::AdminRequest>::create(*participant, wire::kEveryOperator);
   if (!requests) return tl::unexpected(requests.error());
+  auto rigs = wire::Reader<wire::RigState>::create(*participant, wire::kEveryRig);
+  if (!rigs) return tl::unexpected(rigs.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached =
-          waiter->attach({*discovered, cameras, states, seeds, offers, queries, client_requests, *requests});
+  if (Status attached = waiter->attach(
+          {*discovered, cameras, states, seeds, offers, queries, client_requests, *requests, *rigs});
       !attached) {
     return tl::unexpected(attached.error());
   }
-  std::unique_ptr<Switchboard> board(new Switchboard(
-      options, lanes, store, std::move(*participant),
-      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds), std::move(offers),
-       std::move(queries), std::move(client_requests), std::move(*requests), std::move(*waiter)},
-      std::move(log)));
+  std::unique_ptr<Switchboard> board(
+      new Switchboard(options, lanes, store, std::move(*participant),
+                      {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
+                       std::move(offers), std::move(queries), std::move(client_requests),
+                       std::move(*requests), std::move(*rigs), std::move(*waiter)},
+                      std::move(log)));
   board->resume(std::move(restored));
   board->thread_ = std::thread([me = board.get()] { me->run(); });
   return board;
@@ -149,6 +152,7 @@ void Switchboard::run() {
     try {
       run_posted();
       take_messages();
+      take_rigs(steady_clock::now());
       feed_clients();
       const MonotonicTime now = steady_clock::now();
       if (now >= next_tick_) tick(now);
@@ -230,6 +234,15 @@ void Switchboard::take_messages() {
   });
 }
 
+/// A rig's orders pass the server by; what it says of them is all that there is for the record.
+void Switchboard::take_rigs(MonotonicTime now) {
+  wire::take_all(readers_.rigs, [&](const auto& sample) {
+    const auto partition = readers_.rigs.partition_of(sample.publication);
+    if (!sample.message || !partition || *partition != wire::rig_partition(sample.message->rig)) return;
+    for (const std::string& line : rigs_.heard(*sample.message, now)) log_->info("{}", line);
+  });
+}
+
 void Switchboard::feed_clients() {
   const MonotonicTime now = steady_clock::now();
   for (auto& [name, client] : clients_) {
@@ -272,6 +285,7 @@ void Switchboard::tick(MonotonicTime now) {
     look_for_damage();  // an operator may have taken it away
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
+  for (const std::string& line : rigs_.pass(now)) log_->info("{}", line);
   let_maps_rest(now);
   drop_dead_maps(now);
   keep_overlaps();

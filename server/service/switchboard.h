@@ -15,6 +15,7 @@
 #include "common/base/log.h"
 #include "common/wire/discovered_readers.h"
 #include "common/wire/participant.h"
+#include "common/wire/rig_messages.h"
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
 #include "server/service/client.h"
@@ -23,6 +24,7 @@
 #include "server/service/overlap_watch.h"
 #include "server/service/place_desk.h"
 #include "server/service/presence.h"
+#include "server/service/rig_list.h"
 #include "server/service/service.h"
 #include "server/service/transfers.h"
 #include "server/service/wearer_rule.h"
@@ -74,6 +76,7 @@ class Switchboard {
     wire::Reader<wire::RelocQuery> queries;
     wire::Reader<wire::ClientRequest> client_requests;
     wire::Reader<wire::AdminRequest> requests;
+    wire::Reader<wire::RigState> rigs;
     wire::Waiter waiter;
   };
   Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
@@ -86,6 +89,7 @@ class Switchboard {
   [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
   void run_posted();
   void take_messages();
+  void take_rigs(MonotonicTime now);
   void feed_clients();
   [[nodiscard]] std::string health() const;
   void tick(MonotonicTime now);
@@ -237,6 +241,7 @@ class Switchboard {
   std::map<ClientId, std::string> names_;
   Presence presence_;
   WearerRule wearers_;
+  RigList rigs_;
   YoungMaps young_;
   std::map<std::string, Operator> operators_;
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store

@@ -4,10 +4,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
 #include <set>
 
 #include "common/image/frame_images.h"
 #include "common/image/place.h"
+#include "common/wire/partition.h"
+#include "common/wire/rig_messages.h"
+#include "common/wire/topic.h"
+#include "server/admin/admin_client.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -99,6 +104,49 @@ TEST_F(WearerTest, OfTwoMapsOfOnePlaceTheOneIsAnsweredInWhichTheOtherCameraIs) {
   ASSERT_NE(one, two);
   for (const MapId& map : {one, two, one}) {
     EXPECT_TRUE(told_while_tracked_in(map, here_, [&](const auto& said) { return is_only(said, map); }));
+  }
+}
+
+/// The camera at the shoulder is on a rig of the same name, to which its tracker speaks too; the hand's is as
+/// free as ever.
+TEST_F(WearerTest, WithTheShoulderCameraOnARigTheRuleIsTheSameAndTheRigIsListed) {
+  start({});
+  wire::ParticipantOptions joining;
+  joining.domain = options_.domain;
+  joining.role = wire::Role::kRig;
+  const auto rig = wire::Participant::create(joining).value();
+  auto states = wire::Writer<wire::RigState>::create(rig, wire::rig_partition("shoulder")).value();
+  auto poses = wire::Writer<wire::TrackerStateMessage>::create(rig, wire::rig_partition("shoulder")).value();
+  wire::RigState state;
+  state.rig = "shoulder";
+  state.mode = wire::RigMode::kSearch;
+  state.commander = state.ordered_by = "shoulder";
+  state.ordered = wire::RigMode::kSearch;
+  state.order = {{7}, 1};
+  wire::TrackerStateMessage lost;  // another process of that name, if it were heard
+  lost.client = client_id_from_name("shoulder");
+  lost.session = {9};
+  lost.state = TrackingState::kLost;
+  AdminClientOptions connection;
+  connection.domain = static_cast<int>(options_.domain);
+  auto admin = AdminClient::connect(connection).value();
+  nlohmann::json rigs;
+  ASSERT_TRUE(eventually([&] {
+    (void)states.write(state);
+    (void)poses.write(lost);
+    rigs = admin.ask({{"verb", "rigs"}}).value().content["rigs"];
+    return !rigs.empty();
+  }));
+  EXPECT_EQ(rigs[0]["rig"], "shoulder");
+  EXPECT_EQ(rigs[0]["mode"], "search");
+  EXPECT_EQ(rigs[0]["last_order"]["by"], "shoulder");
+  const MapId one = make_map(*shoulder_, place_);
+  const MapId two = make_map(*hand_, place_);
+  for (const MapId& map : {one, two}) {
+    EXPECT_TRUE(told_while_tracked_in(map, here_, [&](const auto& said) {
+      (void)poses.write(lost);
+      return is_only(said, map);
+    }));
   }
 }
 

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/rig_list.h"
+
+#include <nlohmann/json.hpp>
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+
+/// "operator-7 ordered stop", with what became of it.
+std::string words_of_order(const wire::RigState& state, const wire::CommandId& before) {
+  std::string words = (state.ordered_by.empty() ? "somebody" : state.ordered_by) + " ordered " +
+                      std::string(wire::name_of(state.ordered));
+  if (!state.refusal.empty()) words += ", refused: " + state.refusal;
+  // A state is the newest only: of two orders at once the first is not in any.
+  if (before.session == state.order.session && state.order.seq > before.seq + 1)
+    words +=
+        " (orders before it were not heard here: " + std::to_string(state.order.seq - before.seq - 1) + ")";
+  return words;
+}
+
+}  // namespace
+
+std::vector<std::string> RigList::heard(const wire::RigState& state, MonotonicTime now) {
+  const auto known = rigs_.find(state.rig);
+  if (known == rigs_.end() && rigs_.size() >= kMost) return {};
+  const bool is_new = known == rigs_.end();
+  Rig& rig = rigs_[state.rig];
+  std::vector<std::string> lines;
+  const auto say = [&](const std::string& words) { lines.push_back("rig " + state.rig + ": " + words); };
+  if (is_new || rig.silent) say("it is there");
+  const bool has_order = state.order.session.value != 0;
+  if (has_order && state.order != rig.state.order) say(words_of_order(state, rig.state.order));
+  if (state.stopped != rig.state.stopped)
+    say(state.stopped ? "it is in emergency stop" : "its emergency stop is over");
+  if (state.trouble != rig.state.trouble)
+    say(state.trouble.empty() ? "nothing keeps it from moving any more" : state.trouble);
+  rig = {state, now, false};
+  return lines;
+}
+
+std::vector<std::string> RigList::pass(MonotonicTime now) {
+  std::vector<std::string> lines;
+  for (auto& [name, rig] : rigs_) {
+    if (rig.silent || now - rig.heard <= kSilent) continue;
+    rig.silent = true;
+    lines.push_back("rig " + name + ": it is silent");
+  }
+  std::erase_if(rigs_, [now](const auto& item) { return now - item.second.heard > kForgotten; });
+  return lines;
+}
+
+json RigList::describe(MonotonicTime now) const {
+  json list = json::array();
+  for (const auto& [name, rig] : rigs_) {
+    const wire::RigState& state = rig.state;
+    json item = {{"rig", name},
+                 {"mode", std::string(wire::name_of(state.mode))},
+                 {"commander", state.commander},
+                 {"stopped", state.stopped},
+                 {"drives_idle", state.drives_idle},
+                 {"faults", {{"pan", state.axes[0].fault}, {"tilt", state.axes[1].fault}}},
+                 {"trouble", state.trouble},
+                 {"silent", now - rig.heard > kSilent},
+                 {"heard_s_ago", std::chrono::duration<double>(now - rig.heard).count()}};
+    if (state.order.session.value != 0) {
+      item["last_order"] = {{"by", state.ordered_by},
+                            {"mode", std::string(wire::name_of(state.ordered))},
+                            {"refusal", state.refusal}};
+    }
+    list.push_back(std::move(item));
+  }
+  return list;
+}
+
+}  // namespace cairn

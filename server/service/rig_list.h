@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <map>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "common/base/time.h"
+#include "common/wire/rig_messages.h"
+
+namespace cairn {
+
+/// The rigs that say of themselves what they do, and what was ordered of each: who gave an order gives it to
+/// the rig itself, which says so here, so that an emergency stop needs no server and is on record all the
+/// same. Pure: states and times are handed in. Used from one thread.
+class RigList {
+ public:
+  static constexpr std::chrono::seconds kSilent{3};      ///< then it is told to be silent
+  static constexpr std::chrono::minutes kForgotten{10};  ///< then it is not told any more
+  static constexpr size_t kMost = 64;                    ///< at a time; anybody may say to be a rig
+
+  /// Lines for the record: orders, with who gave them and whether they were refused, emergency stops, and
+  /// what keeps the rig from moving. None where nothing has changed.
+  [[nodiscard]] std::vector<std::string> heard(const wire::RigState& state, MonotonicTime now);
+  /// Likewise, of those that have fallen silent.
+  [[nodiscard]] std::vector<std::string> pass(MonotonicTime now);
+
+  /// By name, for an operator.
+  [[nodiscard]] nlohmann::json describe(MonotonicTime now) const;
+
+ private:
+  struct Rig {
+    wire::RigState state;
+    MonotonicTime heard;
+    bool silent = false;
+  };
+  std::map<std::string, Rig> rigs_;
+};
+
+}  // namespace cairn
