@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// `cairnctl rig` and nothing else of cairnctl, whose libraries for pictures take an emulated machine longer to
-// load than a rig takes to home: rig_commander [--domain N] rig NAME ...
+// `cairnctl rig` and nothing else of cairnctl, whose libraries for pictures take an emulated machine longer
+// to load than a rig takes to home: rig_commander [--domain N] rig NAME ...
 #include <CLI/CLI.hpp>
 
 #include "common/base/log.h"
