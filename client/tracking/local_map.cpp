@@ -83,7 +83,8 @@ size_t LocalMap::point_count() const {
 }
 
 void LocalMap::propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth,
-                       Timestamp time, std::span<const LocalPoint> points) {
+                       Timestamp time, std::span<const LocalPoint> points,
+                       std::span<const LocalMeasurement> measurements) {
   if (keyframes_.size() >= kMostKeyframes) return;
   Keyframe k;
   k.id = KeyframeId{kLocalBit | proposal.number};
@@ -91,8 +92,10 @@ void LocalMap::propose(const KeyframeProposal& proposal, const SE3& camera_from_
   k.camera_from_reference = proposal.camera_from_reference;
   k.mean_depth = mean_depth;
   k.time = time;
+  k.measurements.assign(measurements.begin(), measurements.end());
   add_points(camera_from_map, points, &k);
   keyframes_.push_back(std::move(k));
+  if (keyframes_.size() > kMostMeasured) keyframes_[keyframes_.size() - 1 - kMostMeasured].measurements = {};
   drop_points_beyond_limit();
 }
 
@@ -153,8 +156,10 @@ void LocalMap::advance(Timestamp time, std::vector<uint64_t>* counted) {
     const bool is_overtaken = k.answered && time - *k.answered >= kOvertaken;
     if (is_overtaken || (k.shown && time - *k.shown >= kTakenOver)) drop(i);
   }
+  if (!is_overdue()) return;
+  // The server is away: there is no use in waiting for what it says of the newer ones.
   for (Keyframe& k : keyframes_) {
-    if (k.counts || k.answered || time - k.time < kAnswerAwaited) continue;
+    if (k.counts || k.answered) continue;
     k.counts = true;
     extended_.reset();
     for (const Block& block : k.blocks)

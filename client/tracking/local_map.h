@@ -11,6 +11,7 @@
 
 #include "client/tracking/frame_result.h"
 #include "common/base/time.h"
+#include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
 #include "common/image/patch.h"
 #include "common/map/snapshot.h"
@@ -38,6 +39,14 @@ struct LocalPoint {
   SourcePatch pixels{};
 };
 
+/// Where a point was found in a frame that is proposed.
+struct LocalMeasurement {
+  PointId id;           ///< of the map, the tracker's own included; none: `number`
+  uint64_t number = 0;  ///< the LocalPoint that it is, or may become
+  Eigen::Vector2d pixel = Eigen::Vector2d::Zero();  ///< level 0
+  double sigma = 1;                                 ///< [px]
+};
+
 /// What a tracker maps by itself while the server does not answer: the keyframes that it has proposed and
 /// points of its own, each seen from one of them. A keyframe hangs on the one that it was proposed against,
 /// so all of them ride on adjustments of the server's map. A keyframe counts once its answer is overdue; soon
@@ -48,13 +57,20 @@ class LocalMap {
   /// A keyframe each quarter of a second for a minute.
   static constexpr size_t kMostKeyframes = 240;
   static constexpr size_t kMostPoints = 6000;
+  /// The newest, of which it is known what was measured in them.
+  static constexpr size_t kMostMeasured = 16;
 
   void clear();
 
   /// A frame was proposed as a keyframe: these points are known in it, some of them maybe already from an
   /// earlier one.
   void propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth, Timestamp time,
-               std::span<const LocalPoint> points);
+               std::span<const LocalPoint> points, std::span<const LocalMeasurement> measurements);
+  /// Adjusts the keyframes proposed last, and the points that they see from far enough apart, to what was
+  /// measured in them; older ones and the server's map stay (PTAM, section 6.4: local adjustment). Nothing
+  /// happens before a map was extended. Where the newest stands then against its reference; nothing when
+  /// nothing moved.
+  [[nodiscard]] std::optional<SE3> adjust(const CameraPtr& camera);
   /// The server's word: what keyframe it has become, or that it was refused.
   void answered(uint64_t number, std::optional<KeyframeId> keyframe);
 
@@ -93,14 +109,18 @@ class LocalMap {
     KeyframeId became;               ///< none: refused
     std::optional<Timestamp> shown;  ///< since when the server's map serves in its place
     std::vector<Block> blocks;
-    SE3 camera_from_map;    ///< in the revision extended last
-    bool has_pose = false;  ///< in it
+    std::vector<LocalMeasurement> measurements;  ///< of the newest keyframes only
+    SE3 camera_from_map;                         ///< in the revision extended last
+    bool has_pose = false;                       ///< in it
   };
+
+  class Adjustment;
 
   [[nodiscard]] Keyframe* find(KeyframeId id);
   [[nodiscard]] bool has_point(uint64_t number) const;
   void add_points(const SE3& camera_from_map, std::span<const LocalPoint> points, Keyframe* keyframe);
   void drop(size_t i);
+  [[nodiscard]] const SE3* pose_of(KeyframeId id);
   void drop_points_beyond_limit();
   void aim(const MapSnapshot& map);
   void put_points(MapSnapshot* map) const;

@@ -60,7 +60,7 @@ class LocalMapTest : public ::testing::Test {
 
 TEST_F(LocalMapTest, AKeyframeCountsOnceItsAnswerIsOverdue) {
   const std::vector<LocalPoint> points{point(7, {0, 0, 2})};
-  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), points);
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), points, {});
   advance(100);
   EXPECT_EQ(local_.extend(map_), map_) << "the server may still answer";
   EXPECT_TRUE(counted_.empty());
@@ -77,7 +77,7 @@ TEST_F(LocalMapTest, AKeyframeCountsOnceItsAnswerIsOverdue) {
 }
 
 TEST_F(LocalMapTest, WhatIsAnsweredInTimeNeverCounts) {
-  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {});
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {}, {});
   local_.answered(1, KeyframeId{2});
   advance(1000);
   EXPECT_EQ(local_.extend(map_), map_);
@@ -87,8 +87,8 @@ TEST_F(LocalMapTest, WhatIsAnsweredInTimeNeverCounts) {
 
 TEST_F(LocalMapTest, AChainRidesOnAdjustmentsAndHandsOverToTheServersMap) {
   const std::vector<LocalPoint> points{point(7, {0, 0, 2})};
-  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {});
-  local_.propose(proposal(2, kFirst, shifted(-0.1)), shifted(-0.2), 2, at(300), points);
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {}, {});
+  local_.propose(proposal(2, kFirst, shifted(-0.1)), shifted(-0.2), 2, at(300), points, {});
   advance(700);
   const auto adjusted = map_with({{KeyframeId{1}, shifted(0.5), 1}});
   EXPECT_NEAR(local_.extend(adjusted)->find(kSecond)->camera_from_map.translation().x(), 0.3, 1e-12);
@@ -117,11 +117,96 @@ TEST_F(LocalMapTest, IsBounded) {
     std::vector<LocalPoint> points;
     for (int i = 0; i < 100; ++i) points.push_back(point(++points_made, {0, 0, 2}));
     local_.propose(proposal(number, KeyframeId{1}, SE3()), SE3(), 2, at(300 * static_cast<int>(number)),
-                   points);
+                   points, {});
   }
   EXPECT_EQ(local_.keyframe_count(), LocalMap::kMostKeyframes);
   EXPECT_LE(local_.point_count(), LocalMap::kMostPoints);
   EXPECT_GT(local_.point_count(), LocalMap::kMostPoints / 2);
+}
+
+TEST_F(LocalMapTest, OnceAnAnswerIsOverdueNewerKeyframesCountAtOnce) {
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {}, {});
+  local_.propose(proposal(2, KeyframeId{1}, shifted(-0.2)), shifted(-0.2), 2, at(290), {}, {});
+  advance(299);
+  EXPECT_EQ(local_.extend(map_), map_);
+  advance(300);
+  EXPECT_NE(local_.extend(map_)->find(kSecond), nullptr);
+}
+
+/// Keyframes along a line before a wall with relief, each of which has measured all points that it shows
+/// exactly; the newest believe themselves, and their points, somewhere else.
+class LocalAdjustment : public LocalMapTest {
+ protected:
+  static constexpr uint64_t kKeyframes = 14;
+  static constexpr uint64_t kRight = 6;  ///< the first of them: where they believe that they are
+  static constexpr uint64_t kPoints = 40;
+
+  LocalAdjustment() {
+    Eigen::Vector3d error(0.012, -0.008, 0.01);
+    for (uint64_t number = 1; number <= kKeyframes; ++number) {
+      const SE3 truth = true_pose(number);
+      error = -error;
+      const SE3 believed = number <= kRight ? truth : SE3(truth.rotation(), truth.translation() + error);
+      std::vector<LocalPoint> known;
+      std::vector<LocalMeasurement> measurements;
+      for (uint64_t p = 1; p <= kPoints; ++p) {
+        if (number >= 3) known.push_back(point(p, (1 + 0.02 * std::sin(7.0 * p)) * true_point(p)));
+        measurements.push_back({{}, p, *camera_->project(truth * true_point(p)), 1});
+      }
+      local_.propose(proposal(number, KeyframeId{1}, believed), believed, 2, at(static_cast<int>(number)),
+                     known, measurements);
+    }
+    advance(1000);
+  }
+  static SE3 true_pose(uint64_t number) { return shifted(-0.06 * static_cast<double>(number)); }
+  static Eigen::Vector3d true_point(uint64_t p) {
+    const auto at = static_cast<double>(p);
+    return {0.5 + 0.6 * std::sin(3 * at), 0.5 * std::cos(5 * at), 2 + 0.3 * std::sin(at)};
+  }
+  double largest_error(const MapSnapshot& map) const {
+    double largest = 0;
+    for (uint64_t number = 1; number <= kKeyframes; ++number) {
+      const KeyframePose* k = map.find(KeyframeId{kLocalBit | number});
+      if (k == nullptr) return 1;
+      largest = std::max(largest, (k->camera_from_map.center() - true_pose(number).center()).norm());
+    }
+    for (uint64_t p = 1; p <= kPoints; ++p) {
+      const auto slot = map.find(PointId{kLocalBit | p});
+      if (!slot) return 1;
+      const PointBlock& block = *map.point_blocks[static_cast<size_t>(slot->block)];
+      largest = std::max(largest, (block.position(slot->slot) - true_point(p)).norm());
+    }
+    return largest;
+  }
+  CameraPtr camera_ = *make_camera({CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, -0.1, 0.02}});
+};
+
+TEST_F(LocalAdjustment, TheNewestKeyframesAndTheirPointsComeToWhereTheyWereMeasured) {
+  EXPECT_FALSE(local_.adjust(camera_)) << "no map to adjust in";
+  const MapSnapshotPtr before = local_.extend(map_);
+  EXPECT_GT(largest_error(*before), 0.01);
+  const auto newest = local_.adjust(camera_);
+  ASSERT_TRUE(newest);
+  const MapSnapshotPtr after = local_.extend(map_);
+  EXPECT_LT(
+      (newest->center() - after->find(KeyframeId{kLocalBit | kKeyframes})->camera_from_map.center()).norm(),
+      1e-9);
+  EXPECT_LT(largest_error(*after), 1e-3);
+  for (uint64_t number = 1; number <= kRight; ++number) {
+    const KeyframeId id{kLocalBit | number};
+    EXPECT_LT((before->find(id)->camera_from_map.center() - after->find(id)->camera_from_map.center()).norm(),
+              1e-9)
+        << "an older one stays";
+  }
+}
+
+TEST_F(LocalAdjustment, WhatTheServerHasTakenInStays) {
+  const KeyframeId taken{kLocalBit | kKeyframes};
+  const auto grown = map_with({{KeyframeId{1}, SE3(), 1}, {KeyframeId{2}, shifted(-1), 1}});
+  (void)local_.extend(grown);
+  local_.answered(kKeyframes, KeyframeId{2});
+  (void)local_.adjust(camera_);
+  EXPECT_EQ(local_.extend(grown)->find(taken)->camera_from_map.translation(), shifted(-1).translation());
 }
 
 /// A tracker whose server never answers, on a map of one view of a plane.

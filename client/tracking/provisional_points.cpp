@@ -93,6 +93,17 @@ void ProvisionalPoints::known(std::vector<LocalPoint>* out) const {
   }
 }
 
+void ProvisionalPoints::measurements(std::span<const VisiblePoint> map_points,
+                                     std::vector<LocalMeasurement>* out) const {
+  for (const VisiblePoint& p : map_points) {
+    if (p.found) out->push_back({p.id, 0, p.pixel.cast<double>(), static_cast<double>(1 << p.level)});
+  }
+  for (const Point& p : points_) {
+    if (p.found && p.refused == 0)
+      out->push_back({{}, p.id.value, p.pixel.cast<double>(), static_cast<double>(1 << p.search_level)});
+  }
+}
+
 void ProvisionalPoints::forget(std::span<const uint64_t> numbers) {
   for (size_t i = points_.size(); i-- > 0;) {
     if (std::find(numbers.begin(), numbers.end(), points_[i].id.value) != numbers.end()) drop(i);

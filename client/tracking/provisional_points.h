@@ -91,6 +91,9 @@ class ProvisionalPoints {
   /// Appends those found in the latest frame whose depth is known to a twentieth, as points of the map that
   /// the tracker makes for itself; here they stay.
   void known(std::vector<LocalPoint>* out) const;
+  /// Appends where points of the map were found in the latest frame, and those of them that agree with its
+  /// pose.
+  void measurements(std::span<const VisiblePoint> map_points, std::vector<LocalMeasurement>* out) const;
   /// Those that have become points elsewhere leave.
   void forget(std::span<const uint64_t> numbers);
 

@@ -42,12 +42,6 @@ constexpr float kSameTurn = 0.9F;      // correlation of small images that say s
 
 }  // namespace
 
-const char* to_string(Stage stage) {
-  constexpr std::array<const char*, static_cast<size_t>(Stage::kCount)> kNames = {
-      "pyramid", "corners", "prior", "project", "coarse", "fine", "pose", "trails", "recover", "describe"};
-  return kNames[static_cast<size_t>(stage)];
-}
-
 struct Tracker::State {
   State(const CameraPtr& camera_in, const TrackerOptions& options_in)
       : camera(camera_in),
@@ -70,8 +64,9 @@ struct Tracker::State {
   int frames_blind = 0;  ///< by the small images alone, since something was followed
   KeyframePolicy keyframes;
   LocalMap local;
-  std::vector<LocalPoint> known;  ///< of the frame
-  std::vector<uint64_t> counted;  ///< points of the local map since the frame before
+  std::vector<LocalPoint> known;               ///< of the frame, as
+  std::vector<LocalMeasurement> measurements;  ///< are these
+  std::vector<uint64_t> counted;               ///< points of the local map since the frame before
   uint64_t proposals = 0;
   MotionModel model;
   StillRegions still;
@@ -136,6 +131,7 @@ struct Tracker::State {
   void publish(const Attempt& found, Timestamp time);
   [[nodiscard]] bool widens_map() const;
   void propose_keyframe(Timestamp time);
+  void map_locally(Timestamp time, KeyframeProposal* proposal);
   [[nodiscard]] bool shows_new_area();
   void report_search();
   void learn_still();
@@ -235,9 +231,8 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp 
   map = snapshot;
   finder.use_map(map);
   if (!same) return;
-  if (const KeyframePose* moved = map->find(latest.reference)) {
+  if (const KeyframePose* moved = map->find(latest.reference))
     model.rebase(latest.camera_from_reference * moved->camera_from_map);
-  }
 }
 
 void Tracker::State::locate(Timestamp time, const MapSnapshotPtr& snapshot) {
@@ -467,8 +462,7 @@ bool Tracker::State::widens_map() const {
 }
 
 void Tracker::State::propose_keyframe(Timestamp time) {
-  const KeyframePose* reference = map->find(latest.reference);
-  if (!options.make_keyframes || reference == nullptr || !local.has_room(time)) return;
+  if (!options.make_keyframes || map->find(latest.reference) == nullptr || !local.has_room(time)) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
   if (!keyframes.wants(finder.found(), distance, widens_map(), [this] { return shows_new_area(); })) return;
   KeyframeProposal proposal{map->map,
@@ -483,15 +477,23 @@ void Tracker::State::propose_keyframe(Timestamp time) {
   for (const VisiblePoint& p : finder.points()) {
     if (p.found && !is_local(p.id)) proposal.measurements.push_back({p.id, p.level, p.pixel});
   }
-  known.clear();
-  provisional.known(&known);
-  local.propose(proposal, latest.camera_from_reference * reference->camera_from_map,
-                static_cast<float>(mean_depth), time, known);
+  map_locally(time, &proposal);
   if (is_local(latest.reference)) {
     proposal.reference = {};
     proposal.reference_number = LocalMap::number_of(latest.reference);
   }
   result.keyframe = std::move(proposal);
+}
+
+/// Until the server answers, it is a keyframe of the tracker's own, and nobody else adjusts it.
+void Tracker::State::map_locally(Timestamp time, KeyframeProposal* proposal) {
+  known.clear();
+  provisional.known(&known);
+  measurements.clear();
+  provisional.measurements(finder.points(), &measurements);
+  local.propose(*proposal, model.last(), static_cast<float>(mean_depth), time, known, measurements);
+  if (!local.is_overdue()) return;
+  if (const auto adjusted = local.adjust(camera)) proposal->camera_from_reference = *adjusted;
 }
 
 /// As the map maker judges it.
@@ -502,9 +504,8 @@ bool Tracker::State::shows_new_area() {
   KnownArea area(image.width, image.height);
   for (const Candidate& c : find_candidates(image, now().corners(kLevel)))
     area.add_corner(c.corner.x, c.corner.y);
-  for (const VisiblePoint& p : finder.points()) {
+  for (const VisiblePoint& p : finder.points())
     if (p.found) area.add_measurement(to_level(p.pixel.x(), kLevel), to_level(p.pixel.y(), kLevel));
-  }
   return area.unknown_fraction() >= KnownArea::kNewAreaFraction;
 }
 
@@ -516,9 +517,8 @@ void Tracker::State::report_search() {
   result.found = finder.found();
   result.quality = finder.quality();
   result.reprojection_rms = finder.rms();
-  for (const VisiblePoint& p : finder.points()) {
+  for (const VisiblePoint& p : finder.points())
     result.points.push_back({p.id, p.level, p.found, p.found ? p.pixel : p.expected});
-  }
 }
 
 void Tracker::State::end_frame(Timestamp time) {
