@@ -2,9 +2,11 @@
 // The rig's threads with a network: orders and states by DDS, frames by a pair of sockets, in real time.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
 #include <unistd.h>
 
 #include <atomic>
+#include <sstream>
 #include <thread>
 
 #include "common/wire/log_redirect.h"
@@ -140,6 +142,29 @@ TEST_F(RigNetwork, OrdersMoveTheDrivesAndTheEndOfTheCommanderLetsThemGo) {
   const auto alone = until(std::nullopt, [](const RigState& state) { return state.drives_idle; });
   ASSERT_TRUE(alone);
   EXPECT_THAT(alone->trouble, HasSubstr("the commander fell silent"));
+}
+
+/// A device that sends many of them does not fill the log.
+TEST(RigLoop, AFrameThatIsNoMessageIsNamedInTheLogOnce) {
+  std::ostringstream said;
+  const auto log =
+      std::make_shared<spdlog::logger>("rig", std::make_shared<spdlog::sinks::ostream_sink_mt>(said, true));
+  auto ends = make_bus_pair().value();
+  {
+    std::atomic<uint64_t> states{0};
+    const auto loop = RigLoop::start({near_its_switches(), "the pair", ScaledClock(), log},
+                                     std::move(ends.first), [&states] { ++states; })
+                          .value();
+    for (int i = 0; i < 20; ++i) (void)ends.second->send({.id = {0x201, false}, .length = 7});
+    const uint64_t before = states;
+    const auto deadline = steady_clock::now() + 60s;
+    while (states < before + 10 && steady_clock::now() < deadline) std::this_thread::sleep_for(5ms);
+    ASSERT_GE(states, before + 10);
+  }
+  const std::string text = said.str();
+  const size_t first = text.find("frame 201: 7 bytes, not the 8");
+  ASSERT_NE(first, std::string::npos) << text;
+  EXPECT_EQ(text.find("frame 201", first + 1), std::string::npos) << text;
 }
 
 /// Its participant is a commander's, and its poses come in the rig's partition.

@@ -56,7 +56,8 @@ Status run_simulation(const RigOptions& options, const RigConfiguration& configu
     const Timestamp time = clock.wall_time();
     rig.turn(bus, clock.now());
     (*tell)(time, rig.world_from_camera());
-    std::string now = describe(bus.health(), options.can);
+    // A pair of sockets is closed by the rig's end when that is done.
+    std::string now = options.can.empty() ? "" : describe(bus.health(), options.can);
     if (now != trouble && !now.empty()) say_error("cairn-rig", now);
     trouble = std::move(now);
   };
