@@ -95,7 +95,8 @@ void PoseFinder::collect_depths() {
 }
 
 std::optional<double> PoseFinder::near_depth() {
-  collect_depths();
+  depths_.clear();
+  for (const VisiblePoint& p : seen_.points) depths_.push_back(p.depth);
   if (depths_.empty()) return std::nullopt;
   const auto tenth = depths_.begin() + static_cast<ptrdiff_t>(depths_.size() / 10);
   std::nth_element(depths_.begin(), tenth, depths_.end());

@@ -58,6 +58,8 @@ class PoseFinder {
 
   [[nodiscard]] std::optional<SE3> locate(const FrameImages& frame, const SE3& start,
                                           const SearchEffort& effort, StageProbe* probe);
+  /// The pose that the points found agree on.
+  [[nodiscard]] const std::optional<SE3>& located() const { return seen_.camera_from_map; }
   /// How far the pose located is to be believed: by the share of the points found and, where that is low, of
   /// those on the two top levels, which stand blur.
   [[nodiscard]] PoseVerdict judge() const;
@@ -73,7 +75,8 @@ class PoseFinder {
   [[nodiscard]] const Matrix6d& covariance() const { return estimate_.covariance; }
   /// [map unit] of the points found; nothing without any.
   [[nodiscard]] std::optional<double> mean_depth();
-  /// [map unit] that a tenth of them is nearer than; nothing without any. Far lights have no part in it.
+  /// [map unit] that a tenth of the points searched, found or not, is nearer than; nothing without any. Far
+  /// lights have no part in it, even where they are all that is found.
   [[nodiscard]] std::optional<double> near_depth();
   /// The points searched; found are those that agree with the pose, none where there is none.
   [[nodiscard]] const std::vector<VisiblePoint>& points() const { return seen_.points; }

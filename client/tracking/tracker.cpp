@@ -302,7 +302,7 @@ Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
   // Who comes back expects the camera degrees away from where it is: what is in sight, and how it looks, is
   // judged anew from the pose found.
   if (found.pose && recovery.as<Turned>() != nullptr) found = attempt(*found.pose, normal_effort(options));
-  if (found.pose) found.evidence.is_leap = model.is_leap(*found.pose, expected, time, mean_depth);
+  if (found.pose) found.evidence.is_leap = model.is_leap(*found.pose, expected, time, near_depth);
   found = judged(found, PoseOrigin::kMotion);
   const bool is_doubted =
       found.verdict != PoseVerdict::kBad && found.pose && !recovery.is_reachable(*found.pose);
@@ -375,7 +375,10 @@ bool Tracker::State::hold(Timestamp time) {
   if (!was_tracked || frames_held >= kRotationHeld) return false;
   const SE3 expected = turned() * model.last();
   provisional.follow(now(), expected, *map);
-  const auto held = provisional.locate(expected, finder.points(), mean_depth);
+  // What a search found somewhere else does not show where the camera is.
+  const bool is_here = finder.located() && !model.is_leap(*finder.located(), expected, time, near_depth);
+  const auto held = provisional.locate(
+      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, mean_depth);
   if (!held) return hold_blindly();
   frames_blind = 0;
   ++frames_held;
