@@ -63,6 +63,29 @@ TEST(PoseFinder, AsksForAllCornersOnlyWhereAlignmentFindsTooFew) {
   EXPECT_EQ(ask(*image, on_trial), kCoarseOnly + 1);
 }
 
+/// What is near is near although a hand, or the dark, lets only what is far be found.
+TEST(PoseFinder, HowNearThingsAreDoesNotDependOnWhatIsFound) {
+  const CameraPtr camera = test_camera();
+  const test::PlaneScene scene(3, camera);
+  const SE3 truth = SE3(so3_exp({0.5, 0, 0}), {0, 0, 0}) * looking_down(0, 0);  // the near half above
+  const GrayImagePtr image = scene.render(truth);
+  GrayImage covered(image->view());
+  for (int y = 0; y < covered.height() / 2; ++y) std::fill_n(covered.row(y), covered.width(), uint8_t{0});
+  const TrackerOptions options;
+  const auto seen = [&](const GrayImage& picture) {
+    PoseFinder finder(camera, options);
+    finder.use_map(scene.make_map(truth));
+    FrameImages frame;
+    frame.build_pyramid(picture.view());
+    EXPECT_TRUE(finder.locate(frame, truth, normal_effort(options), nullptr));
+    return std::pair{finder.near_depth().value_or(0), finder.mean_depth().value_or(0)};
+  };
+  const auto [near_depth, mean_depth] = seen(*image);
+  const auto [near_when_covered, mean_when_covered] = seen(covered);
+  EXPECT_GT(mean_when_covered, 1.1 * mean_depth) << "only what is far is found";
+  EXPECT_NEAR(near_when_covered, near_depth, 0.02 * near_depth);
+}
+
 /// Mean of the square around each pixel: what the two top levels of a pyramid show.
 std::vector<float> large_things(const GrayImage& image) {
   constexpr int kReach = 4;  // [px]

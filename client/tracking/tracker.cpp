@@ -378,7 +378,7 @@ bool Tracker::State::hold(Timestamp time) {
   // What a search found somewhere else does not show where the camera is.
   const bool is_here = finder.located() && !model.is_leap(*finder.located(), expected, time, near_depth);
   const auto held = provisional.locate(
-      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, mean_depth);
+      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, near_depth);
   if (!held) return hold_blindly();
   frames_blind = 0;
   ++frames_held;
