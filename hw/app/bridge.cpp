@@ -107,6 +107,8 @@ bool RigBridge::is_new(const wire::CommandId& order) {
 
 Status RigBridge::carry_out(const wire::RigCommand& command, const std::string& who, MonotonicTime now) {
   if (closed_) return fail(ErrorCode::kRefused, "the rig's program is ending; start it again");
+  if (reserved_for_ && command.order.session != *reserved_for_ && command.mode != RigMode::kStop)
+    return fail(ErrorCode::kRefused, "the rig is being calibrated; wait until that is over");
   switch (command.mode) {
     case RigMode::kIdle:
       return rig_.take({who, rig_command::Idle{}}, now);

@@ -23,6 +23,9 @@ class RigBridge {
   /// `seen`: when the target was seen, by the clock of `now`; counts for fixate.
   void obey(const wire::RigCommand& command, MonotonicTime now, MonotonicTime seen);
   void obey(const wire::RigCommand& command, MonotonicTime now) { obey(command, now, now); }
+  /// Orders of other sessions are refused from now on, but for an emergency stop: a calibration has the rig
+  /// for itself, whatever its tracker would have it do.
+  void reserve_for(SessionId session) { reserved_for_ = session; }
   /// Emergency stop by somebody at the rig itself.
   void stop(MonotonicTime now);
   /// The program ends: the drives are let go, and no order is taken any more.
@@ -68,6 +71,7 @@ class RigBridge {
   wire::RigMode ordered_ = wire::RigMode::kIdle;
   std::deque<wire::CommandId> newest_;  ///< of each of the last sessions
   std::string bus_trouble_;
+  std::optional<SessionId> reserved_for_;
   ImuClock imu_clock_;
   std::optional<wire::RigImu> imu_;
   std::vector<GyroSample> gyro_;

@@ -139,6 +139,18 @@ TEST_F(Bridge, ASecondCommanderIsRefusedByNameAndDoesNotMoveAnythingLater) {
   EXPECT_TRUE(bench_.state().drives_idle);
 }
 
+TEST_F(Bridge, OneThatIsReservedIsNobodyElsesToMoveButAnybodysToStop) {
+  bench_.bridge().reserve_for({1});
+  ASSERT_NO_FATAL_FAILURE(begin());
+  for (const RigMode mode : {RigMode::kIdle, RigMode::kHome, RigMode::kFollow, RigMode::kClear}) {
+    bench_.bridge().obey(order_of(2, static_cast<uint64_t>(mode) + 1, mode), bench_.now());
+    EXPECT_THAT(bench_.state().refusal, HasSubstr("being calibrated")) << wire::name_of(mode);
+  }
+  EXPECT_FALSE(bench_.state().drives_idle);
+  bench_.bridge().obey(order_of(2, 20, RigMode::kStop), bench_.now());
+  EXPECT_TRUE(bench_.state().stopped);
+}
+
 TEST_F(Bridge, TwoProcessesOfOneNameAreTwoCommanders) {
   ASSERT_NO_FATAL_FAILURE(begin());
   auto namesake = order_of(2, 1, RigMode::kNeutral);

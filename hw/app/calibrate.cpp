@@ -77,8 +77,8 @@ void print(const TourFindings& found, bool has_imu) {
 }
 
 Result<TourFindings> drive(RigHost& host, const RigOptions& options, const RigConfiguration& configuration,
-                           Interrupts* interrupts) {
-  CalibrationDrive drive(host, ScaledClock(options.time_scale));
+                           SessionId session, Interrupts* interrupts) {
+  CalibrationDrive drive(host, ScaledClock(options.time_scale), session);
   const auto hear = [](const std::string& words) {
     std::fprintf(stderr, "%s\n", words.c_str());
     std::fflush(stderr);
@@ -105,11 +105,12 @@ int run_calibration(const RigOptions& options, const RigConfiguration& configura
   const wire::LogRedirect middleware_log(log);
   auto bus = open_can_bus(options.can);  // without waiting: a person is there
   if (!bus) return complain(bus.error());
-  auto host = RigHost::open({configuration, options.can, ScaledClock(options.time_scale), log},
+  const SessionId session = random_session();
+  auto host = RigHost::open({configuration, options.can, ScaledClock(options.time_scale), log, session},
                             options.network, std::move(*bus));
   if (!host) return complain(host.error());
   Interrupts interrupts(signals);
-  const auto found = drive(**host, options, configuration, &interrupts);
+  const auto found = drive(**host, options, configuration, session, &interrupts);
   int code = 0;
   if (found) {
     print(*found, configuration.imu.has_value());

@@ -27,12 +27,12 @@ wire::RigMode mode_of(TourOrder::What what) {
   return wire::RigMode::kIdle;
 }
 
-SessionId any_session() {
+}  // namespace
+
+SessionId random_session() {
   std::random_device device;
   return {uint64_t{device()} << 32 | device() | 1};
 }
-
-}  // namespace
 
 TourReport report_of(const wire::RigState& state, const wire::CommandId& mine, Timestamp when) {
   TourReport report;
@@ -67,7 +67,8 @@ std::optional<wire::RigCommand> TourCommander::say(const TourOrder& order) {
   return command_;
 }
 
-CalibrationDrive::CalibrationDrive(RigHost& host, ScaledClock clock) : host_(host), clock_(clock) {
+CalibrationDrive::CalibrationDrive(RigHost& host, ScaledClock clock, SessionId session)
+    : host_(host), clock_(clock), session_(session) {
   host_.start({[this](const wire::RigState& state) {
                  const std::lock_guard lock(mutex_);
                  state_ = state;
@@ -95,7 +96,7 @@ void CalibrationDrive::hand_in(CalibrationTour* tour) {
 Result<TourFindings> CalibrationDrive::run(const RigConfiguration& configuration, const Person& person) {
   auto tour = CalibrationTour::plan(configuration, now());
   if (!tour) return tl::unexpected(tour.error());
-  commander_.emplace(configuration.name, any_session());
+  commander_.emplace(configuration.name, session_);
   while (!tour->is_over()) {
     if (person.interrupts()) return fail(ErrorCode::kRefused, "interrupted; the drives are let go");
     hand_in(&*tour);

@@ -19,6 +19,9 @@ namespace cairn {
 /// `when`: of the picture, by the clock of the tour.
 [[nodiscard]] TourPose pose_of(const wire::TrackerStateMessage& state, Timestamp when);
 
+/// A session that no other process has.
+[[nodiscard]] SessionId random_session();
+
 /// What a tour wants, as orders of a commander.
 class TourCommander {
  public:
@@ -41,8 +44,8 @@ class CalibrationDrive {
     std::function<bool()> interrupts;
   };
 
-  /// Starts the host, which outlives it.
-  CalibrationDrive(RigHost& host, ScaledClock clock);
+  /// Starts the host, which outlives it. `session`: of its orders; the host is reserved for it.
+  CalibrationDrive(RigHost& host, ScaledClock clock, SessionId session);
   ~CalibrationDrive() { host_.leave_network(); }
   CalibrationDrive(const CalibrationDrive&) = delete;
   CalibrationDrive& operator=(const CalibrationDrive&) = delete;
@@ -56,6 +59,7 @@ class CalibrationDrive {
 
   RigHost& host_;
   const ScaledClock clock_;
+  const SessionId session_;
   std::optional<TourCommander> commander_;
   std::mutex mutex_;  ///< for what follows
   std::optional<wire::RigState> state_;

@@ -34,7 +34,9 @@ RigLoop::RigLoop(const RigLoopOptions& options, std::unique_ptr<CanBus> bus, std
       told_(std::move(told)),
       wake_up_(std::move(wake_up)),
       bridge_(options_.configuration, options_.clock.now()),
-      next_state_(options_.clock.now()) {}
+      next_state_(options_.clock.now()) {
+  if (options_.reserved_for) bridge_.reserve_for(*options_.reserved_for);
+}
 
 RigLoop::~RigLoop() {
   ends_ = true;

@@ -25,6 +25,7 @@ struct RigLoopOptions {
   std::string interface_name;  ///< for messages
   ScaledClock clock;
   Logger log = null_logger();
+  std::optional<SessionId> reserved_for = std::nullopt;  ///< RigBridge::reserve_for()
 };
 
 /// The thread that has the bus: it takes frames, steps the rig, and sends what the rig says, as soon as

@@ -170,6 +170,7 @@ TEST(RigLoop, AFrameThatIsNoMessageIsNamedInTheLogOnce) {
 /// Its participant is a commander's, and its poses come in the rig's partition.
 TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
   const wire::LogRedirect quiet(null_logger());
+  const SessionId session = random_session();
   const ScaledClock clock;
   const RigConfiguration configuration = near_its_switches();
   auto ends = make_bus_pair().value();
@@ -180,7 +181,7 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
   for (uint32_t i = 0; i < kDomains && !host; ++i) {
     network.domain = 105 + (static_cast<uint32_t>(getpid()) * 11 + i) % kDomains;
     auto bus = make_bus_pair().value();  // of one that is refused
-    auto made = RigHost::open({configuration, "the pair", clock, null_logger()}, network,
+    auto made = RigHost::open({configuration, "the pair", clock, null_logger(), session}, network,
                               std::move(i == 0 ? ends.first : bus.first));
     if (made) host = *std::move(made);
   }
@@ -189,6 +190,8 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
   const auto tracker = wire::Participant::create(network).value();
   auto poses =
       wire::Writer<wire::TrackerStateMessage>::create(tracker, wire::rig_partition("shoulder")).value();
+  auto orders = wire::Writer<wire::RigCommand>::create(tracker, wire::rig_partition("shoulder")).value();
+  auto states = wire::Reader<RigState>::create(tracker, wire::rig_partition("shoulder")).value();
   std::atomic<bool> ends_now{false};
   std::thread speaks([&] {
     wire::TrackerStateMessage state;
@@ -202,16 +205,29 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
     }
   });
   {
-    CalibrationDrive drive(*host, clock);
+    CalibrationDrive drive(*host, clock, session);
     std::string question;
+    std::string refusal;
+    const auto refusal_of = [&](const wire::RigCommand& order) {
+      const auto deadline = steady_clock::now() + 60s;
+      while (steady_clock::now() < deadline) {
+        (void)orders.write(order);
+        for (const auto& sample : states.take())
+          if (sample.message && sample.message->order == order.order) return sample.message->refusal;
+        std::this_thread::sleep_for(5ms);
+      }
+      return std::string("none");
+    };
     const auto found = drive.run(configuration, {[&](const std::string& what) {
                                                    question = what;
+                                                   refusal = refusal_of(order_of(2, 1, RigMode::kHome));
                                                    return false;
                                                  },
                                                  [](const std::string&) {}, [] { return false; }});
     ASSERT_FALSE(found);
     EXPECT_EQ(found.error().message, "nothing was moved");
     EXPECT_THAT(question, HasSubstr("The axes of shoulder will be homed"));
+    EXPECT_THAT(refusal, HasSubstr("the rig is being calibrated"));
   }
   ends_now = true;
   speaks.join();
