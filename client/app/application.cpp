@@ -15,6 +15,8 @@
 #include "client/app/frame_loop.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
+#include "client/app/rig_link.h"
+#include "client/app/rig_pilot.h"
 #include "client/app/run_outputs.h"
 #include "client/app/stats.h"
 #include "client/app/viewer/display.h"
@@ -219,23 +221,56 @@ int report_error(const Error& error, const Logger& log) {
   return exit_code(error.code);
 }
 
-ViewerLink viewer_link(Session& session) {
+/// Null without a rig. Error kUsage: a recording cannot be carried by one.
+Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const FrameSource& source) {
+  if (options.rig.empty()) return std::unique_ptr<RigLink>();
+  if (!source.is_live()) {
+    return fail(ErrorCode::kUsage, "--rig: " + source.describe() +
+                                       " is no camera that a rig can move; a live one is, v4l2:, or "
+                                       "sim:shoulder?rig=PATH");
+  }
+  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim});
+}
+
+void press(RigCommander& commander, RigKey key) {
+  switch (key) {
+    case RigKey::kStop:
+      return commander.stop();
+    case RigKey::kClear:
+      return commander.clear();
+    case RigKey::kNeutral:
+      return commander.want(RigAim::kNeutral);
+    case RigKey::kFollow:
+      return commander.want(RigAim::kFollow);
+    case RigKey::kLock:
+      return commander.want(RigAim::kLock);
+    case RigKey::kFixate:
+      return commander.want(RigAim::kFixate);
+    case RigKey::kSearch:
+      return commander.want(RigAim::kSearch);
+  }
+}
+
+ViewerLink viewer_link(Session& session, RigLink* rig = nullptr) {
   return {[&session](MapId map) { return session.labels(map); },
           [&session](wire::ClientRequest request) { session.send_request(std::move(request)); },
-          [&session] { return session.take_request_replies(); }};
+          [&session] { return session.take_request_replies(); },
+          [rig](RigKey key) {
+            if (rig != nullptr) rig->with([key](RigCommander& commander) { press(commander, key); });
+          }};
 }
 
 /// A window where there is a display and one is wanted; else null, and said why.
 std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr& camera, Session& session,
-                                    const Logger& log) {
+                                    RigLink* rig, const Logger& log) {
   if (options.headless) return nullptr;
   if (const std::string why = why_no_window(); !why.empty()) {
     log->info("no window: {}; running headless (--video shows the same)", why);
     return nullptr;
   }
   return std::make_unique<Viewer>(camera, "cairn-track " + options.name,
-                                  ViewerOptions{!options.reader, options.makes_maps()}, viewer_link(session),
-                                  log);
+                                  ViewerOptions{!options.reader, rig != nullptr, options.makes_maps()},
+                                  viewer_link(session, rig), log);
 }
 
 /// All that is open while frames are tracked.
@@ -247,6 +282,7 @@ struct Run {
   bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
+  std::unique_ptr<RigLink> rig;    ///< may be null
   std::unique_ptr<Viewer> viewer;  ///< may be null
   std::vector<TimedLabel> labels;  ///< to be placed on the way
 
@@ -282,8 +318,10 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   log->info("camera: {}", describe_camera(camera->parameters()));
   auto session = Session::open(session_options(options, chosen->sigma), camera, log);
   if (!session) return tl::unexpected(session.error());
+  auto rig = open_rig(options, **source);
+  if (!rig) return tl::unexpected(rig.error());
   auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);
-  auto viewer = open_viewer(options, camera, **session, log);
+  auto viewer = open_viewer(options, camera, **session, rig->get(), log);
   return Run{options,
              log,
              signals,
@@ -291,6 +329,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              keeps_camera,
              std::move(ahead),
              std::move(*session),
+             *std::move(rig),
              std::move(viewer),
              std::move(*labels)};
 }
@@ -350,6 +389,12 @@ int track(Run& run) {
   if (run.options.labels)
     observers.push_back(&placer.emplace(run.labels, run.camera, viewer_link(*run.session), run.log));
   observers.push_back(&narrator);
+  std::optional<RigPilot> pilot;
+  if (run.rig) {
+    observers.push_back(
+        &pilot.emplace(run.camera, RigPilotOptions{run.options.fixated_label, run.options.makes_maps()},
+                       [&run](const std::function<void(RigCommander&)>& task) { run.rig->with(task); }));
+  }
   std::optional<CameraKeeper> keeper;
   if (run.keeps_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
 
@@ -360,6 +405,7 @@ int track(Run& run) {
   loop_options.make_maps = run.options.makes_maps();
   loop_options.lost_patience = std::chrono::seconds(run.options.lost_patience);
   loop_options.new_map_requested = [&run] { return run.new_map_requested(); };
+  if (run.rig) loop_options.rig_text = [&run] { return run.rig->describe(); };
   FrameLoop loop(*run.source, tracker, link, clock, loop_options, observers);
   prefer_this_thread(run.log);
   // A process under a name in use is refused until the other one is gone: a camera goes on, a recording would
@@ -375,6 +421,12 @@ int track(Run& run) {
     loop.take_camera(link.snapshot());
   }
   narrator.finish();
+  if (run.rig) {
+    const auto counts = run.rig->with([](RigCommander& commander) { return commander.counts(); });
+    stats.note_rig(
+        {run.options.rig, run.rig->describe(), counts.searches, counts.candidates, pilot->fixated()});
+    run.rig->close();
+  }
   if (placer) placer->finish();
   const Status kept = keeper ? keeper->finish(stop) : Status();
 

@@ -103,7 +103,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   const auto stages = stages_.take();
   const auto labels = result.map ? link_.labels(result.map) : nullptr;
   notify(&FrameObserver::on_frame, FrameReport{frames_seen_, frame, result, state, snapshot, labels, status,
-                                               stages, cpu, wall, camera_});
+                                               stages, cpu, wall, camera_, options_.rig_text()});
   if (sent && options_.pace == Pace::kLockstep) {
     settle();
     deliver_replies();

@@ -23,7 +23,8 @@ struct FrameLoopOptions {
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
   /// Lost where no map is known, by the frames' stamps, after which another map is begun.
   std::chrono::nanoseconds lost_patience = std::chrono::seconds(1);
-  std::function<bool()> new_map_requested = [] { return false; };  ///< asked once a frame
+  std::function<bool()> new_map_requested = [] { return false; };        ///< asked once a frame
+  std::function<std::string()> rig_text = [] { return std::string(); };  ///< FrameReport::rig
   /// Lockstep: for the server's work on one frame; a global adjustment of a full map takes seconds.
   std::chrono::milliseconds settle_timeout{120'000};
 };

@@ -44,6 +44,7 @@ void Narrator::on_frame(const FrameReport& report) {
   number_ = report.number;
   tell_map(report);
   tell_tracking(report);
+  tell_rig(report);
   map_seen_ = map_seen_ || report.snapshot;
   if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
   seed_waits_ = seed_waits_ || report.result.seed;
@@ -51,6 +52,15 @@ void Narrator::on_frame(const FrameReport& report) {
   if (last_progress_ && now - *last_progress_ < kProgressPeriod) return;
   last_progress_ = now;
   show_progress(report);
+}
+
+/// How far a search is would be a line for each frame.
+void Narrator::tell_rig(const FrameReport& report) {
+  std::string rig = report.rig;
+  std::erase_if(rig, [](char c) { return (c >= '0' && c <= '9') || c == '%'; });
+  if (rig == rig_) return;
+  rig_ = rig;
+  if (!report.rig.empty()) log_->info("frame {}: {}", report.number, report.rig);
 }
 
 void Narrator::tell_map(const FrameReport& report) {

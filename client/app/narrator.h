@@ -48,6 +48,7 @@ class Narrator final : public FrameObserver {
  private:
   void tell_map(const FrameReport& report);
   void tell_tracking(const FrameReport& report);
+  void tell_rig(const FrameReport& report);
   void show_progress(const FrameReport& report);
 
   enum class CameraWord : uint8_t { kMayBe, kKnown, kCannotBeKnown };
@@ -70,6 +71,7 @@ class Narrator final : public FrameObserver {
   bool seed_waits_ = false;  ///< for the server's verdict
   std::string why_no_map_;
   std::string server_text_;
+  std::string rig_;  ///< as said last, without its numbers
 };
 
 }  // namespace cairn

@@ -99,6 +99,7 @@ OverlayFrame make_overlay_frame(const FrameReport& report) {
   frame.trails = result.trails;
   frame.note = result.note;
   frame.server_text = report.status.text;
+  frame.rig = report.rig;
   return frame;
 }
 
@@ -245,7 +246,8 @@ void Overlay::draw_status(const OverlayFrame& frame) {
     surroundings = fmt::format("{} r{}  {} keyframes  {} points  ", frame.map_name, frame.revision.value,
                                frame.map_keyframes, frame.map_points);
   }
-  draw_text(surroundings + frame.server_text, 1, kMinorTextColor);
+  const std::string rig = frame.rig.empty() ? "" : frame.rig + "  ";
+  draw_text(rig + surroundings + frame.server_text, 1, kMinorTextColor);
 }
 
 }  // namespace cairn

@@ -40,6 +40,7 @@ struct OverlayFrame {
   std::vector<TrailLine> trails;
   std::string note;         ///< of the tracker
   std::string server_text;  ///< of the session
+  std::string rig;          ///< as FrameReport::rig
   CameraPtr camera;         ///< other values of the camera, of the same size; null: as at the start
 };
 

@@ -200,6 +200,13 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
   json["starting_ms"] = counted_percentiles(starting_ms_);
   json["lost_ms"] = counted_percentiles(lost_ms_);
   json["keyframe_to_points_ms"] = counted_percentiles(points_after_ms_);
+  if (rig_) {
+    json["rig"] = {{"name", rig_->name},
+                   {"text", rig_->text},
+                   {"searches", rig_->searches},
+                   {"candidates", rig_->candidates}};
+    if (const auto& point = rig_->fixated) json["rig"]["fixated"] = {point->x(), point->y(), point->z()};
+  }
   json["summary"] = {
       {"tracked_share", tracked_share()},
       {"on_time_share", on_time_share()},

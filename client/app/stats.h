@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <chrono>
 #include <cstddef>
@@ -36,6 +37,15 @@ class StageClock final : public StageProbe {
   StageTimes times_{};
 };
 
+/// Of the rig that carries the camera.
+struct RigSummary {
+  std::string name;
+  std::string text;  ///< what it did or what kept it from that, at the end, for a person
+  int searches = 0;
+  int candidates = 0;
+  std::optional<Eigen::Vector3d> fixated;  ///< in the map's frame
+};
+
 /// Collects what `--stats` writes. Used from the thread of the frame loop.
 class RunStats final : public FrameObserver {
  public:
@@ -57,6 +67,8 @@ class RunStats final : public FrameObserver {
   /// a map. An undecodable frame is listed as dropped, with the stamp of the frame before it (its own is not
   /// known). `summary` has what the contract does not ask for.
   [[nodiscard]] std::string to_json(uint64_t bytes_sent, uint64_t bytes_received) const;
+
+  void note_rig(RigSummary rig) { rig_ = std::move(rig); }
 
   /// For the last words on stderr, one line each: frames and maps, times, keyframes.
   [[nodiscard]] std::vector<std::string> summary_lines() const;
@@ -96,6 +108,7 @@ class RunStats final : public FrameObserver {
   [[nodiscard]] double on_time_share() const;
 
   const FrameList list_;
+  std::optional<RigSummary> rig_;
   std::vector<FrameRow> frames_;
   std::vector<AnswerRow> answers_;
   size_t frames_total_ = 0;

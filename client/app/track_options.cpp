@@ -46,6 +46,12 @@ constexpr const char* kFooter =
 const std::map<std::string, Pace> kPaces = {
     {"realtime", Pace::kRealtime}, {"lockstep", Pace::kLockstep}, {"max", Pace::kMax}};
 
+const std::map<std::string, RigAim> kRigAims = {{"neutral", RigAim::kNeutral},
+                                                {"follow", RigAim::kFollow},
+                                                {"lock", RigAim::kLock},
+                                                {"fixate", RigAim::kFixate},
+                                                {"search", RigAim::kSearch}};
+
 /// The words as the user types them; where they differ from TrackOptions, they are translated after parsing.
 struct Words {
   TrackOptions options;
@@ -58,6 +64,7 @@ struct Words {
   std::string stats;
   std::string video;
   std::string labels;
+  std::string rig_mode = "follow";
   bool verbose = false;
   bool quiet = false;
 };
@@ -138,6 +145,18 @@ void declare(CLI::App& app, Words& words) {
                  "with --headless: labels to be placed on the way, rows `timestamp x y text`: as if somebody "
                  "pointed at that pixel of the frame of that time and typed the text")
       ->type_name("FILE");
+  app.add_option("--rig", options.rig,
+                 "name of the rig on this host that carries the camera: this tracker commands it, and has it "
+                 "search when lost")
+      ->check(check_name)
+      ->type_name("NAME");
+  app.add_option("--rig-mode", words.rig_mode,
+                 "neutral: ahead, as the wearer points it, no search; follow: level, slowly with the wearer; "
+                 "lock: the direction it has; fixate: the map point in the middle of the picture; search")
+      ->check(CLI::IsMember({"neutral", "follow", "lock", "fixate", "search"}))
+      ->capture_default_str();
+  app.add_option("--fixate", options.fixated_label, "with --rig-mode fixate: the label of that text")
+      ->type_name("LABEL");
   app.add_flag("-v,--verbose", words.verbose, "more words");
   app.add_flag("-q,--quiet", words.quiet, "warnings only");
   app.set_version_flag("--version", "cairn-track " + std::string(version()));
@@ -178,6 +197,9 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (options.labels && !options.headless)
     return usage("--labels: only with --headless; in the window, point and type");
   options.pace = kPaces.at(words.pace);
+  options.rig_aim = kRigAims.at(words.rig_mode);
+  if (!options.rig.empty() && options.pace != Pace::kRealtime)
+    return usage("--rig: only with --pace realtime; a rig moves by its own time");
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);
   options.video = path_or_nothing(words.video);

@@ -47,7 +47,7 @@ struct RigCommand {
   RigMode mode = RigMode::kIdle;
   /// Lock: a direction of the rig's world (z up), of any length; 0: where the camera looks at that moment.
   /// Fixate: the point as the camera saw it (x right, y down, z forward), in any unit that stays; 0: not
-  /// seen.
+  /// seen. Search: the direction to begin with; 0: none. When the order is new.
   Eigen::Vector3d target = Eigen::Vector3d::Zero();
   Timestamp seen;                  ///< fixate: when the picture was taken, by the host's clock
   std::array<double, 2> angles{};  ///< saccade [rad]

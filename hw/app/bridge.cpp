@@ -162,7 +162,7 @@ Pointing RigBridge::pointing_of(const wire::RigCommand& command) const {
     case RigMode::kSaccade:
       return pointing::Saccade{direction, {command.angles[0], command.angles[1]}};
     case RigMode::kSearch:
-      return pointing::Search{};
+      return direction ? pointing::Search{.ranked = {*direction}} : pointing::Search{};
     default:
       return pointing::Neutral{{configuration_.axes[0].neutral, configuration_.axes[1].neutral}};
   }

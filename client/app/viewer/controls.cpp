@@ -2,6 +2,7 @@
 #include "client/app/viewer/controls.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 #include "client/app/label_painter.h"
@@ -22,6 +23,8 @@ std::vector<std::string> ViewerControls::help() {
           "n   new map",
           "f   freeze the view, and go on",
           "p   show points, and hide them",
+          "space   of a rig: emergency stop; c clears it, and faults",
+          "a w l t s   of a rig: ahead, with the wearer, lock, fixate the middle, search",
           "h   this help",
           "q   quit"};
 }
@@ -36,12 +39,34 @@ void ViewerControls::press(int key_code, MonotonicTime now) {
   } else if (key_code == 0x1b || key_code == 0xff1b) {
     selected_ = {};
     help_shown_ = false;
-  } else if (key_code > 0x20 && key_code < 0x7f) {
+  } else if (key_code >= 0x20 && key_code < 0x7f) {
     command(static_cast<char>(key_code), now);
   }
 }
 
+/// Whether it is a key of the rig's.
+bool ViewerControls::command_rig(char key, MonotonicTime now) {
+  struct Key {
+    char key;
+    RigKey wish;
+    const char* words;
+  };
+  constexpr std::array keys = {Key{' ', RigKey::kStop, "rig: emergency stop"},
+                               Key{'c', RigKey::kClear, "rig: cleared; a mode begins anew"},
+                               Key{'a', RigKey::kNeutral, "rig: ahead"},
+                               Key{'w', RigKey::kFollow, "rig: with the wearer"},
+                               Key{'l', RigKey::kLock, "rig: locked where it looks"},
+                               Key{'t', RigKey::kFixate, "rig: the point in the middle"},
+                               Key{'s', RigKey::kSearch, "rig: search"}};
+  const auto* found = std::find_if(keys.begin(), keys.end(), [key](const Key& k) { return k.key == key; });
+  if (!options_.has_rig || found == keys.end()) return false;
+  wishes_.rig = found->wish;
+  say(found->words, now);
+  return true;
+}
+
 void ViewerControls::command(char key, MonotonicTime now) {
+  if (command_rig(key, now)) return;
   switch (key) {
     case 'e':
       return edit_selected(now);

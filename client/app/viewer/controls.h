@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core/types.hpp>
 #include <optional>
 #include <string>
@@ -15,15 +16,20 @@
 
 namespace cairn {
 
+/// Of the rig that carries the camera.
+enum class RigKey : uint8_t { kStop, kClear, kNeutral, kFollow, kLock, kFixate, kSearch };
+
 /// What a person in front of the window wants of the rest of the program.
 struct ViewerWishes {
   bool quit = false;
   bool new_map = false;
+  std::optional<RigKey> rig;
   std::vector<wire::ClientRequest> requests;
 };
 
 struct ViewerOptions {
-  bool may_label = true;      ///< --role reader: no
+  bool may_label = true;  ///< --role reader: no
+  bool has_rig = false;
   bool may_make_maps = true;  ///< else the key for a new map looks for one of the server's
 };
 
@@ -74,6 +80,7 @@ class ViewerControls {
   };
   void type(EntryStroke stroke, MonotonicTime now);
   void command(char key, MonotonicTime now);
+  [[nodiscard]] bool command_rig(char key, MonotonicTime now);
   void point_at(const Eigen::Vector2d& pixel, MonotonicTime now);
   void delete_selected(MonotonicTime now);
   void edit_selected(MonotonicTime now);

@@ -117,6 +117,7 @@ void Viewer::serve(Window* window) {
 
 void Viewer::carry_out(ViewerWishes wishes) {
   for (wire::ClientRequest& request : wishes.requests) link_.request(std::move(request));
+  if (wishes.rig) link_.rig(*wishes.rig);
   if (wishes.new_map) new_map_ = true;
   if (wishes.quit) quit_ = true;
 }

@@ -21,6 +21,7 @@ struct ViewerLink {
   std::function<LabelListPtr(MapId)> labels;
   std::function<void(wire::ClientRequest)> request;
   std::function<std::vector<RequestReply>()> take_replies;
+  std::function<void(RigKey)> rig = [](RigKey) {};
 };
 
 /// The live view: an OpenCV window with the overlay, in a thread of its own that works on copies. The frame

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/rig_link.h"
+
+#include <chrono>
+#include <random>
+#include <utility>
+
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+constexpr milliseconds kPeriod{20};     // of saying an order; a rig waits for 40 ms at least
+constexpr milliseconds kPatience{500};  // for the rig to have heard the last order
+
+SessionId random_session() {
+  std::random_device device;
+  return {uint64_t{device()} << 32 | device() | 1};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<RigLink>> RigLink::open(const RigLinkOptions& options) {
+  wire::ParticipantOptions joining;
+  joining.role = wire::Role::kRigClient;
+  joining.domain = static_cast<uint32_t>(options.domain);
+  auto participant = wire::Participant::create(joining);
+  if (!participant) return tl::unexpected(participant.error());
+  auto waiter = wire::Waiter::create(*participant);
+  if (!waiter) return tl::unexpected(waiter.error());
+  auto made = wire::create_all<wire::Writer<wire::RigCommand>, wire::Reader<wire::RigState>>(
+      *participant, wire::rig_partition(options.rig));
+  if (!made) return tl::unexpected(made.error());
+  auto& [orders, states] = *made;
+  if (Status attached = waiter->attach({states}); !attached) return tl::unexpected(attached.error());
+  return std::unique_ptr<RigLink>(new RigLink(options, *std::move(participant), std::move(orders),
+                                              std::move(states), *std::move(waiter)));
+}
+
+RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,
+                 wire::Writer<wire::RigCommand> orders, wire::Reader<wire::RigState> states,
+                 wire::Waiter waiter)
+    : rig_(options.rig),
+      participant_(std::move(participant)),
+      orders_(std::move(orders)),
+      states_(std::move(states)),
+      waiter_(std::move(waiter)),
+      commander_(options.rig, options.name, random_session(), options.aim),
+      thread_([this] { run(); }) {}
+
+void RigLink::close() {
+  if (!thread_.joinable()) return;
+  with([](RigCommander& commander) { commander.close(); });
+  ends_ = true;
+  thread_.join();
+}
+
+void RigLink::run() {
+  while (!ends_) turn();
+  const auto deadline = steady_clock::now() + kPatience;
+  while (steady_clock::now() < deadline && !with([](RigCommander& commander) { return commander.is_over(); }))
+    turn();
+}
+
+/// States come faster than orders go.
+void RigLink::turn() {
+  const auto end = steady_clock::now() + kPeriod;
+  for (auto left = kPeriod; left > left.zero();
+       left = std::chrono::ceil<milliseconds>(end - steady_clock::now())) {
+    (void)waiter_.wait(left);
+    wire::take_all(states_, [this](wire::Sample<wire::RigState>& sample) {
+      if (!sample.message || sample.message->rig != rig_) return;
+      with([&](RigCommander& commander) { commander.hear(*sample.message, steady_clock::now()); });
+    });
+  }
+  const auto order = with([](RigCommander& commander) { return commander.command(steady_clock::now()); });
+  if (order) (void)orders_.write(*order);
+}
+
+std::string RigLink::describe() {
+  return with([](RigCommander& commander) { return commander.describe(steady_clock::now()); });
+}
+
+}  // namespace cairn

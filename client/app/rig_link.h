@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "client/rig/commander.h"
+#include "common/base/result.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+
+namespace cairn {
+
+struct RigLinkOptions {
+  std::string rig;
+  std::string name;  ///< of the commander: the client's
+  int domain = 0;
+  RigAim aim = RigAim::kFollow;
+};
+
+/// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever
+/// the tracker does. Thread-safe.
+class RigLink {
+ public:
+  /// The rig need not be there. Errors: those of Participant::create().
+  [[nodiscard]] static Result<std::unique_ptr<RigLink>> open(const RigLinkOptions& options);
+  /// As close().
+  ~RigLink() { close(); }
+  /// Lets the drives go, if the rig is there.
+  void close();
+  RigLink(const RigLink&) = delete;
+  RigLink& operator=(const RigLink&) = delete;
+
+  /// Something for the commander, at once.
+  template <typename Task>
+  auto with(Task task) {
+    const std::lock_guard lock(mutex_);
+    return task(commander_);
+  }
+  [[nodiscard]] std::string describe();
+
+ private:
+  RigLink(const RigLinkOptions& options, wire::Participant participant, wire::Writer<wire::RigCommand> orders,
+          wire::Reader<wire::RigState> states, wire::Waiter waiter);
+  void run();
+  void turn();
+
+  const std::string rig_;
+  wire::Participant participant_;
+  wire::Writer<wire::RigCommand> orders_;
+  wire::Reader<wire::RigState> states_;
+  wire::Waiter waiter_;
+  std::mutex mutex_;
+  RigCommander commander_;  ///< guarded by mutex_
+  std::atomic<bool> ends_{false};
+  std::thread thread_;  ///< last: it uses all the above
+};
+
+}  // namespace cairn

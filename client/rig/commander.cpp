@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/rig/commander.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+using wire::RigAxisCondition;
+using wire::RigMode;
+
+constexpr milliseconds kSearchAfter{300};    // lost: a blurred picture or a hand is soon over
+constexpr milliseconds kCandidateTime{400};  // to be verified, from when its picture can be taken
+constexpr milliseconds kKept{3000};          // directions
+constexpr milliseconds kNear{50};            // between stamps of a frame and of a direction
+constexpr milliseconds kAnew{1000};          // until an order that was refused or given up is given again
+constexpr milliseconds kGone{1000};          // of silence
+constexpr int kPercent = 100;
+
+RigMode mode_of(RigAim aim) {
+  constexpr std::array modes = {RigMode::kNeutral, RigMode::kFollow, RigMode::kLock, RigMode::kFixate,
+                                RigMode::kSearch};
+  return modes.at(static_cast<size_t>(aim));
+}
+
+bool moves(RigMode mode) {
+  return mode != RigMode::kIdle && mode != RigMode::kClear && mode != RigMode::kStop &&
+         mode != RigMode::kClearStop;
+}
+
+}  // namespace
+
+std::string_view to_string(RigAim aim) {
+  return wire::name_of(mode_of(aim));
+}
+
+RigCommander::RigCommander(std::string rig, std::string name, SessionId session, RigAim aim)
+    : rig_(std::move(rig)), name_(std::move(name)), aim_(aim) {
+  order_.order.session = session;
+}
+
+void RigCommander::want(RigAim aim) {
+  aim_ = aim;
+  rests_ = false;
+  looking_ = Looking::kNot;
+  sighting_.reset();
+  ordered_ = {};
+  order_.mode = RigMode::kIdle;  // said again it begins anew: lock takes another direction
+}
+
+void RigCommander::stop() {
+  stop_asked_ = rests_ = true;
+  clear_asked_ = false;
+}
+
+void RigCommander::clear() {
+  stop_asked_ = false;
+  clear_asked_ = rests_ = true;
+}
+
+void RigCommander::close() {
+  closed_ = true;
+}
+
+void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
+  state_ = state;
+  heard_ = now;
+  rests_ = rests_ || state.stopped;
+  if (clear_asked_ && !state.stopped && !is_faulted()) clear_asked_ = false;
+  if (!state.has_imu || !state.imu.attitude_known) return;
+  if (!views_.empty() && state.imu.time <= views_.back().time) return;
+  views_.push_back({state.imu.time, state.imu.world_from_head * Eigen::Vector3d::UnitX()});
+  while (views_.back().time - views_.front().time > kKept) views_.pop_front();
+}
+
+std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp time) const {
+  const auto after = std::lower_bound(views_.begin(), views_.end(), time,
+                                      [](const View& view, Timestamp t) { return view.time < t; });
+  if (after == views_.end()) {
+    if (views_.empty() || time - views_.back().time > kNear) return std::nullopt;
+    return views_.back().direction;
+  }
+  return after->direction;
+}
+
+void RigCommander::see(const RigSight& sight) {
+  if (sight.target) sighting_ = sight;
+  if (sight.tracked) {
+    lost_since_.reset();
+    looking_ = Looking::kNot;
+    if (const auto direction = direction_at(sight.time)) seen_at_ = direction;
+    return;
+  }
+  if (!sight.lost) {
+    lost_since_.reset();
+    return;
+  }
+  if (!lost_since_) lost_since_ = sight.time;
+  if (looking_ == Looking::kAtCandidate) {
+    if (sight.on_trial || !candidate_since_) candidate_since_ = sight.time;
+    if (sight.time - *candidate_since_ <= kCandidateTime) return;
+    looking_ = Looking::kSearching;  // it was none
+  }
+  if (looking_ == Looking::kNot && aim_ != RigAim::kNeutral && sight.time - *lost_since_ >= kSearchAfter) {
+    looking_ = Looking::kSearching;
+    ++counts_.searches;
+  }
+}
+
+/// The picture that was asked about is of a while ago: the camera turns back to where it looked then.
+void RigCommander::try_place(Timestamp asked) {
+  const bool is_search = looking_ != Looking::kNot || aim_ == RigAim::kSearch;
+  const auto direction = direction_at(asked);
+  if (!is_search || !direction || looking_ == Looking::kAtCandidate) return;
+  looking_ = Looking::kAtCandidate;
+  candidate_at_ = *direction;
+  candidate_since_.reset();
+  ++counts_.candidates;
+}
+
+bool RigCommander::is_faulted() const {
+  return state_ && std::any_of(state_->axes.begin(), state_->axes.end(),
+                               [](const wire::RigAxisState& axis) { return axis.fault != 0; });
+}
+
+bool RigCommander::is_heard(MonotonicTime now) const {
+  return state_ && now - heard_ <= kGone;
+}
+
+wire::RigCommand RigCommander::aimed() const {
+  wire::RigCommand order;
+  order.mode = mode_of(aim_);
+  if (looking_ == Looking::kAtCandidate) {
+    order.mode = RigMode::kLock;
+    order.target = candidate_at_;
+  } else if (looking_ == Looking::kSearching || aim_ == RigAim::kSearch) {
+    // Who is found is not led away.
+    const bool is_found = !lost_since_ && seen_at_;
+    order.mode = is_found ? RigMode::kLock : RigMode::kSearch;
+    if (seen_at_ && !is_found) order.target = *seen_at_;
+  } else if (aim_ == RigAim::kFixate && sighting_) {
+    order.target = *sighting_->target;
+    order.seen = sighting_->time;
+  }
+  return order;
+}
+
+wire::RigCommand RigCommander::wanted() const {
+  wire::RigCommand order;
+  const auto is = [this](RigAxisCondition condition) {
+    return std::any_of(state_->axes.begin(), state_->axes.end(),
+                       [&](const wire::RigAxisState& axis) { return axis.condition == condition; });
+  };
+  if (stop_asked_ && !state_->stopped) {
+    order.mode = RigMode::kStop;
+  } else if (clear_asked_ && !closed_) {
+    order.mode = state_->stopped ? RigMode::kClearStop : RigMode::kClear;
+  } else if (closed_ || rests_) {
+    order.mode = RigMode::kIdle;
+  } else if (is(RigAxisCondition::kUnknown) || is(RigAxisCondition::kHoming)) {
+    order.mode = RigMode::kHome;
+  } else {
+    order = aimed();
+  }
+  return order;
+}
+
+/// An order that was refused, or of which nothing is done any more. An axis with a fault waits for a person.
+bool RigCommander::is_due_again(const wire::RigCommand& order, MonotonicTime now) const {
+  if (now - ordered_ < kAnew || state_->order != order_.order) return false;
+  if (!state_->refusal.empty()) return true;
+  return moves(order.mode) && state_->drives_idle && !is_faulted() && !state_->stopped;
+}
+
+std::optional<wire::RigCommand> RigCommander::command(MonotonicTime now) {
+  if (!is_heard(now)) return std::nullopt;
+  wire::RigCommand order = wanted();
+  order.rig = rig_;
+  order.commander = name_;
+  order.order = order_.order;
+  // A search begins where it is told to; what moves then is no other order. Nor is a sighting.
+  const bool is_other_target = order.mode == RigMode::kLock && order.target != order_.target;
+  const bool is_new =
+      order_.order.seq == 0 || order.mode != order_.mode || is_other_target || is_due_again(order, now);
+  if (is_new) {
+    ++order.order.seq;
+    ordered_ = now;
+  } else if (order.mode == RigMode::kSearch) {
+    order.target = order_.target;
+  }
+  order_ = order;
+  return order;
+}
+
+bool RigCommander::is_over() const {
+  return closed_ && (!state_ || order_.order.seq == 0 ||
+                     (order_.mode == RigMode::kIdle && state_->order == order_.order));
+}
+
+std::string RigCommander::describe(MonotonicTime now) const {
+  const std::string rig = "rig " + rig_ + ": ";
+  if (!state_) return rig + "is not there; is cairn-rig running on this host, in this domain?";
+  if (!is_heard(now)) return rig + "has fallen silent";
+  if (state_->stopped) return rig + "EMERGENCY STOP; c clears it";
+  if (is_faulted()) return rig + state_->trouble + "; c clears the fault";
+  if (state_->order == order_.order && !state_->refusal.empty()) return rig + state_->refusal;
+  if (rests_) return rig + "idle; a key of a mode begins anew";
+  if (state_->drives_idle && !state_->trouble.empty()) return rig + state_->trouble;
+  std::string what(wire::name_of(state_->mode));
+  if (looking_ == Looking::kAtCandidate) return rig + "looks at a place that may be it";
+  if (state_->mode == RigMode::kSearch)
+    what.append(" ").append(std::to_string(std::lround(kPercent * state_->looked_at))).append(" %");
+  if (state_->mode == RigMode::kFixate && !state_->sees_target) what += ", no target in sight";
+  if (state_->out_of_reach) what += ", out of reach";
+  return rig + what;
+}
+
+}  // namespace cairn

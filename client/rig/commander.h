@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <deque>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "common/base/time.h"
+#include "common/wire/rig_messages.h"
+
+namespace cairn {
+
+/// What a person wants the rig to do while its camera is tracked.
+enum class RigAim : uint8_t { kNeutral, kFollow, kLock, kFixate, kSearch };
+[[nodiscard]] std::string_view to_string(RigAim aim);
+
+/// What the tracker says of a frame.
+struct RigSight {
+  Timestamp time;                         ///< of the frame, by the host's clock
+  bool tracked = false;                   ///< its pose is known
+  bool lost = false;                      ///< it is not, and the camera is looked for in maps
+  bool on_trial = false;                  ///< a pose is being verified
+  std::optional<Eigen::Vector3d> target;  ///< to be fixated, as the camera saw it
+};
+
+/// The tracker of a rig's camera as the rig's commander: what it says of frames and what a person wants go
+/// in, an order comes out, to be said again as long as it holds. A rig that is not homed is homed first.
+/// While the camera is lost the rig searches, first where the camera looked when it was tracked last; it
+/// looks at a place that is being verified, goes on if that fails, and when the camera is found it is as it
+/// was. Only *neutral* leaves the camera where the wearer points it. Pure; one thread.
+class RigCommander {
+ public:
+  /// Names of rig and commander; `session` is this process's.
+  RigCommander(std::string rig, std::string name, SessionId session, RigAim aim);
+
+  void want(RigAim aim);
+  /// Emergency stop, whoever commands the rig, until clear(). After a stop, whoever asked for it, nothing
+  /// moves until somebody wants something.
+  void stop();
+  /// Forgets an emergency stop and faults of axes. Nothing moves.
+  void clear();
+  /// The drives are to be let go, for good.
+  void close();
+
+  void hear(const wire::RigState& state, MonotonicTime now);
+  void see(const RigSight& sight);
+  /// The place told of the frame of that time is going to be verified.
+  void try_place(Timestamp asked);
+
+  /// What is to be said now, 20 times a second or more; nothing while there is nobody to hear it.
+  [[nodiscard]] std::optional<wire::RigCommand> command(MonotonicTime now);
+  /// For a person: what the rig does, or what keeps it from that.
+  [[nodiscard]] std::string describe(MonotonicTime now) const;
+  /// After close(): whether nothing is left to be said.
+  [[nodiscard]] bool is_over() const;
+  [[nodiscard]] RigAim aim() const { return aim_; }
+
+  struct Counts {
+    int searches = 0;
+    int candidates = 0;  ///< places looked at during them
+  };
+  [[nodiscard]] const Counts& counts() const { return counts_; }
+
+ private:
+  enum class Looking : uint8_t { kNot, kSearching, kAtCandidate };
+  struct View {
+    Timestamp time;
+    Eigen::Vector3d direction;  ///< in the rig's world
+  };
+
+  [[nodiscard]] wire::RigCommand wanted() const;
+  [[nodiscard]] wire::RigCommand aimed() const;
+  [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp time) const;
+  [[nodiscard]] bool is_due_again(const wire::RigCommand& order, MonotonicTime now) const;
+  [[nodiscard]] bool is_faulted() const;
+  [[nodiscard]] bool is_heard(MonotonicTime now) const;
+
+  std::string rig_;
+  std::string name_;
+  RigAim aim_;
+  Looking looking_ = Looking::kNot;
+  bool stop_asked_ = false;
+  bool clear_asked_ = false;
+  bool closed_ = false;
+  bool rests_ = false;  ///< was stopped: a person begins anew
+  std::optional<Timestamp> lost_since_;
+  std::optional<Timestamp> candidate_since_;
+  std::optional<Eigen::Vector3d> seen_at_;  ///< where the camera looked when it was tracked last
+  Eigen::Vector3d candidate_at_ = Eigen::Vector3d::Zero();
+  std::optional<RigSight> sighting_;  ///< the newest that has the target
+  std::deque<View> views_;            ///< of the last seconds
+  std::optional<wire::RigState> state_;
+  MonotonicTime heard_;
+  wire::RigCommand order_;  ///< said last; of number 0: none
+  MonotonicTime ordered_;   ///< when it was said first
+  Counts counts_;
+};
+
+}  // namespace cairn

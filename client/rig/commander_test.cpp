@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/rig/commander.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using Eigen::Vector3d;
+using ::testing::HasSubstr;
+using wire::RigAxisCondition;
+using wire::RigMode;
+
+/// A rig that does what it is told, and the tracker, 100 steps a second.
+class Commander : public ::testing::Test {
+ protected:
+  void SetUp() override { set(RigAxisCondition::kActive); }
+  void set(RigAxisCondition condition) {
+    for (auto& axis : rig_.axes) axis.condition = condition;
+  }
+  /// What the rig hears.
+  std::optional<wire::RigCommand> step(RigCommander& commander) {
+    now_ += 10ms;
+    rig_.time = rig_.imu.time = {now_.time_since_epoch().count()};
+    rig_.has_imu = rig_.imu.attitude_known = true;
+    rig_.imu.world_from_head = Eigen::AngleAxisd(heading_, Vector3d::UnitZ());
+    if (is_there_) commander.hear(rig_, now_);
+    const auto order = commander.command(now_);
+    if (order && order->order != rig_.order) {
+      rig_.order = order->order;
+      rig_.mode = order->mode;
+      rig_.drives_idle = order->mode == RigMode::kIdle || order->mode == RigMode::kStop;
+      if (order->mode == RigMode::kStop) rig_.stopped = true;
+      if (order->mode == RigMode::kClearStop) rig_.stopped = false;
+      if (order->mode == RigMode::kHome) set(RigAxisCondition::kHoming);
+      ++orders_;
+    }
+    return order;
+  }
+  wire::RigCommand after(RigCommander& commander, RigSight sight, std::chrono::milliseconds time) {
+    std::optional<wire::RigCommand> order;
+    for (; time > 0ms; time -= 10ms) {
+      order = step(commander);
+      sight.time = {now_.time_since_epoch().count()};
+      commander.see(sight);
+    }
+    order = step(commander);
+    EXPECT_TRUE(order);
+    return order.value_or(wire::RigCommand());
+  }
+  [[nodiscard]] RigCommander make(RigAim aim) const { return {"shoulder", "eye", {7}, aim}; }
+  [[nodiscard]] Timestamp time() const { return {now_.time_since_epoch().count()}; }
+
+  const RigSight tracked_ = [] {
+    RigSight sight;
+    sight.tracked = true;
+    return sight;
+  }();
+  const RigSight lost_ = [] {
+    RigSight sight;
+    sight.lost = true;
+    return sight;
+  }();
+  MonotonicTime now_{std::chrono::hours(1)};
+  wire::RigState rig_;
+  double heading_ = 0;
+  bool is_there_ = true;
+  int orders_ = 0;
+};
+
+TEST_F(Commander, SaysNothingToNobodyAndSaysThatNobodyIsThere) {
+  RigCommander commander = make(RigAim::kLock);
+  is_there_ = false;
+  EXPECT_FALSE(step(commander));
+  EXPECT_THAT(commander.describe(now_), HasSubstr("rig shoulder: is not there"));
+  is_there_ = true;
+  EXPECT_TRUE(step(commander));
+  is_there_ = false;
+  for (int i = 0; i < 200; ++i) (void)step(commander);
+  EXPECT_FALSE(step(commander));
+  EXPECT_THAT(commander.describe(now_), HasSubstr("silent"));
+}
+
+TEST_F(Commander, ARigThatIsNotHomedIsHomedAndThenAimed) {
+  RigCommander commander = make(RigAim::kFollow);
+  set(RigAxisCondition::kUnknown);
+  EXPECT_EQ(after(commander, tracked_, 200ms).mode, RigMode::kHome);
+  EXPECT_EQ(orders_, 1);
+  set(RigAxisCondition::kIdle);
+  const auto order = after(commander, tracked_, 200ms);
+  EXPECT_EQ(order.mode, RigMode::kFollow);
+  EXPECT_EQ(order.rig, "shoulder");
+  EXPECT_EQ(order.commander, "eye");
+  EXPECT_EQ(orders_, 2);
+}
+
+TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThenAsBefore) {
+  RigCommander commander = make(RigAim::kFollow);
+  heading_ = 0.5;
+  EXPECT_EQ(after(commander, tracked_, 500ms).mode, RigMode::kFollow);
+  heading_ = 2;
+  EXPECT_EQ(after(commander, lost_, 200ms).mode, RigMode::kFollow);  // a hand before the lens
+  const auto search = after(commander, lost_, 200ms);
+  EXPECT_EQ(search.mode, RigMode::kSearch);
+  EXPECT_LT((search.target - Vector3d(std::cos(0.5), std::sin(0.5), 0)).norm(), 1e-9);
+  heading_ = 1;
+  (void)after(commander, lost_, 100ms);
+  const Timestamp asked = time();
+  heading_ = 1.5;
+  (void)after(commander, lost_, 100ms);
+  commander.try_place(asked);
+  const auto look = after(commander, lost_, 100ms);
+  EXPECT_EQ(look.mode, RigMode::kLock);  // turned back to where that picture was taken
+  EXPECT_LT((look.target - Vector3d(std::cos(1), std::sin(1), 0)).norm(), 1e-9);
+  RigSight trial = lost_;
+  trial.on_trial = true;
+  EXPECT_EQ(after(commander, trial, 1000ms).mode, RigMode::kLock);   // as long as it takes
+  EXPECT_EQ(after(commander, lost_, 500ms).mode, RigMode::kSearch);  // it failed
+  commander.try_place(time());
+  (void)after(commander, trial, 100ms);
+  EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kFollow);
+  EXPECT_EQ(commander.counts().searches, 1);
+  EXPECT_EQ(commander.counts().candidates, 2);
+}
+
+TEST_F(Commander, NeutralLeavesTheCameraToTheWearerAndSearchHoldsWhatItFinds) {
+  RigCommander neutral = make(RigAim::kNeutral);
+  EXPECT_EQ(after(neutral, lost_, 1000ms).mode, RigMode::kNeutral);
+  neutral.try_place(time());
+  EXPECT_EQ(after(neutral, lost_, 100ms).mode, RigMode::kNeutral);
+  RigCommander search = make(RigAim::kSearch);
+  EXPECT_EQ(after(search, lost_, 50ms).mode, RigMode::kSearch);
+  orders_ = 0;
+  EXPECT_EQ(after(search, tracked_, 500ms).mode, RigMode::kLock);
+  EXPECT_EQ(orders_, 1);
+}
+
+TEST_F(Commander, ASightingIsToldWithTheStampOfItsPictureAndIsNoNewOrder) {
+  RigCommander commander = make(RigAim::kFixate);
+  EXPECT_EQ(after(commander, tracked_, 100ms).target.norm(), 0);
+  orders_ = 0;
+  RigSight sight = tracked_;
+  sight.target = Vector3d(0.1, 0, 2);
+  const auto order = after(commander, sight, 200ms);
+  EXPECT_EQ(order.target, *sight.target);
+  EXPECT_EQ(order.seen.nanoseconds, (now_ - 10ms).time_since_epoch().count());
+  EXPECT_EQ(orders_, 0);
+}
+
+TEST_F(Commander, AStopIsSaidUntilItIsObeyedAndNothingMovesUntilSomebodyWantsIt) {
+  RigCommander commander = make(RigAim::kLock);
+  EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kLock);
+  commander.stop();
+  EXPECT_EQ(step(commander)->mode, RigMode::kStop);
+  EXPECT_EQ(after(commander, tracked_, 2000ms).mode, RigMode::kIdle);
+  EXPECT_THAT(commander.describe(now_), HasSubstr("EMERGENCY STOP"));
+  commander.clear();
+  EXPECT_EQ(step(commander)->mode, RigMode::kClearStop);
+  EXPECT_EQ(after(commander, lost_, 2000ms).mode, RigMode::kIdle);
+  commander.want(RigAim::kFollow);
+  EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kFollow);
+  rig_.stopped = true;  // by somebody else, who clears it too
+  (void)after(commander, tracked_, 100ms);
+  rig_.stopped = false;
+  EXPECT_EQ(after(commander, tracked_, 2000ms).mode, RigMode::kIdle);
+}
+
+TEST_F(Commander, WhatIsRefusedIsToldAndTriedAgainAndAFaultWaitsForAPerson) {
+  RigCommander commander = make(RigAim::kLock);
+  (void)after(commander, tracked_, 100ms);
+  rig_.refusal = "the rig is commanded by operator-1";
+  orders_ = 0;
+  (void)after(commander, tracked_, 3000ms);
+  EXPECT_THAT(commander.describe(now_), HasSubstr("commanded by operator-1"));
+  EXPECT_GE(orders_, 2);
+  EXPECT_LE(orders_, 4);
+  rig_.refusal = {};
+  rig_.axes[0].fault = 3;
+  rig_.axes[0].condition = RigAxisCondition::kFaulted;
+  rig_.drives_idle = true;
+  rig_.trouble = "pan does not follow";
+  orders_ = 0;
+  (void)after(commander, tracked_, 3000ms);
+  EXPECT_EQ(orders_, 0);
+  EXPECT_THAT(commander.describe(now_), HasSubstr("pan does not follow"));
+}
+
+TEST_F(Commander, AtTheEndTheDrivesAreLetGo) {
+  RigCommander commander = make(RigAim::kLock);
+  (void)after(commander, tracked_, 100ms);
+  commander.close();
+  EXPECT_FALSE(commander.is_over());
+  EXPECT_EQ(step(commander)->mode, RigMode::kIdle);
+  (void)step(commander);
+  EXPECT_TRUE(commander.is_over());
+}
+
+}  // namespace
+}  // namespace cairn
