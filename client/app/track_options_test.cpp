@@ -48,6 +48,18 @@ TEST(TrackOptions, DefaultsAreThoseOfTheContract) {
   EXPECT_FALSE(options.trajectory || options.stats || options.video);
 }
 
+TEST(TrackOptions, ARigIsCommandedInRealTime) {
+  EXPECT_EQ(good({}).rig, "");
+  const auto options = good({"--rig", "shoulder", "--rig-mode", "fixate", "--fixate", "kettle"});
+  EXPECT_EQ(options.rig, "shoulder");
+  EXPECT_EQ(options.rig_aim, RigAim::kFixate);
+  EXPECT_EQ(options.fixated_label, "kettle");
+  EXPECT_EQ(good({"--rig", "shoulder"}).rig_aim, RigAim::kFollow);
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--pace", "lockstep"}), HasSubstr("realtime"));
+  EXPECT_THAT(wrong({"--rig", "Shoulder!"}), HasSubstr("Shoulder!"));
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--rig-mode", "dance"}), HasSubstr("dance"));
+}
+
 TEST(TrackOptions, LabelsArePlacedByABuilderWithoutAWindow) {
   EXPECT_EQ(good({"--headless", "--labels", "l.txt"}).labels, "l.txt");
   EXPECT_FALSE(good({"--headless"}).labels);

@@ -88,6 +88,25 @@ TEST_F(ControlsTest, ATouchAndATextAskForALabelAtThatPlace) {
   EXPECT_THAT(controls_.take_wishes().requests, IsEmpty()) << "once";
 }
 
+TEST_F(ControlsTest, TheKeysOfARigAreThereWhereThereIsOne) {
+  press(" s");
+  EXPECT_FALSE(controls_.take_wishes().rig);
+  ViewerOptions options;
+  options.has_rig = true;
+  ViewerControls of_rig(camera_, options);
+  for (const auto& [key, wish] : {std::pair{' ', RigKey::kStop},
+                                  {'c', RigKey::kClear},
+                                  {'a', RigKey::kNeutral},
+                                  {'w', RigKey::kFollow},
+                                  {'l', RigKey::kLock},
+                                  {'t', RigKey::kFixate},
+                                  {'s', RigKey::kSearch}}) {
+    of_rig.press(key, now_);
+    EXPECT_EQ(of_rig.take_wishes().rig, wish) << key;
+  }
+  EXPECT_FALSE(of_rig.take_wishes().rig);
+}
+
 TEST_F(ControlsTest, KeysAreLettersWhileATextIsTyped) {
   touch(328, 216);
   press("qnf");
