@@ -38,7 +38,7 @@ struct FrameReport {
   std::chrono::nanoseconds cpu{};   ///< processor time of all work on the frame
   std::chrono::nanoseconds wall{};  ///< from when the frame was due (realtime) or taken up to its pose
   CameraPtr camera;                 ///< it was tracked with, found out since the start; null: as at the start
-  std::string rig;                  ///< what the rig does that carries the camera, for a person; empty: none
+  std::string rig = {};             ///< what the rig does that carries the camera, for a person; empty: none
 };
 
 struct DroppedReport {
