@@ -49,7 +49,7 @@ void Recovery::begin_verifying(const PoseStart& start, Timestamp time) {
   state_ = trial;
 }
 
-bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time) {
+bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time, bool is_leap) {
   if (auto* trial = std::get_if<Verifying>(&state_)) {
     trial->quality = quality;
     --trial->frames_left;
@@ -57,7 +57,7 @@ bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time) 
     if (trial->is_out_of_reach) path_.clear();
   }
   state_ = Tracking{quality};
-  path_.add(pose, time);
+  if (!is_leap) path_.add(pose, time);
   proven_time_ = time;
   question_.prove();
   return true;

@@ -125,8 +125,9 @@ class Recovery {
   void begin_verifying(const PoseStart& start, Timestamp time);
   /// The frame shows the map from `pose`, with this share found. True when the pose is to be published: at
   /// once while tracking; of one that is verified, when enough frames have confirmed it and the server does
-  /// not say otherwise.
-  [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time);
+  /// not say otherwise. `is_leap`: it is farther from where it was expected than a hand moves a camera, and
+  /// so says nothing of how this camera moves.
+  [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time, bool is_leap = false);
   /// It does not, but how the camera has turned since it was tracked is known.
   void turn_away();
   /// It does not, and the `frame` before did if none has failed since.
@@ -140,7 +141,7 @@ class Recovery {
   // Where the camera may be.
 
   /// A frame begins: the poses for it are named from the first on. Those of a lost camera are all that is
-  /// known; while it was tracked until now, one frame that fails is tried where others say only. `mean_depth`
+  /// known; while it was tracked until now, one frame that fails is tried where others say only. `near_depth`
   /// [map unit] of what is nearest of what was seen last.
   void begin_frame(const MapSnapshot& map, double near_depth, Timestamp time);
   /// Whether the camera can have got there since it was tracked, as far as is known.

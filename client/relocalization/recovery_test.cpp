@@ -177,6 +177,21 @@ TEST_F(RecoveryOnTheWay, WhereItWentOnToComesFirstAndWhatIsOutOfReachLast) {
   EXPECT_FALSE(recovery.is_reachable(all.back().camera_from_map)) << "the memory, home";
 }
 
+TEST_F(RecoveryOnTheWay, ALeapSaysNothingOfHowTheCameraMoves) {
+  constexpr bool kIsLeap = true;
+  const SE3 astray = looking_down(3, 0.4);
+  recovery.start_over(false);
+  for (int i = 0; i <= 30; ++i) {
+    const SE3 pose = looking_down(0.02 * i, i % 2 == 0 ? 0.001 : 0);
+    EXPECT_TRUE(recovery.confirm(0.6F, {map->map, here.reference, pose * home.inverse()}, at(33 * i)));
+  }
+  EXPECT_TRUE(
+      recovery.confirm(0.6F, {map->map, here.reference, astray * home.inverse()}, at(33 * 31), kIsLeap));
+  recovery.begin_frame(*map, 1.0, at(33 * 36));
+  EXPECT_TRUE(recovery.is_reachable(went_on_to));
+  EXPECT_FALSE(recovery.is_reachable(astray));
+}
+
 TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoWitness) {
   const auto near = recovery.believe(own, {went_on_to, 60, 0.3F}, at(33 * 36));
   ASSERT_TRUE(near);

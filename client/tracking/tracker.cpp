@@ -427,7 +427,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
   flow.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
   near_depth = finder.near_depth().value_or(near_depth);
-  if (recovery.confirm(found.evidence.quality, latest, time)) {
+  if (recovery.confirm(found.evidence.quality, latest, time, found.evidence.is_leap)) {
     publish(found, time);
     return;
   }
