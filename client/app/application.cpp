@@ -279,6 +279,7 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
+  ImuStreamPtr imu;   ///< of the camera; may be null
   bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
@@ -298,7 +299,7 @@ struct Run {
 Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSignals& signals) {
   auto source = open_source(options.source);
   if (!source) return tl::unexpected(source.error());
-  tell_notes(**source, log);
+  tell_notes((**source).notes(), log);
   const auto chosen = choose_camera(options, **source);
   if (!chosen) return tl::unexpected(chosen.error());
   const CameraPtr& camera = chosen->camera;
@@ -306,6 +307,9 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
     return tl::unexpected(status.error());
   if (auto status = check_picture_size(**source, camera->parameters()); !status)
     return tl::unexpected(status.error());
+  auto imu = open_imu(options.source, **source, options.imu);
+  if (!imu) return tl::unexpected(imu.error());
+  tell_notes(imu->notes, log);
   Result<std::vector<TimedLabel>> labels;
   if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
   if (!labels) return tl::unexpected(labels.error());
@@ -326,6 +330,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              log,
              signals,
              camera,
+             std::move(imu->stream),
              keeps_camera,
              std::move(ahead),
              std::move(*session),
@@ -378,6 +383,7 @@ int track(Run& run) {
   auto outputs = RunOutputs::open(run.options, run.camera, stop, run.log);
   if (!outputs) return report_error(outputs.error(), run.log);
   TrackerAdapter tracker(run.camera, tracker_options(run.options));
+  if (run.imu) tracker.use_imu(run.imu->mount());
   SessionAdapter link(*run.session);
   SteadyClock clock;
   RunStats stats(run.options.stats ? RunStats::FrameList::kKept : RunStats::FrameList::kLeftOut);
@@ -402,6 +408,7 @@ int track(Run& run) {
   loop_options.pace = run.options.pace;
   loop_options.width = run.camera->width();
   loop_options.height = run.camera->height();
+  loop_options.imu = run.imu.get();
   loop_options.make_maps = run.options.makes_maps();
   loop_options.lost_patience = std::chrono::seconds(run.options.lost_patience);
   loop_options.new_map_requested = [&run] { return run.new_map_requested(); };

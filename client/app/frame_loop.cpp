@@ -88,6 +88,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   const auto snapshot = link_.snapshot();
   deliver_replies();
   take_camera(snapshot);
+  add_samples(frame.time);
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
   settle_trial(result);
@@ -124,6 +125,13 @@ void FrameLoop::handle(const UndecodableFrame& undecodable) {
   last_undecodable_ = undecodable.reason;
   notify(&FrameObserver::on_undecodable, UndecodableReport{frames_seen_, undecodable.reason});
   ++frames_seen_;
+}
+
+void FrameLoop::add_samples(Timestamp time) {
+  if (options_.imu == nullptr) return;
+  samples_.clear();
+  options_.imu->take(time, &samples_);
+  tracker_.add_samples(samples_);
 }
 
 void FrameLoop::deliver_replies() {

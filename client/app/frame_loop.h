@@ -12,6 +12,7 @@
 #include "client/app/pacer.h"
 #include "client/app/ports.h"
 #include "client/app/stats.h"
+#include "client/inertial/imu_stream.h"
 #include "common/base/result.h"
 
 namespace cairn {
@@ -20,6 +21,8 @@ struct FrameLoopOptions {
   Pace pace = Pace::kRealtime;
   int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
+  /// Of the camera's IMU, whose mount the tracker knows; null: it has none. Outlives the loop.
+  ImuStream* imu = nullptr;
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
   /// Lost where no map is known, by the frames' stamps, after which another map is begun.
   std::chrono::nanoseconds lost_patience = std::chrono::seconds(1);
@@ -55,6 +58,7 @@ class FrameLoop {
   void deliver_place(const PlaceAnswer& answer);
   /// Whether the tracker will.
   [[nodiscard]] bool try_place(const PlaceAnswer& answer);
+  void add_samples(Timestamp time);
   void settle_trial(const FrameResult& result);
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
@@ -77,6 +81,7 @@ class FrameLoop {
   const std::vector<FrameObserver*> observers_;
   std::function<bool()> stop_requested_ = [] { return false; };  ///< of run()
   StageClock stages_;
+  std::vector<ImuSample> samples_;  ///< for a frame
   size_t frames_seen_ = 0;
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;

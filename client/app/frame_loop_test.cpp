@@ -116,6 +116,23 @@ TEST(FrameLoop, FramesGoThroughTrackerAndStateIsPublishedForEach) {
   EXPECT_THAT(rig.link.sent, IsEmpty());
 }
 
+TEST(FrameLoop, EachFrameComesWithTheSamplesThatItNeeds) {
+  std::vector<ImuSample> samples;
+  for (int i = 0; i < 100; ++i)
+    samples.push_back({at_ms(10 * i), Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()});
+  ImuRecording imu({}, samples);
+  Rig rig({starting, starting, starting});
+  rig.options.imu = &imu;
+  ASSERT_TRUE(rig.run());
+  ASSERT_EQ(rig.tracker.sample_counts.size(), 3U);
+  const size_t all =
+      rig.tracker.sample_counts[0] + rig.tracker.sample_counts[1] + rig.tracker.sample_counts[2];
+  EXPECT_EQ(all,
+            static_cast<size_t>((rig.tracker.times.back() - at_ms(0)) / std::chrono::milliseconds(10) + 1 +
+                                ((rig.tracker.times.back() - at_ms(0)) % std::chrono::milliseconds(10) !=
+                                 std::chrono::milliseconds(0))));
+}
+
 TEST(FrameLoop, AFrameIsReportedWithTheLabelsOfItsMap) {
   Rig rig({starting, tracking});
   auto map = std::make_shared<MapSnapshot>();

@@ -32,8 +32,8 @@ std::string map_text(const FrameReport& report) {
 
 }  // namespace
 
-void tell_notes(const FrameSource& source, const Logger& log) {
-  for (const SourceNote& note : source.notes())
+void tell_notes(const std::vector<SourceNote>& notes, const Logger& log) {
+  for (const SourceNote& note : notes)
     log->log(note.is_warning ? spdlog::level::warn : spdlog::level::info, "{}", note.text);
 }
 
@@ -45,6 +45,7 @@ void Narrator::on_frame(const FrameReport& report) {
   tell_map(report);
   tell_tracking(report);
   tell_rig(report);
+  tell_imu(report.result.imu);
   map_seen_ = map_seen_ || report.snapshot;
   if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
   seed_waits_ = seed_waits_ || report.result.seed;
@@ -189,6 +190,20 @@ void Narrator::on_start_over(const StartOverReport& report) {
   map_ = {};
   lost_since_.reset();
   looks_for_place_ = false;
+}
+
+/// A gap of a frame or two is nothing to be told; a gyro that is not used, and why, is.
+void Narrator::tell_imu(ImuUse imu) {
+  if (imu == imu_ || imu == ImuUse::kMissing) return;
+  if (imu == ImuUse::kContradicts) {
+    log_->warn(
+        "frame {}: the IMU turns otherwise than the pictures do, and is not used: check --imu-mount, "
+        "--imu-time-offset and that its rates are rad/s",
+        number_);
+  } else if (imu_ == ImuUse::kContradicts) {
+    log_->info("frame {}: the IMU turns as the pictures do again, and is used", number_);
+  }
+  imu_ = imu;
 }
 
 void Narrator::finish() {

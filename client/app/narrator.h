@@ -16,7 +16,7 @@
 namespace cairn {
 
 /// Tells what was noticed when a source was opened.
-void tell_notes(const FrameSource& source, const Logger& log);
+void tell_notes(const std::vector<SourceNote>& notes, const Logger& log);
 
 /// Tells a person on stderr what happens: maps started, tracking lost and found, the server's verdicts with
 /// their reasons, the server gone and back; and once a second how far the run is. On a terminal the progress
@@ -49,6 +49,7 @@ class Narrator final : public FrameObserver {
   void tell_map(const FrameReport& report);
   void tell_tracking(const FrameReport& report);
   void tell_rig(const FrameReport& report);
+  void tell_imu(ImuUse imu);
   void show_progress(const FrameReport& report);
 
   enum class CameraWord : uint8_t { kMayBe, kKnown, kCannotBeKnown };
@@ -68,7 +69,8 @@ class Narrator final : public FrameObserver {
   bool map_seen_ = false;                        ///< tracked in or not
   CameraWord camera_word_ = CameraWord::kMayBe;  ///< the last one said
   bool unsettled_ = false;
-  bool seed_waits_ = false;  ///< for the server's verdict
+  ImuUse imu_ = ImuUse::kNone;  ///< the last one said
+  bool seed_waits_ = false;     ///< for the server's verdict
   std::string why_no_map_;
   std::string server_text_;
   std::string rig_;  ///< as said last, without its numbers

@@ -81,6 +81,7 @@ class ScriptedTracker final : public TrackingEngine {
     probe->end(Stage::kPose);
     return result_;
   }
+  void add_samples(std::span<const ImuSample> samples) override { sample_counts.push_back(samples.size()); }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
@@ -101,6 +102,7 @@ class ScriptedTracker final : public TrackingEngine {
 
   PlaceUse use_of_places = PlaceUse::kTried;
 
+  std::vector<size_t> sample_counts;
   std::vector<Timestamp> times;
   std::vector<MapSnapshotPtr> snapshots;
   std::vector<std::string> words;

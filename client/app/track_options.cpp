@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cctype>
 #include <charconv>
+#include <cmath>
 #include <map>
 #include <utility>
 
@@ -65,6 +66,8 @@ struct Words {
   std::string video;
   std::string labels;
   std::string rig_mode = "follow";
+  std::string imu;
+  std::optional<double> imu_time_offset;
   bool verbose = false;
   bool quiet = false;
 };
@@ -94,6 +97,20 @@ void declare(CLI::App& app, Words& words) {
          "out while the map grows, from nothing or from a rough FILE. A FILE without distortion is believed "
          "to 0.5 % and refined so; exact:FILE takes it as it is [what lies beside the source, else auto]")
       ->type_name("FILE|auto|auto:FILE|exact:FILE");
+  app.add_option(
+         "--imu", words.imu,
+         "samples of the IMU on the camera, rows `time wx wy wz ax ay az` [ns or s, rad/s, m/s^2], or a "
+         "folder as EuRoC's imu0 [what lies beside the pictures of euroc: and tum:]")
+      ->type_name("FILE|DIR");
+  app.add_option(
+         "--imu-mount", words.options.imu.mount,
+         "how the IMU sits: the quaternion that turns its axes to the camera's, or a file that says so: "
+         "Kalibr's camchain (T_cam_imu), the camera's sensor.yaml (T_BS) [sensor.yaml of euroc:]")
+      ->type_name("QX,QY,QZ,QW|FILE");
+  app.add_option("--imu-time-offset", words.imu_time_offset,
+                 "what is added to the IMU's times for the camera's [Kalibr's, else 0]")
+      ->check(CLI::Range(-1e9, 1e9))
+      ->type_name("SECONDS");
   app.add_option("--save-calibration", words.saved_calibration,
                  "where a camera that was found out is written [cairn-camera-NAME.yaml]")
       ->type_name("FILE");
@@ -196,6 +213,9 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (options.labels && options.reader) return usage("--labels: a reader places no labels");
   if (options.labels && !options.headless)
     return usage("--labels: only with --headless; in the window, point and type");
+  options.imu.samples = path_or_nothing(words.imu);
+  if (words.imu_time_offset)
+    options.imu.clock_offset = std::chrono::nanoseconds(std::llround(1e9 * *words.imu_time_offset));
   options.pace = kPaces.at(words.pace);
   options.rig_aim = kRigAims.at(words.rig_mode);
   if (!options.rig.empty() && options.pace != Pace::kRealtime)

@@ -11,6 +11,7 @@
 
 #include "client/app/pacer.h"
 #include "client/app/parse_exit.h"
+#include "client/capture/imu_source.h"
 #include "client/rig/commander.h"
 
 namespace cairn {
@@ -43,7 +44,8 @@ struct TrackOptions {
   std::string rig;                              ///< name of the rig that carries the camera; empty: none
   RigAim rig_aim = RigAim::kFollow;
   std::string fixated_label;  ///< text; empty: what is in the middle of the picture
-  int verbosity = 0;          ///< as make_logger()
+  ImuRequest imu;
+  int verbosity = 0;  ///< as make_logger()
 
   [[nodiscard]] bool makes_maps() const { return !reader && !no_new_maps; }
 };

@@ -116,6 +116,15 @@ TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
   EXPECT_EQ(options.verbosity, 1);
 }
 
+TEST(TrackOptions, AnImuIsNamedWithHowItSits) {
+  const auto options = good({"--imu", "imu.csv", "--imu-mount", "0,0,0,1", "--imu-time-offset", "-0.0125"});
+  EXPECT_EQ(options.imu.samples, "imu.csv");
+  EXPECT_EQ(options.imu.mount, "0,0,0,1");
+  EXPECT_EQ(options.imu.clock_offset, std::chrono::nanoseconds(-12'500'000));
+  EXPECT_FALSE(good({}).imu.samples || good({}).imu.clock_offset);
+  EXPECT_THAT(wrong({"--imu-time-offset", "soon"}), HasSubstr("--imu-time-offset"));
+}
+
 TEST(TrackOptions, AnUnknownOptionNamesTheNearestOne) {
   EXPECT_THAT(wrong({"--pcae", "max"}), HasSubstr("--pace"));
   EXPECT_THAT(wrong({"--trajektory=t.txt"}), HasSubstr("--trajectory"));

@@ -7,8 +7,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+#include "client/inertial/imu_stream.h"
 #include "common/base/result.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
@@ -45,6 +47,12 @@ class FrameSource {
   [[nodiscard]] virtual std::optional<CameraParameters> builtin_calibration() const { return std::nullopt; }
   /// Size of its frames, where it can tell without reading frames.
   [[nodiscard]] virtual std::optional<PictureSize> picture_size() const { return std::nullopt; }
+  /// Of its first and its last frame, where it can tell without reading frames.
+  [[nodiscard]] virtual std::optional<std::pair<Timestamp, Timestamp>> time_span() const {
+    return std::nullopt;
+  }
+  /// The samples of the IMU on its camera, for once; null where it has none of its own.
+  [[nodiscard]] virtual ImuStreamPtr take_imu() { return nullptr; }
   /// For a person: what it is, without frames being read.
   [[nodiscard]] virtual std::string describe() const = 0;
   /// What was noticed when it was opened.

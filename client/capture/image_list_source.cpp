@@ -57,6 +57,11 @@ class ImageListSource final : public FrameSource {
     return Frame{index, list_.times[index], std::make_shared<const GrayImage>(std::move(*image))};
   }
   std::optional<size_t> frame_count() const override { return list_.paths.size(); }
+  std::optional<std::pair<Timestamp, Timestamp>> time_span() const override {
+    if (list_.times.empty()) return std::nullopt;
+    const auto [first, last] = std::minmax_element(list_.times.begin(), list_.times.end());
+    return std::pair(*first, *last);
+  }
   std::optional<PictureSize> picture_size() const override { return sample_.size; }
   std::vector<SourceNote> notes() const override { return list_.notes; }
   std::string describe() const override {

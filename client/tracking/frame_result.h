@@ -66,6 +66,14 @@ struct TrailLine {
   Eigen::Vector2f now = Eigen::Vector2f::Zero();
 };
 
+/// What a frame had of the camera's IMU.
+enum class ImuUse : uint8_t {
+  kNone,         ///< there is none
+  kUsed,         ///< how the camera turned since the frame before
+  kMissing,      ///< nothing: its samples leave a gap there
+  kContradicts,  ///< nothing: its gyro turns otherwise than the pictures do
+};
+
 struct FrameResult {
   TrackingState state = TrackingState::kStarting;
   bool pose_measured = false;  ///< the pose comes from points measured in this frame
@@ -88,6 +96,7 @@ struct FrameResult {
   /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a question is
   /// under way.
   std::shared_ptr<const PlaceView> place_question;
+  ImuUse imu = ImuUse::kNone;
   std::string note;  ///< for the status line: why there is no map yet, why it is lost
 };
 

@@ -27,6 +27,12 @@ SE3 MotionModel::predicted_step(Timestamp time) const {
   return SE3::exp(scaled_step(velocity_, seconds_between(time, time_)));
 }
 
+SE3 MotionModel::predicted_step(Timestamp time, const SE3& turn) const {
+  Vector6d step = scaled_step(velocity_, seconds_between(time, time_));
+  step.tail<3>() = so3_log(turn.rotation());
+  return SE3::exp(step);
+}
+
 bool MotionModel::is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
                           double mean_depth) const {
   const double seconds = std::max(kShortestStep, seconds_between(time, time_));
@@ -93,6 +99,23 @@ SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera
     correction = so3_exp(normal.ldlt().solve(gradient)) * correction;
   }
   return SE3(correction, Eigen::Vector3d::Zero()) * predicted_step;
+}
+
+SE3 correct_translation(const SE3& step, const TinyMotion& seen, const Camera& camera, double mean_depth) {
+  if (!std::isfinite(seen.score)) return step;
+  constexpr int kTinyLevel = kPyramidLevels;
+  const Eigen::Vector2f center((static_cast<float>(camera.width() >> kTinyLevel) - 1.0F) / 2.0F,
+                               (static_cast<float>(camera.height() >> kTinyLevel) - 1.0F) / 2.0F);
+  const auto full_pixel = [](const Eigen::Vector2f& tiny) {
+    return Eigen::Vector2d(from_level(tiny.x(), kTinyLevel), from_level(tiny.y(), kTinyLevel));
+  };
+  const Eigen::Vector3d moved = step * (mean_depth * camera.unproject(full_pixel(center)));
+  Matrix23d jacobian;
+  const auto pixel = camera.project(moved, &jacobian);
+  if (!pixel) return step;
+  const Eigen::Vector2d off = full_pixel(center + seen.shift) - *pixel;
+  const Eigen::Vector2d across = jacobian.leftCols<2>().inverse() * off;
+  return SE3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(across.x(), across.y(), 0)) * step;
 }
 
 }  // namespace cairn

@@ -16,6 +16,8 @@ class MotionModel {
  public:
   /// Camera motion from the last pose to `time`, by the velocity.
   [[nodiscard]] SE3 predicted_step(Timestamp time) const;
+  /// The same with a turn that is known (of the camera, now from before) and not foretold.
+  [[nodiscard]] SE3 predicted_step(Timestamp time, const SE3& turn) const;
   /// Whether the camera is farther from where it was predicted to be at `time` than a hand can have moved it
   /// since the last pose. `mean_depth` [map unit] of what it looks at.
   [[nodiscard]] bool is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
@@ -47,5 +49,10 @@ class MotionModel {
 /// PTAM r114).
 [[nodiscard]] SE3 correct_step(const SE3& predicted_step, const TinyMotion& seen, const Camera& camera,
                                double mean_depth);
+
+/// Corrects a camera step whose turn is known by what the tiny images saw: adds the translation across the
+/// view that makes a point at `mean_depth` in the middle move as `seen` says.
+[[nodiscard]] SE3 correct_translation(const SE3& step, const TinyMotion& seen, const Camera& camera,
+                                      double mean_depth);
 
 }  // namespace cairn

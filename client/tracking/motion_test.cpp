@@ -51,6 +51,30 @@ TEST(MotionModel, TurnsOfMissedFramesAddUp) {
   EXPECT_NEAR(so3_log(model.last().rotation()).y(), 0.15, 1e-12);
 }
 
+TEST(MotionModel, AKnownTurnTakesThePlaceOfTheForetoldOne) {
+  MotionModel model;
+  model.reset(SE3(), {0});
+  model.measured(SE3::exp((Vector6d() << 0.01, 0, 0, 0, 0.02, 0).finished()), {kFrame});
+  const SE3 turn(so3_exp({0.1, 0, -0.2}), Eigen::Vector3d::Zero());
+  const SE3 step = model.predicted_step({2 * kFrame}, turn);
+  EXPECT_TRUE(step.rotation().isApprox(turn.rotation()));
+  EXPECT_GT(step.translation().norm(), 0.002);
+}
+
+TEST(CorrectTranslation, APointInTheMiddleMovesAsSeenAndTheTurnStays) {
+  const CameraPtr camera = *make_camera({CameraModel::kPinholeRadtan, 640, 480, {525, 525, 319.5, 239.5}});
+  constexpr double kDepth = 2;
+  const SE3 step(so3_exp({0.02, -0.05, 0.1}), {0.01, 0, 0.02});
+  TinyMotion seen;
+  seen.shift = {2, -1};  // tiny px
+  const SE3 moved = correct_translation(step, seen, *camera, kDepth);
+  EXPECT_TRUE(moved.rotation().isApprox(step.rotation()));
+  const Eigen::Vector2d center(319.5, 239.5);
+  const auto pixel = camera->project(moved * (kDepth * camera->unproject(center)));
+  ASSERT_TRUE(pixel);
+  EXPECT_LT((*pixel - center - Eigen::Vector2d(32, -16)).norm(), 2);
+}
+
 TEST(MotionModel, ALeapIsWhatNoHandCanDo) {
   constexpr double kDepth = 0.5;
   MotionModel model;

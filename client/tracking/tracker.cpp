@@ -10,17 +10,17 @@
 #include "client/tracking/evidence.h"
 #include "client/tracking/exposure.h"
 #include "client/tracking/flow_prior.h"
+#include "client/tracking/gyro_prior.h"
 #include "client/tracking/keyframe_policy.h"
 #include "client/tracking/local_map.h"
+#include "client/tracking/map_growth.h"
 #include "client/tracking/motion.h"
 #include "client/tracking/pose_finder.h"
 #include "client/tracking/provisional_points.h"
 #include "client/tracking/still_regions.h"
 #include "client/tracking/trail_pose.h"
 #include "client/tracking/trails.h"
-#include "common/geometry/view_span.h"
 #include "common/image/frame_images.h"
-#include "common/image/known_area.h"
 
 namespace cairn {
 namespace {
@@ -60,6 +60,7 @@ struct Tracker::State {
   PoseFinder finder;
   FlowPrior flow;
   ProvisionalPoints provisional;
+  int in_sight = 0;      ///< points of the map that the frame should show, from where it is expected
   int frames_held = 0;   ///< by what is provisional alone, since the map was seen last
   int frames_blind = 0;  ///< by the small images alone, since something was followed
   KeyframePolicy keyframes;
@@ -69,6 +70,7 @@ struct Tracker::State {
   std::vector<uint64_t> counted;               ///< points of the local map since the frame before
   uint64_t proposals = 0;
   MotionModel model;
+  GyroPrior gyro;
   StillRegions still;
   int frames_unlearnt = 0;  ///< since it learnt last
 
@@ -118,8 +120,10 @@ struct Tracker::State {
   [[nodiscard]] Attempt search_otherwise();
   [[nodiscard]] SearchEffort expected_effort() const;
   [[nodiscard]] SearchEffort effort_of(PoseStart::Reach reach) const;
-  /// How the camera turned since the frame before, by the small images.
-  [[nodiscard]] SE3 turned() const { return correct_step(SE3(), seen, *camera, mean_depth); }
+  /// Since the frame before, by the small images, or by the gyro where these have nothing in common.
+  [[nodiscard]] SE3 turned() const {
+    return gyro.turn() && is_cut ? *gyro.turn() : correct_step(SE3(), seen, *camera, mean_depth);
+  }
 
   void track(Timestamp time);
   void look_for_camera(Timestamp time);
@@ -129,10 +133,8 @@ struct Tracker::State {
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
   void publish(const Attempt& found, Timestamp time);
-  [[nodiscard]] bool widens_map() const;
   void propose_keyframe(Timestamp time);
   void map_locally(Timestamp time, KeyframeProposal* proposal);
-  [[nodiscard]] bool shows_new_area();
   void report_search();
   void learn_still();
 };
@@ -152,6 +154,7 @@ void Tracker::State::begin_frame(const GrayImagePtr& image, Timestamp time, Stag
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
   if (has_previous) exposure.next_frame(seen, seconds_between(time, frame_time), &now());
   frame_time = time;
+  gyro.next_frame(time);
   likeness = has_previous ? tiny_correlation(previous().tiny, now().tiny, seen) : -1;
   is_cut = has_previous && !(likeness >= kSameView);
 }
@@ -293,12 +296,18 @@ SearchEffort Tracker::State::expected_effort() const {
 }
 
 /// From where the velocity and the small image expect the camera; where it is not found, twice as far about
-/// where the small image alone does.
+/// where the small image alone does; then turned as the gyro says, and moved where that leaves it to be.
 Tracker::State::Attempt Tracker::State::search_by_motion(Timestamp time) {
-  const SE3 expected = correct_step(model.predicted_step(time), seen, *camera, mean_depth) * model.last();
+  const SE3 by_images = correct_step(model.predicted_step(time), seen, *camera, mean_depth);
+  const SE3 by_gyro = gyro.turn() ? model.predicted_step(time, *gyro.turn()) : by_images;
+  const SE3 expected = (is_cut ? by_gyro : by_images) * model.last();
   Attempt found = attempt(expected, expected_effort());
+  in_sight = finder.attempted();
   if (found.evidence.share == PoseVerdict::kBad)
     found = attempt(turned() * model.last(), wide_effort(options));
+  if (found.evidence.share == PoseVerdict::kBad && gyro.turn() && !is_cut)
+    found =
+        attempt(correct_translation(by_gyro, seen, *camera, mean_depth) * model.last(), wide_effort(options));
   // Who comes back expects the camera degrees away from where it is: what is in sight, and how it looks, is
   // judged anew from the pose found.
   if (found.pose && recovery.as<Turned>() != nullptr) found = attempt(*found.pose, normal_effort(options));
@@ -358,9 +367,9 @@ void Tracker::State::look_for_camera(Timestamp time) {
   }
 }
 
-/// The camera was not found; it is expected where the small image says that it has turned to.
+/// The camera was not found; it is expected where it has turned to.
 void Tracker::State::miss(Timestamp time, std::string why) {
-  model.missed(turned());
+  model.missed(recovery.is_lost() && gyro.turn() ? *gyro.turn() : turned());
   flow.missed();
   recovery.lose_sight(previous());
   recovery.fail(is_cut, time);
@@ -381,6 +390,7 @@ bool Tracker::State::hold(Timestamp time) {
       expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, near_depth);
   if (!held) return hold_blindly();
   frames_blind = 0;
+  gyro.seen();
   ++frames_held;
   measured(held->camera_from_map, time);
   flow.missed();
@@ -396,15 +406,17 @@ bool Tracker::State::hold(Timestamp time) {
   return true;
 }
 
-/// Smeared by a quick turn, the frame shows nothing that could be followed; how far it turned, the small
-/// images say.
+/// Smeared by a quick turn, or blank, the frame shows nothing that could be followed; how far it turned, the
+/// gyro says, or else the small images.
 bool Tracker::State::hold_blindly() {
-  if (frames_held == 0 || likeness < kSameTurn || frames_blind >= kBlind) return false;
+  const bool is_carried = in_sight < options.scarce_points && gyro.carries();
+  if (!is_carried && (frames_held == 0 || likeness < kSameTurn || frames_blind >= kBlind)) return false;
   ++frames_blind;
   ++frames_held;
-  model.missed(turned());
+  model.missed(is_carried ? *gyro.turn() : turned());
   flow.missed();
-  const Matrix6d covariance = kBlindSigma * kBlindSigma * Matrix6d::Identity();
+  const double sigma = is_carried ? gyro.blind_sigma() : kBlindSigma;
+  const Matrix6d covariance = sigma * sigma * Matrix6d::Identity();
   provisional.update(now(), {model.last(), covariance, PoseSupport::kRotation, mean_depth}, *map, {});
   recovery.turn_away();
   result.state = TrackingState::kRotation;
@@ -421,6 +433,9 @@ void Tracker::State::measured(const SE3& camera_from_map, Timestamp time) {
 }
 
 void Tracker::State::accept(const Attempt& found, Timestamp time) {
+  if (found.verdict == PoseVerdict::kGood && recovery.as<Tracking>() != nullptr)
+    gyro.tracked(*found.pose * model.last().inverse());
+  gyro.seen();
   measured(*found.pose, time);
   frames_held = 0;
   frames_blind = 0;
@@ -450,24 +465,12 @@ void Tracker::State::publish(const Attempt& found, Timestamp time) {
   propose_keyframe(time);
 }
 
-/// A young map needs the parallax that this frame has against its keyframes.
-bool Tracker::State::widens_map() const {
-  std::array<Eigen::Vector3d, kMostYoungViews> centers;
-  size_t count = 0;
-  for (const auto& block : map->keyframe_blocks) {
-    for (size_t slot = 0; slot < block->keyframes.size(); ++slot) {
-      if ((block->live >> slot & 1) == 0) continue;
-      if (count == centers.size()) return false;
-      centers[count++] = block->keyframes[slot].camera_from_map.center();
-    }
-  }
-  return widens_young_map(std::span(centers).first(count), model.last().center(), mean_depth);
-}
-
 void Tracker::State::propose_keyframe(Timestamp time) {
   if (!options.make_keyframes || map->find(latest.reference) == nullptr || !local.has_room(time)) return;
   const double distance = latest.camera_from_reference.center().norm() / mean_depth;
-  if (!keyframes.wants(finder.found(), distance, widens_map(), [this] { return shows_new_area(); })) return;
+  const auto is_new = [this] { return shows_new_area(now(), finder.points(), probe); };
+  const bool widens = widens_map(*map, model.last().center(), mean_depth);
+  if (!keyframes.wants(finder.found(), distance, widens, is_new)) return;
   KeyframeProposal proposal{map->map,
                             map->epoch,
                             map->revision,
@@ -499,19 +502,6 @@ void Tracker::State::map_locally(Timestamp time, KeyframeProposal* proposal) {
   if (const auto adjusted = local.adjust(camera)) proposal->camera_from_reference = *adjusted;
 }
 
-/// As the map maker judges it.
-bool Tracker::State::shows_new_area() {
-  const ScopedStage stage(probe, Stage::kCorners);
-  constexpr int kLevel = 1;
-  const GrayView& image = now().pyramid.level(kLevel);
-  KnownArea area(image.width, image.height);
-  for (const Candidate& c : find_candidates(image, now().corners(kLevel)))
-    area.add_corner(c.corner.x, c.corner.y);
-  for (const VisiblePoint& p : finder.points())
-    if (p.found) area.add_measurement(to_level(p.pixel.x(), kLevel), to_level(p.pixel.y(), kLevel));
-  return area.unknown_fraction() >= KnownArea::kNewAreaFraction;
-}
-
 void Tracker::State::report_search() {
   result.map = map->map;
   result.epoch = map->epoch;
@@ -531,6 +521,7 @@ void Tracker::State::end_frame(Timestamp time) {
   }
   learn_still();
   result.camera_from_map = model.last();
+  result.imu = gyro.use();
   has_previous = true;
 }
 
@@ -557,6 +548,14 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
   if (!s.recovery.is_starting() && map) s.locate(time, map);
   s.end_frame(time);
   return s.result;
+}
+
+void Tracker::use_imu(const ImuMount& mount) {
+  state_->gyro.use(mount);
+}
+
+void Tracker::add_samples(std::span<const ImuSample> samples) {
+  state_->gyro.add(samples);
 }
 
 void Tracker::use_camera(const CameraPtr& camera) {

@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 
+#include "client/inertial/imu_sample.h"
 #include "client/relocalization/pose_suggestion.h"
 #include "client/tracking/frame_result.h"
 #include "client/tracking/stage.h"
@@ -34,6 +36,11 @@ class Tracker {
   /// may need it. The result is valid until the next call.
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
+
+  /// The camera has an IMU; samples() are its, in order of time, each before the frame that needs it (up to
+  /// the first one after the frame's time).
+  void use_imu(const ImuMount& mount);
+  void add_samples(std::span<const ImuSample> samples);
 
   /// Other values of the same camera, from the next frame on: together with the revision that was made with
   /// them.

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <vector>
 
 #include "client/tracking/round_room.h"
 #include "client/tracking/tracker.h"
@@ -41,6 +43,67 @@ TEST(TurningAway, AwayFromTheMapOnlyTheRotationIsToldAndTheWayBackNeedsNoRelocal
     rotations += result.state == TrackingState::kRotation ? 1 : 0;
   }
   EXPECT_GT(rotations, kStill) << "the map does not reach there";
+}
+
+/// The camera turns to where nothing shows at all, stays there for two seconds and comes back. A gyro that is
+/// turned to the camera, with a bias.
+struct BlankTurn {
+  static constexpr int kStill = 40;  // frames
+  static constexpr int kTurn = 24;
+  static constexpr int kAway = 60;
+  static double yaw(double frame) {
+    const double going = std::min(frame - kStill, 2 * kTurn + kAway + kStill - frame) / kTurn;
+    return 80 * M_PI / 180 * (1 - std::cos(M_PI * std::clamp(going, 0.0, 1.0))) / 2;
+  }
+  static SE3 pose(double frame) { return {so3_exp({0, yaw(frame), 0}), Eigen::Vector3d::Zero()}; }
+  static bool is_blank(double frame) { return yaw(frame) > 55 * M_PI / 180; }
+
+  /// Lost frames; the greatest error of the rotation of those that are not is given back [rad].
+  static int lost(bool has_gyro, double* worst) {
+    const CameraPtr camera =
+        *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
+    const test::RoundRoom room(3, camera, 2);
+    const MapSnapshotPtr map = room.map_of(SE3());
+    Tracker tracker(camera, {});
+    const ImuMount mount{so3_exp({1.2, -0.4, 2.0}), {}};
+    if (has_gyro) tracker.use_imu(mount);
+    SeedAnswer answer;
+    answer.map = map->map;
+    answer.second_keyframe = KeyframeId{1};
+    tracker.seed_accepted(answer);
+    const auto blank = std::make_shared<const GrayImage>(320, 240);
+    int lost_frames = 0;
+    for (int i = 0; i < 2 * kStill + 2 * kTurn + kAway; ++i) {
+      std::vector<ImuSample> samples;
+      for (double t = i - 0.75; t <= i + 0.01; t += 0.25) {
+        ImuSample sample;
+        sample.time = Timestamp{static_cast<int64_t>(t * kFrameTime)};
+        // Camera from map by yaw(t) about y: the camera turns the other way round.
+        const Eigen::Vector3d rate(0, -(yaw(t + 0.01) - yaw(t - 0.01)) / (0.02 * kFrameTime * 1e-9), 0);
+        sample.rate = mount.camera_from_imu.conjugate() * (rate + Eigen::Vector3d(0.01, -0.01, 0.02));
+        samples.push_back(sample);
+      }
+      if (has_gyro) tracker.add_samples(samples);
+      const auto image = is_blank(i) ? blank : room.render(pose(i), 2, static_cast<uint64_t>(i));
+      const FrameResult& result = tracker.track(image, {i * kFrameTime}, map);
+      if (result.place_question) static_cast<void>(tracker.place_answered(std::nullopt));
+      EXPECT_FALSE(is_blank(i) && result.pose_measured);
+      if (i < kStill) continue;  // it proves where it is
+      if (result.state == TrackingState::kLost) {
+        ++lost_frames;
+      } else {
+        *worst = std::max(*worst, (result.camera_from_map * pose(i).inverse()).log().tail<3>().norm());
+      }
+    }
+    return lost_frames;
+  }
+};
+
+TEST(TurningAway, AGyroCarriesTheRotationWhereNothingShows) {
+  double worst = 0;
+  EXPECT_EQ(BlankTurn::lost(true, &worst), 0);
+  EXPECT_LT(worst, 0.02);
+  EXPECT_GT(BlankTurn::lost(false, &worst), 30) << "without one it is lost";
 }
 
 /// Each frame is exposed all the time: the picture is smeared by up to 16 px, and no corners are left.

@@ -73,7 +73,8 @@ class Keys {
     return node.Scalar();
   }
 
-  /// A list of numbers: the node itself, or its `data` as OpenCV and ROS write matrices.
+  /// A list of numbers, or of rows of them as Kalibr writes matrices: the node itself, or its `data` as
+  /// OpenCV and ROS do.
   [[nodiscard]] Result<std::vector<double>> numbers(const char* key) const {
     const auto node = root_[key];
     if (!node) return missing(key);
@@ -83,9 +84,7 @@ class Keys {
     }
     std::vector<double> values;
     for (const auto& item : data) {
-      const auto value = item.IsScalar() ? parse_number(item.Scalar()) : std::nullopt;
-      if (!value) return error_at(item, std::string(key) + ": not a number");
-      values.push_back(*value);
+      if (auto status = append(key, item, &values); !status) return tl::unexpected(status.error());
     }
     return values;
   }
@@ -100,6 +99,23 @@ class Keys {
   }
 
  private:
+  /// A number, or a row of them.
+  [[nodiscard]] Status append(const char* key, const YAML::Node& item, std::vector<double>* values) const {
+    if (item.IsSequence()) {
+      for (const auto& number : item) {
+        if (auto status = number.IsSequence() ? error_at(number, std::string(key) + ": not a number")
+                                              : append(key, number, values);
+            !status)
+          return status;
+      }
+      return {};
+    }
+    const auto value = item.IsScalar() ? parse_number(item.Scalar()) : std::nullopt;
+    if (!value) return error_at(item, std::string(key) + ": not a number");
+    values->push_back(*value);
+    return {};
+  }
+
   const File& file_;
   YAML::Node root_;
 };

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "client/capture/frame_source.h"
+#include "client/capture/imu_source.h"
 #include "common/base/log.h"
 #include "common/geometry/camera_guess.h"
 #include "common/io/calibration.h"
@@ -88,7 +89,7 @@ struct Totals {
   AdjustmentTotals local, global;
 };
 
-MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraDoubt> doubt,
+MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraDoubt> doubt, ImuStream* imu,
                                StageProbe* probe, MappingObserver* observer) {
   MappingOptions options;
   options.map.bytes[0] = 1;
@@ -96,6 +97,7 @@ MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraD
   options.adjuster = arguments.ceres ? Adjuster::kCeres : Adjuster::kOwn;
   options.local_only = arguments.local_only;
   options.doubt = std::move(doubt);
+  options.imu = imu;
   options.ask = arguments.ask;
   if (arguments.cut.size() == 2) {
     options.cut_from = arguments.cut[0];
@@ -108,11 +110,12 @@ MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraD
 
 class EngineRun final : public MappingObserver {
  public:
-  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraDoubt> doubt,
+  /// `imu` may be null.
+  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraDoubt> doubt, ImuStream* imu,
             TrajectoryWriter* trajectory)
       : arguments_(arguments),
         trajectory_(trajectory),
-        mapping_(std::move(camera), mapping_options(arguments, std::move(doubt), &probe_, this)) {}
+        mapping_(std::move(camera), mapping_options(arguments, std::move(doubt), imu, &probe_, this)) {}
   EngineRun(const EngineRun&) = delete;
   EngineRun& operator=(const EngineRun&) = delete;
 
@@ -344,6 +347,8 @@ Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& sourc
 Status run(const Arguments& arguments) {
   auto source = open_aloud(arguments.source);
   if (!source) return tl::unexpected(source.error());
+  const auto imu = open_imu(arguments.source, **source, {});
+  if (!imu) return tl::unexpected(imu.error());
   std::optional<TrajectoryWriter> trajectory;
   if (!arguments.trajectory.empty()) {
     auto opened = TrajectoryWriter::open(arguments.trajectory);
@@ -362,7 +367,8 @@ Status run(const Arguments& arguments) {
     if (!engine) {
       const auto chosen = choose(arguments, **source, **next);
       if (!chosen) return tl::unexpected(chosen.error());
-      engine.emplace(arguments, chosen->camera, chosen->doubt, trajectory ? &*trajectory : nullptr);
+      engine.emplace(arguments, chosen->camera, chosen->doubt, imu->stream.get(),
+                     trajectory ? &*trajectory : nullptr);
     }
     engine->frame(**next);
     if (engine->done()) break;

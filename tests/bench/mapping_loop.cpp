@@ -45,6 +45,7 @@ MappingLoop::MappingLoop(CameraPtr camera, const MappingOptions& options)
   TrackerOptions tracking;
   tracking.seed = options.seed;
   tracker_ = std::make_unique<Tracker>(camera_, tracking);
+  if (options.imu != nullptr) tracker_->use_imu(options.imu->mount());
   maker_options_.seed = options.seed;
   maker_options_.adjuster = options.adjuster;
 }
@@ -58,6 +59,11 @@ void MappingLoop::frame(const Frame& frame) {
   if (!began_) began_ = frame.time;
   if (!is_cut(frame.time)) {
     for (const auto& [proposal, from] : std::exchange(held_back_, {})) take_in(proposal, from);
+  }
+  if (options_.imu != nullptr) {
+    samples_.clear();
+    options_.imu->take(frame.time, &samples_);
+    tracker_->add_samples(samples_);
   }
   const double before = thread_cpu_ms();
   const FrameResult& result = tracker_->track(frame.image, frame.time, snapshot_, options_.probe);

@@ -45,6 +45,7 @@ struct MappingOptions {
   std::optional<CameraDoubt> doubt;     ///< about the camera; none: it is known
   double cut_from = 0;                  ///< [s] of the recording: from then on the map maker hears nothing,
   double cut_to = 0;                    ///< [s] and here all that it was to hear, in order
+  ImuStream* imu = nullptr;             ///< of the camera; none
   bool ask = true;                      ///< a tracker that is lost in the map may ask the relocalizer
   StageProbe* probe = nullptr;          ///< outlives the loop, as does
   MappingObserver* observer = nullptr;  ///< none
@@ -84,6 +85,7 @@ class MappingLoop {
   std::unique_ptr<Tracker> tracker_;
   std::unique_ptr<MapMaker> maker_;
   MapSnapshotPtr snapshot_;
+  std::vector<ImuSample> samples_;  ///< of a frame
   std::optional<Timestamp> began_;  ///< the recording
   std::vector<std::pair<KeyframeProposal, Frame>> held_back_;
   /// Where a proposal is in the map.

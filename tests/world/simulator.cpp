@@ -88,6 +88,7 @@ const std::vector<SimulatorOptions::Help>& SimulatorOptions::help() {
       {"hands", "times a minute that a hand comes before the lens, 0 to 20"},
       {"blackouts", "times a minute that the picture is black, 0 to 20"},
       {"jerks", "times a minute that the camera is jerked aside and back, 0 to 20"},
+      {"imu", "samples a second of an IMU on the camera, 20 to 2000"},
   };
   return options;
 }
@@ -103,6 +104,7 @@ Status SimulatorOptions::set_option(std::string_view key, std::string_view value
   if (key == "hands") return parse(key, value, 0.0, 20.0, &hands);
   if (key == "blackouts") return parse(key, value, 0.0, 20.0, &blackouts);
   if (key == "jerks") return parse(key, value, 0.0, 20.0, &jerks);
+  if (key == "imu") return parse(key, value, 20.0, 2000.0, &imu);
   if (key == "camera") {
     return choose(key, value, {{"hand", Carrier::kHand}, {"shoulder", Carrier::kShoulder}}, &carrier);
   }
@@ -133,6 +135,7 @@ Simulator::Simulator(Scenario scenario, const SimulatorOptions& options)
       hands_(options.hands, kHandSeconds, options.seed, kHands),
       blackouts_(options.blackouts, kBlackoutSeconds, options.seed, kBlackouts),
       jerks_(options.jerks, kJerkSeconds, options.seed, kJerks),
+      imu_(options.imu > 0 ? std::optional(SimImu(options.imu, options.seed)) : std::nullopt),
       renderer_(*scenario_),
       census_(*scenario_) {
   frame_count_ =
@@ -153,6 +156,10 @@ SE3 Simulator::map_from_camera(double seconds) const {
   const SE3 pose = turned(motion_.map_from_camera(seconds), scenario_->turns, clock_.at(seconds));
   const auto jerked = jerks_.at(seconds);
   return jerked ? pose * jerk(jerked->part, jerked->event, options_.seed) : pose;
+}
+
+SimImuSample Simulator::imu_sample(int index) const {
+  return imu_->sample(index, [this](double seconds) { return map_from_camera(seconds); });
 }
 
 SE3 Simulator::map_from_body(size_t body, double seconds) const {

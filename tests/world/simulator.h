@@ -18,6 +18,7 @@
 #include "tests/world/motion.h"
 #include "tests/world/render.h"
 #include "tests/world/scenario.h"
+#include "tests/world/sim_imu.h"
 
 namespace cairn {
 
@@ -39,6 +40,7 @@ struct SimulatorOptions {
   double hands = 0;        ///< times a minute that a hand comes before the lens, for 1.2 s
   double blackouts = 0;    ///< times a minute that the picture is black, for 0.5 s
   double jerks = 0;        ///< times a minute that the camera is jerked aside and back, within 0.6 s
+  double imu = 0;          ///< samples a second of an IMU on the camera; 0: it has none
 
   /// Sets an option from its name and text, as in `sim:desk?seed=2&noise=3`. kUsage names the option and what
   /// it takes.
@@ -93,6 +95,10 @@ class Simulator {
   /// Renders frame `index`, 0 <= index < frame_count().
   [[nodiscard]] SimFrame frame(int index);
 
+  /// The IMU on the camera; nothing without one.
+  [[nodiscard]] const std::optional<SimImu>& imu() const { return imu_; }
+  [[nodiscard]] SimImuSample imu_sample(int index) const;
+
   [[nodiscard]] const std::vector<Place>& places() const { return scenario_->places; }
   /// In order, without gaps; times in seconds from the start.
   [[nodiscard]] std::vector<Phase> phases() const;
@@ -117,6 +123,7 @@ class Simulator {
   EventTrain hands_;
   EventTrain blackouts_;
   EventTrain jerks_;
+  std::optional<SimImu> imu_;
   int frame_count_;
   Renderer renderer_;
   Census census_;

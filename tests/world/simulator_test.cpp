@@ -49,6 +49,27 @@ double sharpness(const GrayImage& image) {
   return sum / (image.width() * image.height());
 }
 
+/// Without bias and noise it would be exact: both are small against a hand's turns and against gravity.
+TEST(SimImu, MeasuresHowTheCameraTurnsAndWhatHoldsItUp) {
+  SimulatorOptions options = plain_options();
+  options.imu = 200;
+  const auto simulator = Simulator::make("rush", options);
+  ASSERT_TRUE(simulator);
+  const Eigen::Quaterniond camera_from_imu = simulator->imu()->camera_from_imu().rotation();
+  Eigen::Quaterniond turned = simulator->map_from_camera(0).rotation();
+  Eigen::Vector3d held = Eigen::Vector3d::Zero();
+  for (int i = 0; i < 400; ++i) {
+    const SimImuSample sample = simulator->imu_sample(i);
+    EXPECT_EQ(sample.time, Timestamp::from_seconds(i / 200.0));
+    turned = turned * so3_exp(camera_from_imu * sample.rate / 200);
+    held += simulator->map_from_camera(i / 200.0).rotation() * (camera_from_imu * sample.acceleration) / 400;
+  }
+  EXPECT_LT(so3_log(turned.conjugate() * simulator->map_from_camera(2).rotation()).norm(), 0.1);
+  EXPECT_LT((held - Eigen::Vector3d(0, 0, 9.80665)).norm(), 1.5);
+  EXPECT_EQ(simulator->imu_sample(7).rate, simulator->imu_sample(7).rate) << "a pure function of its index";
+  EXPECT_FALSE(Simulator::make("rush", plain_options())->imu());
+}
+
 struct CornerStatistics {
   int count = 0;           ///< pixels that are corners, not suppressed
   double empty_share = 0;  ///< share of 32x32 px blocks without any

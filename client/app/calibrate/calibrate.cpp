@@ -198,7 +198,7 @@ int run_calibrate(const CalibrateOptions& options, const Logger& log,
   }
   auto source = open_source(options.source);
   if (!source) return report_error(source.error(), log);
-  tell_notes(**source, log);
+  tell_notes((**source).notes(), log);
   log->info("{}; looking for a {}", (*source)->describe(), (*board)->describe());
   if ((*source)->is_live())
     log->info("move the board through the whole picture, near and tilted; Ctrl-C ends");

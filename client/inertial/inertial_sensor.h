@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "client/inertial/gyro_bias.h"
+#include "client/inertial/imu_sample.h"
+#include "client/inertial/up_filter.h"
+
+namespace cairn {
+
+/// How a camera turned from one moment to another.
+struct CameraTurn {
+  Eigen::Quaterniond now_from_before = Eigen::Quaterniond::Identity();
+  double sigma = 0;  ///< [rad], per axis
+};
+
+/// What the IMU that is fixed to a camera says of it: how it turned, and where up is. The gyro's bias is
+/// learnt from turns that the camera's pictures tell. All times are by the camera's clock, all axes the
+/// camera's. Pure; one thread.
+class InertialSensor {
+ public:
+  explicit InertialSensor(const ImuMount& mount);
+
+  /// Samples in order of time. Those before the newest that there is are not used, unless time goes back by
+  /// more than a second: then everything but the bias is begun anew (a recording may jump).
+  void add(std::span<const ImuSample> samples);
+
+  /// Nothing where samples are missing: before the first, across a gap of more than 50 ms, or when the newest
+  /// is older than `to` by more than 20 ms.
+  [[nodiscard]] std::optional<CameraTurn> turn(Timestamp from, Timestamp to) const;
+  /// Where up is at a moment of the last two seconds; nothing where that is not known well enough.
+  [[nodiscard]] std::optional<UpDirection> up(Timestamp time) const;
+
+  /// The camera has turned so, by pictures that leave no doubt.
+  void tracked(Timestamp from, Timestamp to, const Eigen::Quaterniond& now_from_before);
+  /// Whether the gyro contradicts the pictures: it sits otherwise, its clock or its unit is another one.
+  [[nodiscard]] bool contradicts_pictures() const { return bias_.leaves_turns_unexplained(); }
+  [[nodiscard]] const Eigen::Vector3d& bias() const { return bias_.value(); }  ///< [rad/s]
+
+ private:
+  struct Rate {
+    Timestamp time;
+    Eigen::Vector3d rate;  ///< as measured
+  };
+  [[nodiscard]] std::optional<size_t> first_needed(Timestamp from) const;
+
+  ImuMount mount_;
+  std::vector<Rate> rates_;  ///< of the last seconds
+  GyroBias bias_;
+  UpFilter up_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/inertial/up_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/geometry/se3.h"
+
+namespace cairn {
+namespace {
+
+constexpr double kGravity = 9.80665;          // [m/s^2]
+constexpr double kLate = 1.0;                 // [s] of which the shaking is a mean
+constexpr double kAccelerometerSigma = 0.01;  // over g: bias of small devices, half a degree
+constexpr double kShakenFor = 0.3;            // [s] a hand's accelerations last: samples within tell the same
+constexpr double kMostSigma = 0.05;           // [rad]
+
+}  // namespace
+
+void UpFilter::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
+                      double rate_sigma) {
+  const double length = acceleration.norm();
+  // The part along gravity shows in the length; the parts across, which tilt it, are as large.
+  const double excess = length / kGravity - 1;
+  if (age_ == 0 && up_.isZero()) {
+    if (length <= 0) return;
+    up_ = acceleration / length;
+    shaken_ = std::max(excess * excess, 0.1 * 0.1);  // not known yet
+    variance_ = shaken_ + kAccelerometerSigma * kAccelerometerSigma;
+    return;
+  }
+  age_ += step;
+  up_ = so3_exp(-rate * step) * up_;
+  variance_ += rate_sigma * rate_sigma * step * std::max(step, kLate);
+  shaken_ += std::min(1.0, step / std::min(kLate, age_)) * (excess * excess - shaken_);
+  if (length <= 0) return;
+  const double noise = (shaken_ + kAccelerometerSigma * kAccelerometerSigma) *
+                       std::max(1.0, kShakenFor / std::max(step, 1e-6));
+  const double gain = variance_ / (variance_ + noise);
+  const Eigen::Vector3d towards = up_.cross(acceleration / length);
+  up_ = (so3_exp(gain * towards) * up_).normalized();
+  // What the accelerometer has of a bias does not average out.
+  variance_ = std::max((1 - gain) * variance_, kAccelerometerSigma * kAccelerometerSigma);
+}
+
+std::optional<UpDirection> UpFilter::up() const {
+  const double sigma = std::sqrt(variance_);
+  if (up_.isZero() || sigma > kMostSigma) return std::nullopt;
+  return UpDirection{up_, sigma};
+}
+
+}  // namespace cairn

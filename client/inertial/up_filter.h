@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <optional>
+
+namespace cairn {
+
+struct UpDirection {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();  ///< away from the earth, length 1, camera axes
+  double sigma = 0;                              ///< [rad], per axis
+};
+
+/// Where up is: carried by the gyro, and drawn to what the accelerometer says (a complementary filter), the
+/// slower the more it is shaken. Pure.
+class UpFilter {
+ public:
+  /// One sample, `step` [s] after the one before (0: the first): rate of turn without bias, known to
+  /// `rate_sigma` [rad/s], and acceleration, in the camera's axes.
+  void update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
+              double rate_sigma);
+  void reset() { *this = UpFilter(); }
+
+  /// At the newest sample. Nothing before the first, and while its sigma is above 3 degrees.
+  [[nodiscard]] std::optional<UpDirection> up() const;
+
+ private:
+  Eigen::Vector3d up_ = Eigen::Vector3d::Zero();
+  double variance_ = 0;  ///< [rad^2]
+  double shaken_ = 0;  ///< mean square of what the accelerometer measures besides gravity, of late, over g^2
+  double age_ = 0;     ///< [s]
+};
+
+}  // namespace cairn

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/gyro_prior.h"
+
+#include <utility>
+
+namespace cairn {
+namespace {
+
+// [rad] Three times as much is what the coarse search reaches: 30 px at a focal length of 525.
+constexpr double kMostBlindSigma = 0.019;
+
+}  // namespace
+
+void GyroPrior::next_frame(Timestamp time) {
+  before_ = now_;
+  now_ = time;
+  turn_.reset();
+  was_sharp_ = std::exchange(is_sharp_, false);
+  if (!sensor_ || !before_) return;
+  const auto turn = sensor_->turn(*before_, time);
+  is_missing_ = !turn;
+  if (!turn || sensor_->contradicts_pictures()) return;
+  turn_ = SE3(turn->now_from_before, Eigen::Vector3d::Zero());
+  turn_sigma_ = turn->sigma;
+}
+
+ImuUse GyroPrior::use() const {
+  if (!sensor_) return ImuUse::kNone;
+  if (is_missing_) return ImuUse::kMissing;
+  return sensor_->contradicts_pictures() ? ImuUse::kContradicts : ImuUse::kUsed;
+}
+
+std::optional<UpDirection> GyroPrior::up() const {
+  if (!sensor_ || !now_ || sensor_->contradicts_pictures()) return std::nullopt;
+  return sensor_->up(*now_);
+}
+
+void GyroPrior::tracked(const SE3& now_from_before) {
+  is_sharp_ = true;
+  if (sensor_ && was_sharp_) sensor_->tracked(*before_, *now_, now_from_before.rotation());
+}
+
+bool GyroPrior::carries() {
+  if (!turn_) return false;
+  blind_sigma_ += turn_sigma_;  // most of it is the bias, which is the same in all
+  return blind_sigma_ <= kMostBlindSigma;
+}
+
+}  // namespace cairn

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "client/inertial/inertial_sensor.h"
+#include "client/tracking/frame_result.h"
+#include "common/base/time.h"
+#include "common/geometry/se3.h"
+
+namespace cairn {
+
+/// How the camera turned since the frame before, by the gyro that is fixed to it, and for how long that alone
+/// may be relied on. Pure; one thread.
+class GyroPrior {
+ public:
+  /// The camera has an IMU, from now on.
+  void use(const ImuMount& mount) { sensor_.emplace(mount); }
+  void add(std::span<const ImuSample> samples) {
+    if (sensor_) sensor_->add(samples);
+  }
+
+  /// A frame begins.
+  void next_frame(Timestamp time);
+  /// Since the frame before. Nothing without a gyro, where samples are missing, and while it contradicts the
+  /// pictures.
+  [[nodiscard]] const std::optional<SE3>& turn() const { return turn_; }
+  [[nodiscard]] ImuUse use() const;
+  /// Where up is in this frame; nothing where that is not known.
+  [[nodiscard]] std::optional<UpDirection> up() const;
+
+  /// The frame was tracked well, and the camera moved so since it was tracked last.
+  void tracked(const SE3& now_from_before);
+  /// The frame was tracked, or its bearings were followed.
+  void seen() { blind_sigma_ = 0; }
+  /// Nothing in this frame says how the camera turned but the gyro. False when its errors have added up to
+  /// more than a search about it can make good.
+  [[nodiscard]] bool carries();
+  /// [rad], per axis: of the turns that the gyro alone has told since something was seen.
+  [[nodiscard]] double blind_sigma() const { return blind_sigma_; }
+
+ private:
+  std::optional<InertialSensor> sensor_;
+  std::optional<Timestamp> before_;
+  std::optional<Timestamp> now_;
+  std::optional<SE3> turn_;
+  double turn_sigma_ = 0;
+  bool is_missing_ = false;
+  bool was_sharp_ = false;  ///< the frame before was tracked well, and
+  bool is_sharp_ = false;   ///< this one is
+  double blind_sigma_ = 0;
+};
+
+}  // namespace cairn

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/tracking/gyro_prior.h"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kFrameTime = 33'333'333;  // [ns]
+
+/// Frames of a camera at rest, whose gyro has a bias; how many it is carried blindly.
+int frames_carried(int frames_before, double bias) {
+  GyroPrior gyro;
+  gyro.use(ImuMount{});
+  for (int i = 0; i < 2000; ++i) {
+    const std::array<ImuSample, 1> sample = {{{{i * kFrameTime}, {0, bias, 0}, {0, -9.8, 0}}}};
+    gyro.add(sample);
+    gyro.next_frame({i * kFrameTime});
+    if (i < frames_before) {
+      gyro.tracked(SE3());
+      gyro.seen();
+    } else if (!gyro.carries()) {
+      return i - frames_before;
+    }
+  }
+  return 2000;
+}
+
+TEST(GyroPrior, CarriesForABoundedTimeThatIsLongerWhereItsBiasIsKnown) {
+  const int unknown = frames_carried(2, 0.01);
+  const int known = frames_carried(300, 0.01);
+  EXPECT_GT(unknown, 10);
+  EXPECT_LT(unknown, 45) << "a second and a half";
+  EXPECT_GT(known, 3 * unknown);
+  EXPECT_LT(known, 2000);
+}
+
+TEST(GyroPrior, SaysWhatItIsUsedFor) {
+  GyroPrior gyro;
+  gyro.next_frame({0});
+  gyro.next_frame({kFrameTime});
+  EXPECT_EQ(gyro.use(), ImuUse::kNone);
+  EXPECT_FALSE(gyro.turn() || gyro.carries());
+  gyro.use(ImuMount{});
+  gyro.next_frame({2 * kFrameTime});
+  EXPECT_EQ(gyro.use(), ImuUse::kMissing);
+  const std::array<ImuSample, 2> samples = {
+      {{{2 * kFrameTime}, {0, 1, 0}, {0, -9.8, 0}}, {{3 * kFrameTime}, {0, 1, 0}, {0, -9.8, 0}}}};
+  gyro.add(samples);
+  gyro.next_frame({3 * kFrameTime});
+  EXPECT_EQ(gyro.use(), ImuUse::kUsed);
+  ASSERT_TRUE(gyro.turn());
+  EXPECT_NEAR(so3_log(gyro.turn()->rotation()).y(), -kFrameTime * 1e-9, 1e-9);
+}
+
+}  // namespace
+}  // namespace cairn
