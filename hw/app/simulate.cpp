@@ -58,7 +58,7 @@ Status run_simulation(const RigOptions& options, const RigConfiguration& configu
     (*tell)(time, rig.world_from_camera());
     // A pair of sockets is closed by the rig's end when that is done.
     std::string now = options.can.empty() ? "" : describe(bus.health(), options.can);
-    if (now != trouble && !now.empty()) say_error("cairn-rig", now);
+    if (now != trouble && !now.empty() && !options.can.empty()) say_error("cairn-rig", now);
     trouble = std::move(now);
   };
   const auto step = std::chrono::duration_cast<std::chrono::nanoseconds>(kStep) * options.time_scale;
