@@ -397,6 +397,7 @@ int track(Run& run) {
   observers.push_back(&narrator);
   std::optional<RigPilot> pilot;
   if (run.rig) {
+    observers.push_back(run.rig.get());
     observers.push_back(
         &pilot.emplace(run.camera, RigPilotOptions{run.options.fixated_label, run.options.makes_maps()},
                        [&run](const std::function<void(RigCommander&)>& task) { run.rig->with(task); }));

@@ -31,25 +31,41 @@ Result<std::unique_ptr<RigLink>> RigLink::open(const RigLinkOptions& options) {
   if (!participant) return tl::unexpected(participant.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  auto made = wire::create_all<wire::Writer<wire::RigCommand>, wire::Reader<wire::RigState>>(
-      *participant, wire::rig_partition(options.rig));
+  auto made = wire::create_all<wire::Writer<wire::RigCommand>, wire::Writer<wire::TrackerStateMessage>,
+                               wire::Reader<wire::RigState>>(*participant, wire::rig_partition(options.rig));
   if (!made) return tl::unexpected(made.error());
-  auto& [orders, states] = *made;
+  auto& [orders, poses, states] = *made;
   if (Status attached = waiter->attach({states}); !attached) return tl::unexpected(attached.error());
   return std::unique_ptr<RigLink>(new RigLink(options, *std::move(participant), std::move(orders),
-                                              std::move(states), *std::move(waiter)));
+                                              std::move(poses), std::move(states), *std::move(waiter)));
 }
 
 RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,
-                 wire::Writer<wire::RigCommand> orders, wire::Reader<wire::RigState> states,
-                 wire::Waiter waiter)
+                 wire::Writer<wire::RigCommand> orders, wire::Writer<wire::TrackerStateMessage> poses,
+                 wire::Reader<wire::RigState> states, wire::Waiter waiter)
     : rig_(options.rig),
       participant_(std::move(participant)),
       orders_(std::move(orders)),
+      poses_(std::move(poses)),
       states_(std::move(states)),
       waiter_(std::move(waiter)),
-      commander_(options.rig, options.name, random_session(), options.aim),
-      thread_([this] { run(); }) {}
+      commander_(options.rig, options.name, random_session(), options.aim) {
+  pose_.client = client_id_from_name(options.name);
+  pose_.session = random_session();
+  thread_ = std::thread([this] { run(); });
+}
+
+void RigLink::on_frame(const FrameReport& report) {
+  const std::lock_guard lock(mutex_);
+  pose_.state = report.result.state;
+  pose_.map = report.result.map;
+  pose_.epoch = report.result.epoch;
+  pose_.revision = report.result.revision;
+  pose_.camera_from_map = report.result.camera_from_map;
+  pose_.quality = report.result.quality;
+  pose_.frame_time = report.frame.time;
+  is_pose_due_ = true;
+}
 
 void RigLink::close() {
   if (!thread_.joinable()) return;
@@ -78,6 +94,12 @@ void RigLink::turn() {
   }
   const auto order = with([](RigCommander& commander) { return commander.command(steady_clock::now()); });
   if (order) (void)orders_.write(*order);
+  std::optional<wire::TrackerStateMessage> pose;
+  {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(is_pose_due_, false)) pose = pose_;
+  }
+  if (pose) (void)poses_.write(*pose);
 }
 
 std::string RigLink::describe() {

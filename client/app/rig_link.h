@@ -4,9 +4,11 @@
 #include <atomic>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
+#include "client/app/frame_observer.h"
 #include "client/rig/commander.h"
 #include "common/base/result.h"
 #include "common/wire/participant.h"
@@ -23,13 +25,14 @@ struct RigLinkOptions {
 };
 
 /// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever
-/// the tracker does. Thread-safe.
-class RigLink {
+/// the tracker does, and with them the pose of the newest frame, by which the rig is calibrated and its clock
+/// compared with the camera's. Thread-safe.
+class RigLink final : public FrameObserver {
  public:
   /// The rig need not be there. Errors: those of Participant::create().
   [[nodiscard]] static Result<std::unique_ptr<RigLink>> open(const RigLinkOptions& options);
   /// As close().
-  ~RigLink() { close(); }
+  ~RigLink() override { close(); }
   /// Lets the drives go, if the rig is there.
   void close();
   RigLink(const RigLink&) = delete;
@@ -42,20 +45,25 @@ class RigLink {
     return task(commander_);
   }
   [[nodiscard]] std::string describe();
+  void on_frame(const FrameReport& report) override;
 
  private:
   RigLink(const RigLinkOptions& options, wire::Participant participant, wire::Writer<wire::RigCommand> orders,
-          wire::Reader<wire::RigState> states, wire::Waiter waiter);
+          wire::Writer<wire::TrackerStateMessage> poses, wire::Reader<wire::RigState> states,
+          wire::Waiter waiter);
   void run();
   void turn();
 
   const std::string rig_;
   wire::Participant participant_;
   wire::Writer<wire::RigCommand> orders_;
+  wire::Writer<wire::TrackerStateMessage> poses_;
   wire::Reader<wire::RigState> states_;
   wire::Waiter waiter_;
   std::mutex mutex_;
-  RigCommander commander_;  ///< guarded by mutex_
+  RigCommander commander_;          ///< guarded by mutex_
+  wire::TrackerStateMessage pose_;  ///< of the newest frame; guarded by mutex_
+  bool is_pose_due_ = false;        ///< guarded by mutex_
   std::atomic<bool> ends_{false};
   std::thread thread_;  ///< last: it uses all the above
 };
