@@ -19,6 +19,7 @@ constexpr milliseconds kKept{3000};          // directions
 constexpr milliseconds kNear{50};            // between stamps of a frame and of a direction
 constexpr milliseconds kAnew{1000};          // until an order that was refused or given up is given again
 constexpr milliseconds kGone{1000};          // of silence
+constexpr milliseconds kTurned{3000};        // after homing, to look ahead
 constexpr int kPercent = 100;
 
 RigMode mode_of(RigAim aim) {
@@ -71,6 +72,11 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
   heard_ = now;
   rests_ = rests_ || state.stopped;
   if (clear_asked_ && !state.stopped && !is_faulted()) clear_asked_ = false;
+  if (is_any(RigAxisCondition::kUnknown) || is_any(RigAxisCondition::kHoming)) {
+    turns_ahead_until_ = now + kTurned;
+  } else if (state.mode == RigMode::kNeutral && state.on_target) {
+    turns_ahead_until_ = {};
+  }
   if (!state.has_imu || !state.imu.attitude_known) return;
   if (!views_.empty() && state.imu.time <= views_.back().time) return;
   views_.push_back({state.imu.time, state.imu.world_from_head * Eigen::Vector3d::UnitX()});
@@ -127,6 +133,11 @@ bool RigCommander::is_faulted() const {
                                [](const wire::RigAxisState& axis) { return axis.fault != 0; });
 }
 
+bool RigCommander::is_any(RigAxisCondition condition) const {
+  return state_ && std::any_of(state_->axes.begin(), state_->axes.end(),
+                               [&](const wire::RigAxisState& axis) { return axis.condition == condition; });
+}
+
 bool RigCommander::is_heard(MonotonicTime now) const {
   return state_ && now - heard_ <= kGone;
 }
@@ -151,18 +162,16 @@ wire::RigCommand RigCommander::aimed() const {
 
 wire::RigCommand RigCommander::wanted() const {
   wire::RigCommand order;
-  const auto is = [this](RigAxisCondition condition) {
-    return std::any_of(state_->axes.begin(), state_->axes.end(),
-                       [&](const wire::RigAxisState& axis) { return axis.condition == condition; });
-  };
   if (stop_asked_ && !state_->stopped) {
     order.mode = RigMode::kStop;
   } else if (clear_asked_ && !closed_) {
     order.mode = state_->stopped ? RigMode::kClearStop : RigMode::kClear;
   } else if (closed_ || rests_) {
     order.mode = RigMode::kIdle;
-  } else if (is(RigAxisCondition::kUnknown) || is(RigAxisCondition::kHoming)) {
+  } else if (is_any(RigAxisCondition::kUnknown) || is_any(RigAxisCondition::kHoming)) {
     order.mode = RigMode::kHome;
+  } else if (heard_ < turns_ahead_until_) {  // homing ends where the stops are
+    order.mode = RigMode::kNeutral;
   } else {
     order = aimed();
   }

@@ -76,6 +76,7 @@ class RigCommander {
   [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp time) const;
   [[nodiscard]] bool is_due_again(const wire::RigCommand& order, MonotonicTime now) const;
   [[nodiscard]] bool is_faulted() const;
+  [[nodiscard]] bool is_any(wire::RigAxisCondition condition) const;  ///< of the axes
   [[nodiscard]] bool is_heard(MonotonicTime now) const;
 
   std::string rig_;
@@ -94,8 +95,9 @@ class RigCommander {
   std::deque<View> views_;            ///< of the last seconds
   std::optional<wire::RigState> state_;
   MonotonicTime heard_;
-  wire::RigCommand order_;  ///< said last; of number 0: none
-  MonotonicTime ordered_;   ///< when it was said first
+  MonotonicTime turns_ahead_until_;  ///< homed just now
+  wire::RigCommand order_;           ///< said last; of number 0: none
+  MonotonicTime ordered_;            ///< when it was said first
   Counts counts_;
 };
 

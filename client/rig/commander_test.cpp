@@ -85,17 +85,19 @@ TEST_F(Commander, SaysNothingToNobodyAndSaysThatNobodyIsThere) {
   EXPECT_THAT(commander.describe(now_), HasSubstr("silent"));
 }
 
-TEST_F(Commander, ARigThatIsNotHomedIsHomedAndThenAimed) {
+TEST_F(Commander, ARigThatIsNotHomedIsHomedLooksAheadAndIsThenAimed) {
   RigCommander commander = make(RigAim::kFollow);
   set(RigAxisCondition::kUnknown);
   EXPECT_EQ(after(commander, tracked_, 200ms).mode, RigMode::kHome);
   EXPECT_EQ(orders_, 1);
   set(RigAxisCondition::kIdle);
+  EXPECT_EQ(after(commander, tracked_, 200ms).mode, RigMode::kNeutral) << "homing ends where the stops are";
+  rig_.on_target = true;
   const auto order = after(commander, tracked_, 200ms);
   EXPECT_EQ(order.mode, RigMode::kFollow);
   EXPECT_EQ(order.rig, "shoulder");
   EXPECT_EQ(order.commander, "eye");
-  EXPECT_EQ(orders_, 2);
+  EXPECT_EQ(orders_, 3);
 }
 
 TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThenAsBefore) {
