@@ -14,6 +14,7 @@ using std::chrono::milliseconds;
 using std::chrono::steady_clock;
 
 constexpr milliseconds kPeriod{20};     // of saying an order; a rig waits for 40 ms at least
+constexpr milliseconds kStuck{2000};    // without a frame
 constexpr milliseconds kPatience{500};  // for the rig to have heard the last order
 
 SessionId random_session() {
@@ -65,6 +66,7 @@ void RigLink::on_frame(const FrameReport& report) {
   pose_.quality = report.result.quality;
   pose_.frame_time = report.frame.time;
   is_pose_due_ = true;
+  last_frame_ = steady_clock::now();
 }
 
 void RigLink::close() {
@@ -93,12 +95,15 @@ void RigLink::turn() {
     });
   }
   const auto order = with([](RigCommander& commander) { return commander.command(steady_clock::now()); });
-  if (order) (void)orders_.write(*order);
   std::optional<wire::TrackerStateMessage> pose;
+  bool is_stuck = false;
   {
     const std::lock_guard lock(mutex_);
     if (std::exchange(is_pose_due_, false)) pose = pose_;
+    is_stuck = last_frame_ && steady_clock::now() - *last_frame_ > kStuck;
   }
+  const bool lets_go = order && (order->mode == wire::RigMode::kStop || order->mode == wire::RigMode::kIdle);
+  if (order && (!is_stuck || lets_go)) (void)orders_.write(*order);
   if (pose) (void)poses_.write(*pose);
 }
 

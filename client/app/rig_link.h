@@ -26,7 +26,8 @@ struct RigLinkOptions {
 
 /// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever
 /// the tracker does, and with them the pose of the newest frame, by which the rig is calibrated and its clock
-/// compared with the camera's. Thread-safe.
+/// compared with the camera's. A tracker that has had no frame for two seconds is no commander any more:
+/// nothing but a stop is said, and the rig lets its drives go. Thread-safe.
 class RigLink final : public FrameObserver {
  public:
   /// The rig need not be there. Errors: those of Participant::create().
@@ -61,9 +62,10 @@ class RigLink final : public FrameObserver {
   wire::Reader<wire::RigState> states_;
   wire::Waiter waiter_;
   std::mutex mutex_;
-  RigCommander commander_;          ///< guarded by mutex_
-  wire::TrackerStateMessage pose_;  ///< of the newest frame; guarded by mutex_
-  bool is_pose_due_ = false;        ///< guarded by mutex_
+  RigCommander commander_;                   ///< guarded by mutex_
+  wire::TrackerStateMessage pose_;           ///< of the newest frame; guarded by mutex_
+  bool is_pose_due_ = false;                 ///< guarded by mutex_
+  std::optional<MonotonicTime> last_frame_;  ///< guarded by mutex_
   std::atomic<bool> ends_{false};
   std::thread thread_;  ///< last: it uses all the above
 };

@@ -2,6 +2,7 @@
 #include "client/app/rig_pilot.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "client/app/label_view.h"
 
@@ -10,8 +11,14 @@ namespace cairn {
 void RigPilot::on_frame(const FrameReport& report) {
   const bool tracked = is_tracked(report.state);
   RigAim aim{};
-  with_([&aim](RigCommander& commander) { aim = commander.aim(); });
-  if (aim != RigAim::kFixate || (tracked && report.result.map != map_)) point_.reset();
+  int wants = 0;
+  with_([&](RigCommander& commander) {
+    aim = commander.aim();
+    wants = commander.wants();
+  });
+  if (std::exchange(wants_, wants) != wants || aim != RigAim::kFixate ||
+      (tracked && report.result.map != map_))
+    point_.reset();
   if (aim == RigAim::kFixate && tracked && !point_) {
     point_ = choose(report);
     map_ = report.result.map;

@@ -41,6 +41,7 @@ class RigPilot final : public FrameObserver {
   With with_;
   std::optional<Eigen::Vector3d> point_;  ///< of map_
   MapId map_;
+  int wants_ = 0;  ///< point_ is of that one
 };
 
 }  // namespace cairn

@@ -141,10 +141,14 @@ Result<OpenedImu> open_imu(std::string_view text, FrameSource& source, const Imu
   }
   ImuMount mount = **found;
   if (request.clock_offset) mount.clock_offset = *request.clock_offset;
+  // What nobody asked for keeps no recording from being played.
+  const auto refuse = [is_asked](const Error& error) -> Result<OpenedImu> {
+    if (is_asked) return tl::unexpected(error);
+    return OpenedImu{nullptr, {{error.message + "; so it is not used", true}}};
+  };
   auto samples = read_imu_file(*file);
-  if (!samples) return tl::unexpected(samples.error());
-  if (auto status = check_span(*file, *samples, mount, source); !status)
-    return tl::unexpected(status.error());
+  if (!samples) return refuse(samples.error());
+  if (auto status = check_span(*file, *samples, mount, source); !status) return refuse(status.error());
   OpenedImu opened;
   const double rate =
       static_cast<double>(samples->size() - 1) / seconds_between(samples->back().time, samples->front().time);

@@ -151,7 +151,11 @@ TEST_F(ImuFiles, KalibrsCamchainAndAFolderAreTaken) {
 
 TEST_F(ImuFiles, SamplesOfAnotherTimeThanTheFramesAreRefused) {
   write_euroc(euroc_rows(100, kBegin + 60'000'000'000));
-  const auto opened = open(uri("euroc"));
+  const auto unasked = open(uri("euroc"));
+  ASSERT_TRUE(unasked) << "what nobody asked for keeps no recording from being played";
+  EXPECT_FALSE(unasked->stream);
+  EXPECT_TRUE(unasked->notes.at(0).is_warning);
+  const auto opened = open(uri("euroc"), {dir() / "mav0/imu0", "", {}});
   ASSERT_FALSE(opened);
   EXPECT_EQ(opened.error().code, ErrorCode::kDamaged);
   EXPECT_THAT(opened.error().message,

@@ -46,6 +46,7 @@ RigCommander::RigCommander(std::string rig, std::string name, SessionId session,
 
 void RigCommander::want(RigAim aim) {
   aim_ = aim;
+  ++wants_;
   rests_ = false;
   looking_ = Looking::kNot;
   sighting_.reset();
@@ -78,7 +79,9 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
     turns_ahead_until_ = {};
   }
   if (!state.has_imu || !state.imu.attitude_known) return;
-  if (!views_.empty() && state.imu.time <= views_.back().time) return;
+  if (!views_.empty() && state.imu.time < views_.back().time)
+    views_.clear();  // the host's clock was set back
+  if (!views_.empty() && state.imu.time == views_.back().time) return;
   views_.push_back({state.imu.time, state.imu.world_from_head * Eigen::Vector3d::UnitX()});
   while (views_.back().time - views_.front().time > kKept) views_.pop_front();
 }
@@ -90,6 +93,7 @@ std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp time) const 
     if (views_.empty() || time - views_.back().time > kNear) return std::nullopt;
     return views_.back().direction;
   }
+  if (after == views_.begin() && after->time - time > kNear) return std::nullopt;  // forgotten
   return after->direction;
 }
 
@@ -162,7 +166,7 @@ wire::RigCommand RigCommander::aimed() const {
 
 wire::RigCommand RigCommander::wanted() const {
   wire::RigCommand order;
-  if (stop_asked_ && !state_->stopped) {
+  if (stop_asked_ && !(state_ && state_->stopped)) {
     order.mode = RigMode::kStop;
   } else if (clear_asked_ && !closed_) {
     order.mode = state_->stopped ? RigMode::kClearStop : RigMode::kClear;
@@ -180,13 +184,17 @@ wire::RigCommand RigCommander::wanted() const {
 
 /// An order that was refused, or of which nothing is done any more. An axis with a fault waits for a person.
 bool RigCommander::is_due_again(const wire::RigCommand& order, MonotonicTime now) const {
-  if (now - ordered_ < kAnew || state_->order != order_.order) return false;
-  if (!state_->refusal.empty()) return true;
+  if (now - ordered_ < kAnew || !state_) return false;
+  const bool is_judged = state_->order == order_.order;
+  if (!is_judged && state_->order.session == order_.order.session) return false;  // it will be
+  if (is_judged && !state_->refusal.empty()) return true;
   return moves(order.mode) && state_->drives_idle && !is_faulted() && !state_->stopped;
 }
 
 std::optional<wire::RigCommand> RigCommander::command(MonotonicTime now) {
-  if (!is_heard(now)) return std::nullopt;
+  // A stop, and that the drives may go, are said to who is not heard, too: it may hear.
+  const bool ends = stop_asked_ || (closed_ && order_.order.seq != 0);
+  if (!is_heard(now) && !ends) return std::nullopt;
   wire::RigCommand order = wanted();
   order.rig = rig_;
   order.commander = name_;

@@ -57,6 +57,7 @@ class RigCommander {
   /// After close(): whether nothing is left to be said.
   [[nodiscard]] bool is_over() const;
   [[nodiscard]] RigAim aim() const { return aim_; }
+  [[nodiscard]] int wants() const { return wants_; }  ///< how often somebody wanted something
 
   struct Counts {
     int searches = 0;
@@ -99,6 +100,7 @@ class RigCommander {
   wire::RigCommand order_;           ///< said last; of number 0: none
   MonotonicTime ordered_;            ///< when it was said first
   Counts counts_;
+  int wants_ = 0;
 };
 
 }  // namespace cairn

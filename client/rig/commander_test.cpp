@@ -191,6 +191,35 @@ TEST_F(Commander, WhatIsRefusedIsToldAndTriedAgainAndAFaultWaitsForAPerson) {
   EXPECT_THAT(commander.describe(now_), HasSubstr("pan does not follow"));
 }
 
+TEST_F(Commander, AStopIsSaidToARigThatIsNotHeard) {
+  RigCommander commander = make(RigAim::kLock);
+  is_there_ = false;
+  EXPECT_FALSE(step(commander));
+  commander.stop();
+  EXPECT_EQ(step(commander).value_or(wire::RigCommand()).mode, RigMode::kStop);
+}
+
+TEST_F(Commander, WhatHaltedAfterTheOrderOfAnotherIsOrderedAgain) {
+  RigCommander commander = make(RigAim::kLock);
+  (void)after(commander, tracked_, 200ms);
+  const auto before = orders_;
+  rig_.order = {{9}, 1};  // refused, but judged last
+  rig_.drives_idle = true;
+  EXPECT_EQ(after(commander, tracked_, 1500ms).mode, RigMode::kLock);
+  EXPECT_GT(orders_, before);
+}
+
+TEST_F(Commander, DirectionsOfAClockThatWasSetBackAreForgotten) {
+  RigCommander commander = make(RigAim::kFollow);
+  (void)after(commander, tracked_, 500ms);
+  now_ -= 10s;
+  heading_ = 1;
+  (void)after(commander, tracked_, 100ms);
+  const auto order = after(commander, lost_, 600ms);
+  EXPECT_EQ(order.mode, RigMode::kSearch);
+  EXPECT_NEAR(order.target.y(), std::sin(1.0), 1e-6) << "where it was tracked last";
+}
+
 TEST_F(Commander, AtTheEndTheDrivesAreLetGo) {
   RigCommander commander = make(RigAim::kLock);
   (void)after(commander, tracked_, 100ms);

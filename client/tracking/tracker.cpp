@@ -389,6 +389,7 @@ bool Tracker::State::hold(Timestamp time) {
   const auto held = provisional.locate(
       expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, near_depth);
   if (!held) return hold_blindly();
+  if (!is_here) finder.clear();
   frames_blind = 0;
   gyro.seen();
   ++frames_held;

@@ -36,13 +36,20 @@ class Interrupts {
   explicit Interrupts(const sigset_t& signals) : signals_(signals) {}
   bool operator()() {
     const timespec at_once{0, 0};
-    if (!interrupted_) interrupted_ = sigtimedwait(&signals_, nullptr, &at_once) > 0;
+    if (!interrupted_) {
+      const int signal = sigtimedwait(&signals_, nullptr, &at_once);
+      interrupted_ = signal > 0;
+      is_stop_ = signal == SIGUSR1;
+    }
     return interrupted_;
   }
+  /// It is the emergency stop.
+  [[nodiscard]] bool is_stop() const { return is_stop_; }
 
  private:
   sigset_t signals_;
   bool interrupted_ = false;
+  bool is_stop_ = false;
 };
 
 bool ask(const std::string& what, Interrupts* interrupts) {
@@ -88,7 +95,12 @@ Result<TourFindings> drive(RigHost& host, const RigOptions& options, const RigCo
     hear(what);
     return true;
   };
-  return drive.run(configuration, {agree, hear, [interrupts] { return (*interrupts)(); }});
+  const auto is_interrupted = [&] {
+    const bool interrupted = (*interrupts)();
+    if (interrupts->is_stop()) host.loop().stop();
+    return interrupted;
+  };
+  return drive.run(configuration, {agree, hear, is_interrupted});
 }
 
 }  // namespace

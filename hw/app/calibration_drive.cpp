@@ -12,6 +12,7 @@
 namespace cairn {
 namespace {
 
+constexpr size_t kMostPoses = 600;                // 20 s of a camera
 constexpr std::chrono::milliseconds kPeriod{10};  // of looking and ordering; a rig waits for 40 ms at least
 
 wire::RigMode mode_of(TourOrder::What what) {
@@ -76,6 +77,7 @@ CalibrationDrive::CalibrationDrive(RigHost& host, ScaledClock clock, SessionId s
                [this](const wire::TrackerStateMessage& state) {
                  const Timestamp when{clock_.at(state.frame_time).time_since_epoch().count()};
                  const std::lock_guard lock(mutex_);
+                 if (poses_.size() == kMostPoses) poses_.erase(poses_.begin());  // while a person thinks
                  poses_.push_back(pose_of(state, when));
                }});
 }

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <variant>
@@ -51,7 +52,7 @@ class Service {
     auto host = RigHost::open({configuration, bus_name, clock, log}, options.network, std::move(bus));
     if (!host) return tl::unexpected(host.error());
     std::unique_ptr<Service> service(new Service(*std::move(host), configuration.name, log));
-    watch_offset(*service->host_, clock, &service->offsets_);
+    watch_offset(*service->host_, clock, &*service->offsets_);
     log->info("rig {} on {}, ready on domain {}, UDP port {}", configuration.name, bus_name,
               options.network.domain, wire::rig_port(options.network.domain));
     return service;
@@ -64,21 +65,25 @@ class Service {
   /// The process is to end well.
   void close() {
     log_->info("letting the drives go");
+    host_->leave_network();  // nobody speaks to the watch any more
+    offsets_.reset();        // nor it to the rig
     host_->close(0);
   }
+  ~Service() { host_->leave_network(); }
+  Service(const Service&) = delete;
+  Service& operator=(const Service&) = delete;
 
  private:
   Service(std::unique_ptr<RigHost> host, std::string name, Logger log)
-      : name_(std::move(name)),
-        log_(std::move(log)),
-        offsets_(log_, [loop = &host->loop()](
-                           const wire::RigCameraClock& clock) { loop->set_camera_clock(clock); }),
-        host_(std::move(host)) {}
+      : name_(std::move(name)), log_(std::move(log)), host_(std::move(host)) {
+    offsets_.emplace(
+        log_, [loop = &host_->loop()](const wire::RigCameraClock& clock) { loop->set_camera_clock(clock); });
+  }
 
   std::string name_;
   Logger log_;
-  OffsetWatch offsets_;
-  std::unique_ptr<RigHost> host_;  ///< last: its threads use the above
+  std::unique_ptr<RigHost> host_;
+  std::optional<OffsetWatch> offsets_;  ///< its thread speaks to the host, and the host's to it
 };
 
 /// Beside a bus: until a signal ends it.
@@ -86,9 +91,11 @@ int serve(const RigOptions& options, const RigConfiguration& configuration, cons
   const Logger log = make_logger("cairn-rig", options.verbosity);
   const wire::LogRedirect middleware_log(log);
   bool ended = false;
+  bool stopped = false;  // before there was a rig
   const auto is_ended_after = [&](std::chrono::milliseconds time) {
     const timespec wait{time.count() / 1000, time.count() % 1000 * 1'000'000};
     const int signal = sigtimedwait(&signals, nullptr, &wait);
+    stopped |= signal == SIGUSR1;
     return ended = signal > 0 && signal != SIGUSR1;
   };
   auto bus = open_late_can_bus(
@@ -98,6 +105,7 @@ int serve(const RigOptions& options, const RigConfiguration& configuration, cons
   if (!bus) return complain(bus.error());
   const auto service = Service::start(options, configuration, std::move(*bus), log);
   if (!service) return complain(service.error());
+  if (stopped) (*service)->stop();
   int signal = 0;
   while (sigwait(&signals, &signal) == 0 && signal == SIGUSR1) (*service)->stop();
   (*service)->close();
@@ -133,9 +141,7 @@ int run(int argc, char** argv) {
   if (!configuration) return complain(configuration.error());
   if (!options.name.empty()) configuration->name = options.name;
   sigset_t signals = block_ending_signals();  // before any thread
-  const bool has_rig =
-      options.task == RigTask::kRun || (options.task == RigTask::kSimulate && options.can.empty());
-  if (has_rig) sigaddset(&signals, SIGUSR1);
+  sigaddset(&signals, SIGUSR1);               // the emergency stop, which ends no process
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   // A reader of our words that has gone is no reason to go, least of all with drives that move.
   std::signal(SIGPIPE, SIG_IGN);

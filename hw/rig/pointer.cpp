@@ -206,8 +206,11 @@ std::optional<Pointer::Demands> Pointer::demands(MonotonicTime then, double pan)
   if (!pointing_) return std::nullopt;
   state_ = {};
   state_.mode = mode_of(*pointing_);
-  if (const auto* neutral = std::get_if<pointing::Neutral>(&*pointing_))
+  if (const auto* neutral = std::get_if<pointing::Neutral>(&*pointing_)) {
+    if (base_.is_known())
+      judge(base_.world_from_base(0) * (base_from_head(neutral->angles) * camera_axis_), step);
     return Demands{Demand{neutral->angles.pan, 0}, Demand{neutral->angles.tilt, 0}};
+  }
   if (const auto* jog = std::get_if<pointing::Jog>(&*pointing_))
     return Demands{Demand{std::nullopt, jog->rates.pan}, Demand{std::nullopt, jog->rates.tilt}};
   if (!base_.is_known()) return Demands{};  // it is not known where that is: stay

@@ -65,12 +65,13 @@ Rig::Rig(const RigConfiguration& configuration, MonotonicTime now)
 
 Status Rig::take(const RigCommand& command, MonotonicTime now) {
   const bool is_stop = std::holds_alternative<rig_command::Stop>(command.what);
+  const bool frees = stopped_ && std::holds_alternative<rig_command::ClearStop>(command.what);
   const bool alive = !commander_.empty() && now - commanded_ <= configuration_.commander_deadline;
-  if (!is_stop && alive && command.commander != commander_)
+  if (!is_stop && !frees && alive && command.commander != commander_)
     return refuse("the rig is commanded by " + commander_ + "; end that one first");
   if (Status done = std::visit([&](const auto& what) { return handle(what, now); }, command.what); !done)
     return done;
-  if (!is_stop) {
+  if (!is_stop && !frees) {
     commander_ = command.commander;
     commanded_ = now;
   }

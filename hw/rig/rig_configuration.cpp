@@ -23,6 +23,7 @@ constexpr double kHighestFeedforward = 32.767;  // [turns/s], of SetInputPositio
 constexpr double kLeastAhead = 0.2;             // of a camera's axis: the rest is to the side
 constexpr double kLargestOffset = 1000;         // [ms]
 constexpr double kLongestLag = 50;              // [ms]
+constexpr double kTwoOrders = 40;               // [ms] commanders speak each 20 ms
 constexpr double kSafeIdle = 100;               // [ms] from a death to idle drives, at most
 
 /// Reads the values of one mapping and remembers the first that is wrong: that is what the operator is told.
@@ -203,10 +204,11 @@ AxisConfiguration read_axis(Section& from) {
 
 void read_deadlines(Section& from, RigConfiguration& rig) {
   const auto period = static_cast<double>(rig.period.count());
-  const auto deadline = [&](const char* key) {
-    return milliseconds(static_cast<int64_t>(from.number(key, 2 * period, kSafeIdle - 2 * period)));
+  const auto deadline = [&](const char* key, double least = 0) {
+    const double shortest = std::max(2 * period, least);
+    return milliseconds(static_cast<int64_t>(from.number(key, shortest, kSafeIdle - 2 * period)));
   };
-  rig.commander_deadline = deadline("commander");
+  rig.commander_deadline = deadline("commander", kTwoOrders);
   rig.imu_deadline = deadline("imu");
   rig.drive_deadline = deadline("drive");
   close(from);

@@ -114,7 +114,7 @@ INSTANTIATE_TEST_SUITE_P(
         Impossible{"rate: 120", "rate: 1200",
                    "rate: with this gear the motor would have to make more than 32.767"},
         Impossible{"current: 5", "current: much", "current 'much': expected a number"},
-        Impossible{"commander: 60", "commander: 500", "deadlines: commander 500: expected 20 to 80"},
+        Impossible{"commander: 60", "commander: 500", "deadlines: commander 500: expected 40 to 80"},
         Impossible{"period: 10", "period: 0", "period 0: expected 2 to 20"},
         Impossible{"rate: 100}", "rate: 1000}", "imu: rate 1000: expected 50 to 400"},
         Impossible{"axes:", "calibration: {camera: [0, 0, 90]}\naxes:",

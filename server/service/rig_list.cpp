@@ -31,7 +31,11 @@ std::vector<std::string> RigList::heard(const wire::RigState& state, MonotonicTi
   const auto say = [&](const std::string& words) { lines.push_back("rig " + state.rig + ": " + words); };
   if (is_new || rig.silent) say("it is there");
   const bool has_order = state.order.session.value != 0;
-  if (has_order && state.order != rig.state.order) say(words_of_order(state, rig.state.order));
+  // A tracker says again each second what was refused.
+  const bool is_repeated = state.order.session == rig.state.order.session &&
+                           state.ordered == rig.state.ordered && state.refusal == rig.state.refusal;
+  if (has_order && state.order != rig.state.order && !is_repeated)
+    say(words_of_order(state, rig.state.order));
   if (state.stopped != rig.state.stopped)
     say(state.stopped ? "it is in emergency stop" : "its emergency stop is over");
   if (state.trouble != rig.state.trouble)
