@@ -35,7 +35,9 @@ class RigHost {
   /// Orders are obeyed and states told from now on. Watchers are called by one thread, until leave_network().
   void start(Watchers watchers);
   /// No order comes any more.
-  void leave_network() { endpoint_->stop(); }
+  void leave_network() {
+    if (endpoint_) endpoint_->stop();
+  }
   [[nodiscard]] RigLoop& loop() { return *loop_; }
 
  private:

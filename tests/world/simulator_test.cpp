@@ -100,6 +100,7 @@ TEST(SimulatorOptions, SetsEveryOptionThatItNames) {
                               : help.key == "session"  ? "visit"
                               : help.key == "walks"    ? "dark"
                               : help.key == "exposure" ? "0.5"
+                              : help.key == "imu"      ? "200"
                                                        : "1";
     EXPECT_TRUE(options.set_option(help.key, value)) << help.key;
     const auto refused = options.set_option(help.key, "-3x");
