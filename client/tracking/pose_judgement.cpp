@@ -9,7 +9,6 @@
 namespace cairn {
 namespace {
 
-constexpr double kKnownPosition = 0.01;  // over the mean depth: an overlay stands still
 // [rad] by a sigma of one pixel of the level: patches are aligned to 0.3, so it is known to half a degree.
 constexpr double kKnownRotation = 0.033;
 

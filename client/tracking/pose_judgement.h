@@ -14,6 +14,9 @@ enum class PoseSupport : uint8_t {
   kPosition,  ///< all of it
 };
 
+/// Sigma of a position that is known, over the depth: an overlay stands still.
+inline constexpr double kKnownPosition = 0.01;
+
 /// How well a pose is determined, and what follows from it.
 struct PoseJudgement {
   PoseSupport support = PoseSupport::kNone;

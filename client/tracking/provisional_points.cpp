@@ -221,7 +221,7 @@ void ProvisionalPoints::observe() {
 
 std::optional<ProvisionalPoints::Located> ProvisionalPoints::locate(const SE3& start,
                                                                     std::span<const VisiblePoint> map_points,
-                                                                    double near_depth) {
+                                                                    double mean_depth) {
   if (observations_.size() < kFewestBearings) return std::nullopt;
   of_map_.clear();
   for (const VisiblePoint& p : map_points) {
@@ -232,11 +232,11 @@ std::optional<ProvisionalPoints::Located> ProvisionalPoints::locate(const SE3& s
   options.max_squared_cutoff = kMaxSquaredCutoff;
   const auto fit = [&](double position_sigma) {
     const PoseSupplement supplement{observations_,
-                                    PositionPrior{start.center(), position_sigma * near_depth}};
+                                    PositionPrior{start.center(), position_sigma * mean_depth}};
     return optimize_pose(*camera_, start, of_map_, supplement, options, &workspace_, &estimate_).has_value();
   };
   if (!fit(kFreePosition)) return std::nullopt;
-  const PoseJudgement judgement = judge_pose(estimate_.information, near_depth);
+  const PoseJudgement judgement = judge_pose(estimate_.information, mean_depth);
   if (judgement.support == PoseSupport::kNone) return std::nullopt;
   // Half measured it would wander: it stays.
   if (judgement.support == PoseSupport::kRotation && !fit(kTurnedOnly)) return std::nullopt;

@@ -53,9 +53,9 @@ class ProvisionalPoints {
   };
   /// Of the frame of the latest follow(). The position stays that of `start` where it is not determined.
   /// Nothing where not even the rotation is determined, where fewer than 15 bearings agree, or less than half
-  /// of those found. `near_depth` [map unit]: an overlay on what is near is to stand still, too.
+  /// of those found.
   [[nodiscard]] std::optional<Located> locate(const SE3& start, std::span<const VisiblePoint> map_points,
-                                              double near_depth);
+                                              double mean_depth);
 
   /// A frame's pose that is believed.
   struct KnownPose {

@@ -387,7 +387,7 @@ bool Tracker::State::hold(Timestamp time) {
   // What a search found somewhere else does not show where the camera is.
   const bool is_here = finder.located() && !model.is_leap(*finder.located(), expected, time, near_depth);
   const auto held = provisional.locate(
-      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, near_depth);
+      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, mean_depth);
   if (!held) return hold_blindly();
   if (!is_here) finder.clear();
   frames_blind = 0;
@@ -397,7 +397,10 @@ bool Tracker::State::hold(Timestamp time) {
   flow.missed();
   provisional.update(now(), {held->camera_from_map, held->covariance, held->judgement.support, mean_depth},
                      *map, {});
-  const bool is_known = held->judgement.support == PoseSupport::kPosition && frames_held <= kPositionHeld;
+  // It may be known well enough to turn about, and not to stand still beside what is near.
+  const bool stands_still = held->judgement.support == PoseSupport::kPosition &&
+                            held->judgement.position_sigma * mean_depth < kKnownPosition * near_depth;
+  const bool is_known = stands_still && frames_held <= kPositionHeld;
   if (!is_known) recovery.turn_away();
   result.state = is_known ? TrackingState::kPoor : TrackingState::kRotation;
   result.pose_measured = is_known;
