@@ -235,7 +235,10 @@ wire::RigState RigBridge::state(Timestamp host_time) const {
   if (imu_) {
     state.imu = *imu_;
     state.imu.attitude_known = rig_.attitude().is_known();
-    state.imu.world_from_head = rig_.attitude().world_from_imu();
+    // x is where the camera looks: what a tracker saw there, it aims at again.
+    state.imu.world_from_head = rig_.attitude().world_from_imu() *
+                                configuration_.calibration.head_from_camera *
+                                nominal_head_from_camera().conjugate();
   }
   if (const auto pointing = rig_.pointing()) {
     state.on_target = pointing->on_target;

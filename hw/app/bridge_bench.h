@@ -31,10 +31,12 @@ inline wire::RigCommand order_of(uint64_t session, uint64_t number, wire::RigMod
 class BridgeBench {
  public:
   /// `truth`: what the devices are, where that is not what the bridge was told.
-  explicit BridgeBench(const std::vector<TimedFault>& faults = {}, const RigCalibration& truth = {})
-      : configuration_(read_rig(kRigText).value()),
+  explicit BridgeBench(const std::vector<TimedFault>& faults = {},
+                       const std::optional<RigCalibration>& truth = std::nullopt,
+                       const std::string& text = kRigText)
+      : configuration_(read_rig(text).value()),
         ends_(make_bus_pair().value()),
-        devices_(with(configuration_, truth), faults, 1, now_,
+        devices_(with(configuration_, truth.value_or(configuration_.calibration)), faults, 1, now_,
                  [this](const std::string& line) { told.push_back(line); }),
         bridge_(configuration_, now_) {}
 

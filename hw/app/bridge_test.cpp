@@ -287,6 +287,33 @@ TEST_F(Bridge, TheWearerOfSimulatedDevicesWalksAndTurnsAsToldAndLockHoldsTheCame
   bench_.said_again.reset();
 }
 
+/// A tracker remembers a direction by the state that it hears, and aims at it again.
+TEST(BridgeOfAnAskewCamera, WhereTheStateSaysThatItLooksItLooksAgain) {
+  BridgeBench bench({}, std::nullopt,
+                    testing::kRigText + std::string("calibration: {camera: [10, -12, 15]}\n"));
+  ASSERT_NO_FATAL_FAILURE(bench.home());
+  const auto view = [&]() -> Eigen::Vector3d {
+    return bench.devices().world_from_camera().rotation() * Eigen::Vector3d::UnitZ();
+  };
+  auto look = order_of(1, 2, RigMode::kSaccade);
+  look.angles = {20 * kDegree, -5 * kDegree};
+  bench.order(look);
+  bench.pass(2s);
+  const Eigen::Vector3d seen = view();
+  const Eigen::Vector3d told = bench.state().imu.world_from_head * Eigen::Vector3d::UnitX();
+  EXPECT_NEAR(told.z(), seen.z(), 0.01);  // both worlds have z up
+  look.order.seq = 3;
+  look.angles = {-20 * kDegree, 10 * kDegree};
+  bench.order(look);
+  bench.pass(2s);
+  ASSERT_GT(std::acos(view().dot(seen)), 30 * kDegree);
+  auto lock = order_of(1, 4, RigMode::kLock);
+  lock.target = told;
+  bench.order(lock);
+  bench.pass(2s);
+  EXPECT_LT(std::acos(std::min(1.0, view().dot(seen))), 1.5 * kDegree);
+}
+
 TEST_F(Bridge, WhatNoWearerDoesAndNoDeviceSuffersIsRefusedInWords) {
   for (const char* line : {"walk", "walk fast", "walk 100", "walk 1 500", "stand up", "turn", "turn 9000",
                            "turn 90 0", "walk nan", "fly", ""}) {

@@ -41,13 +41,14 @@ class Tracker {
   bool is_tracked = true;
   bool stands_still = false;  ///< it has another camera
   std::string map = "desk";
+  Eigen::Quaterniond map_from_base = so3_exp({0.3, -0.2, 1.1});
   std::function<bool(const PanTilt&)> sees = [](const PanTilt&) { return true; };
 
   /// A millisecond: the pose that comes, if any. `now` is the true time, which is the IMU's.
   std::optional<TourPose> turn(const PanTilt& head, MonotonicTime now) {
     if (++milliseconds_ % 33 == 0) {
       const Eigen::Quaterniond map_from_head =
-          so3_exp({0.3, -0.2, 1.1}) * base_from_head(stands_still ? PanTilt() : head);
+          map_from_base * base_from_head(stands_still ? PanTilt() : head);
       const Eigen::Vector3d noise(noise_(random_), noise_(random_), noise_(random_));
       on_their_way_.push_back(
           {now + 40ms,
@@ -97,6 +98,15 @@ class CalibrationOfARig : public ::testing::Test {
     if (!tour.is_over()) return fail(ErrorCode::kInternal, "it does not end");
     EXPECT_TRUE(bench_.state().drives_idle);
     return tour.conclude();
+  }
+  /// Three seconds after the tour has said so.
+  void change_map_after(const std::string& words) {
+    each_millisecond = [this, words, said = false, left = 3000]() mutable {
+      said = said || (!words_.empty() && words_.back().find(words) != std::string::npos);
+      if (!said || left-- != 0) return;
+      tracker_.map = "bench";
+      tracker_.map_from_base = so3_exp({0.1, 0.4, -2});
+    };
   }
   std::string refusal() {
     const auto found = run();
@@ -188,12 +198,19 @@ TEST_F(CalibrationOfARig, ACameraThatIsNotOnTheHeadIsRefused) {
 }
 
 TEST_F(CalibrationOfARig, AnotherMapBeginsAnew) {
-  each_millisecond = [this] {
-    if (bench_.state().mode == wire::RigMode::kJog)
-      tracker_.map = bench_.now() > MonotonicTime(1h + 45s) ? "bench" : "desk";
-  };
-  (void)run();
-  EXPECT_THAT(words_, Contains(HasSubstr("in another map")));
+  change_map_after("place 4 of 15");
+  const auto found = run();
+  ASSERT_TRUE(found) << found.error().message;
+  EXPECT_THAT(words_, Contains(HasSubstr("in another map; 5 places")));
+  EXPECT_EQ(found->glances, 10U);
+  EXPECT_LT(found->hand_eye.rotation_residual, 0.3 * kDegree);
+  EXPECT_LT(found->calibration.head_from_camera.angularDistance(truth().head_from_camera), 0.2 * kDegree);
+}
+
+TEST_F(CalibrationOfARig, AnotherMapAfterAllPlacesLeavesNoneToCalibrateBy) {
+  change_map_after("shaking gently");
+  EXPECT_THAT(refusal(), HasSubstr("camera on the head"));
+  EXPECT_THAT(words_, Contains(HasSubstr("in another map; 15 places")));
 }
 
 /// A head that a hand turns.

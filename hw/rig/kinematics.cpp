@@ -56,15 +56,19 @@ PanTilt look_along(const Eigen::Vector3d& direction, double pan, const Eigen::Ve
   return {std::remainder(turn, 2 * std::numbers::pi), tilt};
 }
 
-PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,
-                      const Eigen::Vector3d& moving) {
+PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& axis,
+                      const Eigen::Vector3d& rate, const Eigen::Vector3d& moving) {
   const double length = direction.norm();
   const Eigen::Vector3d ray = direction / length;
-  const double level = ray.head<2>().norm();
-  if (level < kUpright) return {};
+  // As the tilt axis, which stays level, has it: what lies along that axis does not change by tilt.
+  const double level = ray.head<2>().squaredNorm();
+  const double ahead = std::sqrt(std::max(0.0, level - axis.y() * axis.y()));
+  if (ahead < kUpright) return {};
   const Eigen::Vector3d aside = (moving - moving.dot(ray) * ray) / length;
   const Eigen::Vector3d change = aside - rate.cross(ray);
-  return {(ray.x() * change.y() - ray.y() * change.x()) / (level * level), change.z() / level};
+  const double tilt = change.z() / ahead;
+  const double around = (ray.x() * change.y() - ray.y() * change.x()) / level;
+  return {around - tilt * ray.z() * axis.y() / level, tilt};
 }
 
 }  // namespace cairn

@@ -39,9 +39,11 @@ struct HeadMotion {
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan = 0);
 /// Likewise for a camera that looks along `axis` of the head, of length 1 and not straight to the side.
 [[nodiscard]] PanTilt look_along(const Eigen::Vector3d& direction, double pan, const Eigen::Vector3d& axis);
-/// How fast the axes must turn to keep looking along a direction that changes in the world by `moving` a
-/// second, while the base turns at `rate` [rad/s]. All in the base's axes. 0 straight up and down.
-[[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& rate,
+/// How fast the axes must turn for a camera that looks along `axis` of the head, as above, to keep looking
+/// along a direction that changes in the world by `moving` a second, while the base turns at `rate` [rad/s].
+/// All but `axis` in the base's axes. 0 straight up and down, and where no angles look along that direction.
+[[nodiscard]] PanTilt rates_to_hold(const Eigen::Vector3d& direction, const Eigen::Vector3d& axis,
+                                    const Eigen::Vector3d& rate,
                                     const Eigen::Vector3d& moving = Eigen::Vector3d::Zero());
 
 }  // namespace cairn

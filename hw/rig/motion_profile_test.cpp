@@ -6,6 +6,8 @@
 #include <cmath>
 #include <random>
 
+#include "hw/can/test_seed.h"
+
 namespace cairn {
 namespace {
 
@@ -14,7 +16,7 @@ constexpr MotionLimits kLimits{
     .low = -1, .high = 1, .margin = 0.08, .rate = 2, .acceleration = 10, .coasting = 5, .reaction = 0.05};
 
 TEST(MotionProfile, WhateverIsDemandedStaysWithinPositionRateAndAcceleration) {
-  const uint32_t seed = std::random_device()();
+  const uint32_t seed = testing::any_seed();
   SCOPED_TRACE(seed);
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> unit(-1, 1);

@@ -70,18 +70,26 @@ TEST(Kinematics, TheRatesThatHoldADirectionAreTheDerivatives) {
   std::mt19937 random(2);
   std::normal_distribution<double> normal(0, 1);
   const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
-  for (int i = 0; i < 200; ++i) {
-    const Vector3d direction = any();
-    if (direction.head<2>().norm() < 0.2 || std::abs(look_along(direction).pan) > 3) continue;
+  int held = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Vector3d axis = i % 2 == 0 ? kAhead : (kAhead + 0.3 * any()).normalized();
+    const Vector3d direction = any().normalized();
+    const bool is_reached = std::abs(direction.z()) < 0.9 * std::hypot(axis.x(), axis.z());
+    if (!is_reached || axis.x() < 0.5 || std::abs(look_along(direction, 0, axis).pan) > 3) continue;
+    ++held;
     const Vector3d rate = any();
+    const Vector3d moving = any();
     constexpr double kStep = 1e-6;
-    const Vector3d later = Eigen::AngleAxisd(-rate.norm() * kStep, rate.normalized()) * direction;
-    const PanTilt rates = rates_to_hold(direction, rate);
-    EXPECT_NEAR(rates.pan, (look_along(later).pan - look_along(direction).pan) / kStep,
-                1e-3 * (1 + std::abs(rates.pan)));
-    EXPECT_NEAR(rates.tilt, (look_along(later).tilt - look_along(direction).tilt) / kStep, 1e-3);
+    const Vector3d later =
+        Eigen::AngleAxisd(-rate.norm() * kStep, rate.normalized()) * (direction + kStep * moving);
+    const PanTilt rates = rates_to_hold(direction, axis, rate, moving);
+    const PanTilt before = look_along(direction, 0, axis);
+    const PanTilt after = look_along(later, 0, axis);
+    EXPECT_NEAR(rates.pan, (after.pan - before.pan) / kStep, 1e-3 * (1 + std::abs(rates.pan)));
+    EXPECT_NEAR(rates.tilt, (after.tilt - before.tilt) / kStep, 1e-3 * (1 + std::abs(rates.tilt)));
   }
-  EXPECT_EQ(rates_to_hold(kUp, kAhead).pan, 0);
+  EXPECT_GT(held, 200);
+  EXPECT_EQ(rates_to_hold(kUp, kAhead, kAhead).pan, 0);
 }
 
 TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <string>
+
+// For tests only.
+namespace cairn::testing {
+
+/// For a test that tries something else each time: of CAIRN_TEST_SEED where that is set, as in CI, else of
+/// chance. It is printed, so that what was found can be found again.
+inline uint32_t any_seed() {
+  const char* given = std::getenv("CAIRN_TEST_SEED");
+  const uint32_t seed =
+      given != nullptr ? static_cast<uint32_t>(std::strtoul(given, nullptr, 10)) : std::random_device()();
+  std::printf("seed %u; CAIRN_TEST_SEED=%u repeats it\n", seed, seed);
+  std::fflush(stdout);
+  return seed;
+}
+
+}  // namespace cairn::testing
