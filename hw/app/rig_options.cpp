@@ -40,7 +40,10 @@ std::string check_name(const std::string& text) {
 
 /// What all tasks need. The interface, where it is given.
 CLI::Option* add_bus_options(CLI::App* app, RigOptions* options) {
-  auto* can = app->add_option("--can", options->can, "interface of the bus, can0 say")->type_name("IFACE");
+  auto* can = app->add_option("--can", options->can,
+                              "interface of the bus, can0 say; fd:N is an end of a pair of sockets that the "
+                              "process was started with")
+                  ->type_name("IFACE");
   app->add_option("--config", options->config, "what the rig is, YAML")->type_name("FILE")->required();
   app->add_option("--time-scale", options->time_scale,
                   "a second of the rig takes so many: for simulated devices on a slow machine")

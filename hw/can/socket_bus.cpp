@@ -9,8 +9,10 @@
 
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <optional>
+#include <string_view>
 
 #include "common/base/file_descriptor.h"
 #include "hw/can/kernel_frame.h"
@@ -222,10 +224,41 @@ Error refusal(const std::string& interface_name, int error) {
   }
 }
 
+int option_of(int descriptor, int option) {
+  int value = -1;
+  socklen_t size = sizeof value;
+  return getsockopt(descriptor, SOL_SOCKET, option, &value, &size) == 0 ? value : -1;
+}
+
+constexpr std::string_view kInherited = "fd:";
+
+/// `name` with the number of a descriptor behind kInherited.
+Result<std::unique_ptr<CanBus>> open_inherited(const std::string& name,
+                                               const std::vector<CanFilter>& filters) {
+  int descriptor = -1;
+  const char* end = name.data() + name.size();
+  const auto read = std::from_chars(name.data() + kInherited.size(), end, descriptor);
+  const bool is_socket = read.ec == std::errc() && read.ptr == end && descriptor >= 0 &&
+                         option_of(descriptor, SO_DOMAIN) == AF_UNIX &&
+                         option_of(descriptor, SO_TYPE) == SOCK_SEQPACKET;
+  if (!is_socket) {
+    return fail(ErrorCode::kConfiguration,
+                name +
+                    ": no local socket of packets that this process was started with; whoever starts "
+                    "both ends of a bus hands them out");
+  }
+  FileDescriptor socket(descriptor);
+  if (!stamps_frames(socket.get())) return tl::unexpected(refusal(name, errno));
+  while (receive_from(descriptor).error == 0) {
+  }
+  return std::make_unique<SocketBus>(std::move(socket), std::make_unique<OtherEnd>(), filters);
+}
+
 }  // namespace
 
 Result<std::unique_ptr<CanBus>> open_can_bus(const std::string& interface_name,
                                              const std::vector<CanFilter>& filters) {
+  if (interface_name.starts_with(kInherited)) return open_inherited(interface_name, filters);
   if (interface_name.empty() || interface_name.size() >= IFNAMSIZ) {
     return fail(ErrorCode::kUsage, "'" + interface_name + "': the name of an interface has 1 to " +
                                        std::to_string(IFNAMSIZ - 1) + " letters");

@@ -16,6 +16,9 @@ namespace cairn {
 /// cannot be, kConfiguration for an interface that is none or a kernel without CAN, kIo for what else the
 /// system refuses. The first bus of a machine that is opened may stamp its first frames when they are read:
 /// the kernel takes some milliseconds to begin with stamps.
+/// "fd:N" is no interface but the end of a bus like make_bus_pair()'s that the process was started with, as
+/// descriptor N, and which is the bus's from then on. What came before is dropped. kConfiguration where it is
+/// no such socket.
 [[nodiscard]] Result<std::unique_ptr<CanBus>> open_can_bus(const std::string& interface_name,
                                                            const std::vector<CanFilter>& filters = {});
 

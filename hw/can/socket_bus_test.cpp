@@ -6,9 +6,12 @@
 #include <linux/can/error.h>
 #include <sys/socket.h>
 
+#include <array>
+#include <string>
 #include <thread>
 
 #include "common/base/cpu_time.h"
+#include "common/base/file_descriptor.h"
 #include "hw/can/kernel_frame.h"
 #include "hw/can/stamp_clock.h"
 #include "hw/can/test_frames.h"
@@ -154,6 +157,35 @@ TEST(OpenCanBus, NamesThatNoInterfaceHasAreRefused) {
   const auto many = open_can_bus("can0", std::vector<CanFilter>(513));
   ASSERT_FALSE(many);
   EXPECT_THAT(many.error().message, HasSubstr("can0: 513 filters; the kernel takes 512"));
+}
+
+TEST(OpenCanBus, AnEndThatTheProcessWasStartedWithIsABusAndForgetsWhatCameBefore) {
+  std::array<int, 2> ends{-1, -1};
+  ASSERT_EQ(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends.data()), 0);
+  const auto name = [&](size_t end) { return "fd:" + std::to_string(ends.at(end)); };
+  const auto device = open_can_bus(name(0));
+  ASSERT_TRUE(device) << device.error().message;
+  ASSERT_EQ((*device)->send(frame(0x200)), SendOutcome::kQueued);
+  auto host = open_can_bus(name(1));
+  ASSERT_TRUE(host) << host.error().message;
+  ASSERT_EQ((*device)->send(frame(0x201)), SendOutcome::kQueued);
+  expect_next(**host, frame(0x201));
+  ASSERT_EQ((*host)->send(frame(0x202)), SendOutcome::kQueued);
+  expect_next(**device, frame(0x202));
+  host->reset();
+  EXPECT_FALSE((*device)->receive());
+  EXPECT_EQ((*device)->health().condition, BusCondition::kInterfaceGone);
+}
+
+TEST(OpenCanBus, WhatIsNoSuchEndIsRefused) {
+  const FileDescriptor stream(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  for (const std::string& number : {std::to_string(stream.get()), std::string("9999"), std::string("-1"),
+                                    std::string("2x"), std::string()}) {
+    const auto bus = open_can_bus("fd:" + number);
+    ASSERT_FALSE(bus) << number;
+    EXPECT_EQ(bus.error().code, ErrorCode::kConfiguration);
+    EXPECT_THAT(bus.error().message, HasSubstr("fd:" + number + ": no local socket"));
+  }
 }
 
 TEST(OpenCanBus, AnInterfaceThatIsNoneIsAnErrorThatSaysWhatHelps) {

@@ -186,7 +186,8 @@ Pointer::Demands Pointer::towards(const Target& target, double pan) {
   const Eigen::Quaterniond base_from_world = base_.world_from_base(ahead_).conjugate();
   const Vector3d direction = base_from_world * target.direction;
   const PanTilt angles = look_along(direction, pan, camera_axis_);
-  const PanTilt rates = rates_to_hold(direction, camera_axis_, base_.rate(ahead_), base_from_world * target.moving);
+  const PanTilt rates =
+      rates_to_hold(direction, camera_axis_, base_.rate(ahead_), base_from_world * target.moving);
   return {Demand{angles.pan, rates.pan}, Demand{angles.tilt, rates.tilt}};
 }
 
