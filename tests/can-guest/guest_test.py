@@ -20,7 +20,7 @@ RUN = pathlib.Path(__file__).resolve().with_name("run-in-can-guest")
 # In the guest the kernel has CAN, so the other way of run-in-can-guest works there.
 INSIDE = """
 "$0" || exit 1
-if [ -n "$2" ]; then python3 "${1%/*}/rig_guest.py" "$2" >&2 || exit 3; fi
+if [ -n "$2" ]; then python3 "${1%/*}/rig_processes.py" "$2" vcan0 >&2 || exit 3; fi
 echo said >&2
 "$1" --backend native bash -c 'ip link show vcan1 >&2 && exit 41'
 test $? = 41 || exit 2
