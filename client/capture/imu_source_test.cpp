@@ -4,6 +4,11 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
 #include "client/capture/imu_file.h"
 #include "client/capture/source_files_fixture.h"
 #include "common/geometry/se3.h"
@@ -170,6 +175,33 @@ TEST_F(ImuFiles, WithoutSamplesThereIsNone) {
   EXPECT_FALSE(opened->stream);
   EXPECT_EQ(open(uri("tum"), {{}, "0,0,0,1", {}}).error().code, ErrorCode::kUsage);
   EXPECT_EQ(open(uri("tum"), {dir() / "gone.csv", "0,0,0,1", {}}).error().code, ErrorCode::kNotFound);
+}
+
+/// Real rows, where there are some: all of them, at the times and the rate that they were taken.
+TEST(Recordings, TheRowsOfEurocsImuAreReadWhole) {
+  const char* data = std::getenv("CAIRN_DATA");
+  if (data == nullptr) GTEST_SKIP() << "CAIRN_DATA is not set";
+  const std::filesystem::path folder = std::filesystem::path(data) / "euroc-v101-micro";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  const auto samples = read_imu_file(folder / "imu.csv");
+  ASSERT_TRUE(samples) << samples.error().message;
+  ASSERT_EQ(samples->size(), 791U);
+  EXPECT_EQ(samples->front().time.nanoseconds, 1'403'715'273'262'142'976);
+  EXPECT_EQ(samples->back().time.nanoseconds, 1'403'715'277'212'143'104);
+  double pull = 0;
+  for (size_t i = 1; i < samples->size(); ++i) {
+    EXPECT_NEAR(seconds_between((*samples)[i].time, (*samples)[i - 1].time), 0.005, 1e-6) << i;
+    pull += (*samples)[i].acceleration.norm() / 790;
+  }
+  EXPECT_NEAR(pull, 9.81, 0.3);
+  const std::string uri = "tum:" + folder.string();
+  const auto source = open_source(uri);
+  ASSERT_TRUE(source) << source.error().message;
+  const auto imu = open_imu(uri, **source, {.mount = "0,0,0,1"});
+  ASSERT_TRUE(imu) << imu.error().message;
+  std::vector<ImuSample> taken;
+  imu->stream->take(samples->back().time, &taken);
+  EXPECT_EQ(taken.size(), samples->size());
 }
 
 }  // namespace

@@ -8,16 +8,17 @@ namespace cairn {
 class Backlash {
  public:
   /// `play`: how far the motor turns from one flank of the teeth to the other.
-  explicit Backlash(double play) : half_(play / 2) {}
+  explicit Backlash(double play);
 
   /// The motor stands at `motor`: gives where the axis is. One that nothing pushes stays where it is.
   double follow(double motor);
-  /// For the axis to stand at `axis` while it turns at `rate` [rad/s]. Slower than `kTurning` it is not
-  /// worth to change the flank.
+  /// For the axis to stand at `axis` while it turns at `rate` [rad/s]. A turn so slow that the
+  /// play itself could have made it does not change the flank.
   [[nodiscard]] double motor_for(double axis, double rate);
 
  private:
   double half_;
+  double turning_;  ///< [rad/s]
   double axis_ = 0;
   bool known_ = false;
   double side_ = 0;  ///< +1: the motor pushes the axis upward

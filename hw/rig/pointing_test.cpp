@@ -120,14 +120,22 @@ TEST(Backlash, AMotorToldBeforehandMakesTheAxisFollow) {
   constexpr double kPlay = 0.3 * kDegree;
   Backlash gear(kPlay);
   double most = 0;
+  double turning = 0;
   for (int i = 0; i < 500; ++i) {
     const double t = i * kPeriod;
     const double axis = gear.follow(gear.motor_for(0.1 * std::sin(5 * t), 0.5 * std::cos(5 * t)));
-    if (i > 50) most = std::max(most, std::abs(axis - 0.1 * std::sin(5 * t)));
+    const double off = std::abs(axis - 0.1 * std::sin(5 * t));
+    if (i > 50) most = std::max(most, off);
+    if (i > 50 && std::abs(std::cos(5 * t)) > 0.3) turning = std::max(turning, off);
   }
-  EXPECT_LT(most, kPlay / 10);  // half of it without
+  EXPECT_LT(turning, kPlay / 10);  // half of it without
+  EXPECT_LT(most, kPlay / 2);
+  // Neither noise makes it cross nor what a crossing itself looks like.
   const double there = gear.motor_for(0, 1);
-  EXPECT_EQ(gear.motor_for(0, -1e-3), there);  // noise does not make it cross
+  for (const double rate : {-1e-3, -0.07, -kPlay / 0.06}) EXPECT_EQ(gear.motor_for(0, rate), there);
+  EXPECT_NE(gear.motor_for(0, -0.2), there);
+  Backlash without(0);
+  EXPECT_EQ(without.motor_for(0.3, 1), 0.3);
 }
 
 TEST(BaseMotion, IsSeenThroughTheHeadThatTurnsOnItAndForetold) {
