@@ -37,7 +37,7 @@ LINE = re.compile(r"^([0-9.]+) (.*)$")
 
 class Kernel:
     """A bus of the kernel's."""
-    scale = 10
+    scale = 5
 
     def __init__(self, interface):
         self.of_rig = self.of_devices = {"words": ["--can", interface]}
