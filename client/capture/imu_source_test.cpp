@@ -197,7 +197,7 @@ TEST(Recordings, TheRowsOfEurocsImuAreReadWhole) {
   const std::string uri = "tum:" + folder.string();
   const auto source = open_source(uri);
   ASSERT_TRUE(source) << source.error().message;
-  const auto imu = open_imu(uri, **source, {.mount = "0,0,0,1"});
+  const auto imu = open_imu(uri, **source, {{}, "0,0,0,1", {}});
   ASSERT_TRUE(imu) << imu.error().message;
   std::vector<ImuSample> taken;
   imu->stream->take(samples->back().time, &taken);
