@@ -7,11 +7,12 @@
 
 namespace cairn::wire {
 
-/// While it lives, what the middleware has to say goes to `logger` (warning or error), at most
-/// `lines_per_second` and the same line once in ten seconds, with the number of lines passed over in between:
-/// a peer that sends rubbish cannot fill the disk (120 000 mutated packets made 98 000 lines), and one that
-/// is away does not drown what else there is to say. The middleware has one log per process, so a process has
-/// one LogRedirect, owned by main().
+/// While it lives, what the middleware has to say goes to `logger` (warning or error), folded: of one kind of
+/// line (from one place in the middleware) three in ten seconds, the same line once, and "… and 79 more like
+/// it" with the next line of any kind or at the end. In all at most `lines_per_second`. So a cut cable, whose
+/// lines name every peer and port, is told in a few lines, and a peer that sends rubbish cannot fill the disk
+/// (120 000 mutated packets made 98 000 lines). The middleware has one log per process, so a process has one
+/// LogRedirect, owned by main().
 class LogRedirect {
  public:
   explicit LogRedirect(Logger logger, int lines_per_second = 10);
@@ -20,7 +21,7 @@ class LogRedirect {
   LogRedirect& operator=(const LogRedirect&) = delete;
 
  private:
-  struct Sink;
+  class Sink;
   std::unique_ptr<Sink> sink_;
 };
 
