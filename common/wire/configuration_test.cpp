@@ -49,6 +49,15 @@ TEST(Configuration, ARigHasAPlaceAndTheServerAsPeerAndItsClientsHaveTheRig) {
   EXPECT_THAT(client, HasSubstr("<ParticipantIndex>none</ParticipantIndex>"));
 }
 
+TEST(Configuration, NoProfileHasPeersSayHowMuchIsPutTogether) {
+  for (const char* profile : {"loopback", "wifi"}) {
+    ParticipantOptions options = client_of(0);
+    options.profile = profile;
+    EXPECT_THAT(make_configuration(options, kOnThisHost).value(),
+                HasSubstr("<MaxSampleSize>" + std::to_string(kMaxSampleBytes) + "B</MaxSampleSize>"));
+  }
+}
+
 /// Only what is woken by no packet, and waits for none, ends when the address is gone.
 TEST(Configuration, ClosingNeedsNoAddressOfOurs) {
   const std::string xml = make_configuration(client_of(0), kOnThisHost).value();

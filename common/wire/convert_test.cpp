@@ -8,6 +8,8 @@
 #include <limits>
 #include <numeric>
 
+#include "common/image/still_mask.h"
+#include "common/wire/internal/configuration.h"
 #include "common/wire/test_messages.h"
 
 namespace cairn::wire {
@@ -400,6 +402,25 @@ TEST(Validation, AdminRequestAndReply) {
   reply.refuses("control character", [](auto& m) { m.text = std::string("\r"); });
   reply.refuses("too much data", [](auto& m) { m.data.resize(kMaxAdminData + 1); });
   reply.refuses("too much text", [](auto& m) { m.text.assign(kMaxAdminText + 1, 'x'); });
+}
+
+/// The largest of all: two pictures that do not pack at all.
+TEST(Sizes, TheLargestLegalMessageIsSentAndTaken) {
+  MapSeed seed = RandomMessages(kSeed).make<MapSeed>();
+  constexpr uint32_t kSide = kMaxImageSide;
+  constexpr size_t kMostOfAJpeg = size_t{kSide} * kSide + 64 * 1024;
+  seed.first_image = {ImageEncoding::kJpeg, kSide, kSide, std::vector<uint8_t>(kMostOfAJpeg)};
+  seed.second_image = seed.first_image;
+  seed.trails.resize(kMaxTrails, Trail{{1}, {0, 0}, {0, 0}});
+  seed.map_name.assign(internal::kMaxNameBytes, 'x');
+  seed.still_mask.assign(still_mask_bytes(kSide, kSide), 0);
+  Scratch scratch;
+  const auto sample = encode(seed, &scratch);
+  const auto decoded = decode<MapSeed>(sample);
+  EXPECT_TRUE(decoded.has_value()) << decoded.error().message;
+  EXPECT_LT(internal::payload_bytes<MapSeed>(sample) * 21 / 20, internal::kMaxSampleBytes);
+  seed.first_image.bytes.push_back(0);
+  EXPECT_FALSE(decode<MapSeed>(encode(seed, &scratch)).has_value()) << "it was not the largest";
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

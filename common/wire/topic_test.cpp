@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is written to a topic: what arrives, in which order and at whom.
+#include <dds/dds.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
@@ -12,6 +13,10 @@
 #include <sstream>
 #include <thread>
 
+#include "common/wire/internal/configuration.h"
+#include "common/wire/internal/convert.h"
+#include "common/wire/internal/entity.h"
+#include "common/wire/internal/qos.h"
 #include "common/wire/partition.h"
 #include "common/wire/waiter.h"
 #include "common/wire/wire_fixture.h"
@@ -284,6 +289,55 @@ TEST_F(WireTest, MessagesBeyondTheBoundsOfTheWireAreRefusedAtTheWriter) {
   EXPECT_THAT(refused.error().message, HasSubstr("OfferVerdict"));
   verdict.recent.resize(16);
   EXPECT_TRUE(verdicts.write(verdict).has_value());
+}
+
+TEST_F(WireTest, AMessageThatNoPeerTakesIsRefusedAtTheWriterByName) {
+  const Participant server = this->server();
+  auto requests = writer<AdminRequest>(server, "operator.a");
+  auto request = random_.make<AdminRequest>();
+  request.data.assign(internal::kMaxSampleBytes, 1);
+  const Status refused = requests.write(request);
+  ASSERT_FALSE(refused.has_value());
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(refused.error().message, HasSubstr("AdminRequest of 37 MB"));
+  EXPECT_THAT(refused.error().message, HasSubstr("36 MB at most"));
+}
+
+/// A peer of another making, whose middleware sends what it is given.
+TEST_F(WireTest, WhatIsLargerThanAnyMessageIsNotPutTogetherAndHoldsUpNothing) {
+  const Participant server = this->server();
+  auto received = reader<AdminRequest>(server, kEveryOperator);
+  ParticipantOptions options;
+  options.domain = domain_;
+  std::string xml = internal::make_configuration(options, {"127.0.0.1", "lo", "127.0.0.1"}).value();
+  const std::string bound =
+      "<MaxSampleSize>" + std::to_string(internal::kMaxSampleBytes) + "B</MaxSampleSize>";
+  ASSERT_THAT(xml, HasSubstr(bound));
+  xml.erase(xml.find(bound), bound.size());
+  constexpr dds_domainid_t kUnusedHere = 4242;
+  const internal::Entity domain(dds_create_domain(kUnusedHere, xml.c_str()));
+  ASSERT_GT(domain.handle(), 0);
+  const dds_entity_t peer = dds_create_participant(kUnusedHere, nullptr, nullptr);
+  const dds_entity_t topic =
+      dds_create_topic(peer, &cairn_AdminRequest_desc, "AdminRequest", nullptr, nullptr);
+  const dds_entity_t publisher =
+      dds_create_publisher(peer, internal::partition_qos("operator.a").get(), nullptr);
+  const dds_entity_t requests =
+      dds_create_writer(publisher, topic, internal::writer_qos(internal::QosClass::kCommand).get(), nullptr);
+  ASSERT_GT(requests, 0);
+  ASSERT_TRUE(eventually([&] { return received.matched() == 1; }));
+  const auto small = random_.make<AdminRequest>();
+  auto large = small;
+  large.data.assign(internal::kMaxSampleBytes + 1, 1);
+  internal::Scratch scratch;
+  const auto large_sample = internal::encode(large, &scratch);
+  const auto small_sample = internal::encode(small, &scratch);
+  ASSERT_EQ(dds_write(requests, &large_sample), DDS_RETCODE_OK);
+  ASSERT_EQ(dds_write(requests, &small_sample), DDS_RETCODE_OK);
+  const auto samples = collect(&received, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_TRUE(testing::same(*samples[0].message, small));
+  EXPECT_EQ(received.invalid(), 0U) << "it was put together first";
 }
 
 TEST_F(WireTest, WaiterWakesForDataForCallsAndForTime) {

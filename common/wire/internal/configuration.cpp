@@ -136,8 +136,10 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
     xml << "<Peers><Peer address=\"" << path.server << ':' << port << "\" /></Peers>";
   }
   xml << "</Discovery>";
+  // By default a peer could have a sample of 2 GB put together here before anybody looks at it.
+  xml << "<Internal><MaxSampleSize>" << kMaxSampleBytes << "B</MaxSampleSize>";
   // A thread for each socket would end only by a packet to our own address: never, once that is gone.
-  xml << "<Internal><MultipleReceiveThreads>false</MultipleReceiveThreads>";
+  xml << "<MultipleReceiveThreads>false</MultipleReceiveThreads>";
   // Each writer would hold up its thread for a second where a peer does not acknowledge, one after another.
   xml << "<WriterLingerDuration>0s</WriterLingerDuration>";
   if (options.loss_per_mille > 0)

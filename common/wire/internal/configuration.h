@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -8,6 +9,11 @@
 #include "common/wire/participant.h"
 
 namespace cairn::wire::internal {
+
+/// [bytes] No sample is larger, whatever the profile: what a peer may make the middleware assemble, and what
+/// a writer takes. The largest that is legal is a seed with two raw pictures of the largest size, 33.8 MB
+/// (convert_test.cpp); a server on a network takes those too, from the trackers of its own host.
+constexpr size_t kMaxSampleBytes = 36'000'000;
 
 /// Text of a built-in profile (deploy/dds/<name>.xml at build time); empty for any other name.
 [[nodiscard]] std::string_view built_in_profile(std::string_view name);

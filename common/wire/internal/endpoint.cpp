@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "common/wire/internal/configuration.h"
+
 namespace cairn::wire::internal {
 namespace {
 
@@ -13,6 +15,13 @@ constexpr int kMaxTake = 256;  ///< per call
 Error endpoint_error(std::string_view what, std::string_view topic, dds_return_t code) {
   return {ErrorCode::kInternal,
           std::string(what).append(" ").append(topic).append(": ").append(dds_strretcode(-code))};
+}
+
+Error too_large(const char* topic, size_t bytes) {
+  const auto megabytes = [](size_t n) { return std::to_string((n + 999'999) / 1'000'000) + " MB"; };
+  return {ErrorCode::kRefused, std::string(topic) + " of " + megabytes(bytes) +
+                                   ": too large for any peer, which takes " + megabytes(kMaxSampleBytes) +
+                                   " at most; smaller pictures make it smaller"};
 }
 
 using EndpointPtr = std::unique_ptr<dds_builtintopic_endpoint_t, decltype(&dds_builtintopic_free_endpoint)>;
@@ -44,6 +53,8 @@ Result<std::unique_ptr<WriterEntity>> WriterEntity::create(std::shared_ptr<Conte
 }
 
 Status WriterEntity::write(const void* sample, size_t payload_bytes) {
+  // The middleware would refuse it as a bad parameter; nobody could tell what to do about it.
+  if (payload_bytes > kMaxSampleBytes) return tl::unexpected(too_large(topic_, payload_bytes));
   const dds_return_t code = dds_write(writer_.handle(), sample);
   if (code != DDS_RETCODE_OK) return tl::unexpected(endpoint_error("writing", topic_, code));
   context_->bytes_sent += payload_bytes;
