@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/io/sensor_yaml.h"
 
+#include <cmath>
+
 #include "common/io/calibration_keys.h"
 
 namespace cairn {
 namespace {
+
+constexpr double kMostTimeShift = 1e9;  // [s]: such that times of clocks can be told from each other
 
 /// A list of the 16 numbers of a 4x4 matrix, or of its rows.
 Result<SE3> rigid_motion(const calibration::Keys& keys, const char* key) {
@@ -25,8 +29,9 @@ Result<std::optional<SensorMount>> parse_mount(const calibration::Keys& keys) {
   if (!keys.has(kKey)) return std::nullopt;
   const auto body_from_sensor = rigid_motion(keys, kKey);
   if (!body_from_sensor) return tl::unexpected(body_from_sensor.error());
-  const bool is_camera = !keys.has("sensor_type") || keys.word("sensor_type").value_or("") == "camera";
-  return SensorMount{*body_from_sensor, is_camera};
+  // Something else than a word is no type that anybody knows.
+  const std::string type = keys.has("sensor_type") ? keys.word("sensor_type").value_or("?") : "";
+  return SensorMount{*body_from_sensor, type};
 }
 
 Result<std::optional<KalibrImu>> parse_kalibr(const calibration::Keys& chain) {
@@ -38,6 +43,8 @@ Result<std::optional<KalibrImu>> parse_kalibr(const calibration::Keys& chain) {
   if (!keys.has("timeshift_cam_imu")) return imu;
   const auto shift = keys.number("timeshift_cam_imu");
   if (!shift) return tl::unexpected(shift.error());
+  if (!(std::abs(*shift) <= kMostTimeShift))
+    return keys.error_at("timeshift_cam_imu", "timeshift_cam_imu is not within +-1e9 s");
   imu.time_shift = *shift;
   return imu;
 }

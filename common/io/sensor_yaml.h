@@ -3,6 +3,8 @@
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "common/geometry/se3.h"
@@ -11,8 +13,11 @@ namespace cairn {
 
 /// Where a sensor of a recording sits on the body that carries it, as EuRoC's sensor.yaml says.
 struct SensorMount {
-  SE3 body_from_sensor;   ///< T_BS [m]
-  bool is_camera = true;  ///< sensor_type is camera, or not said
+  SE3 body_from_sensor;  ///< T_BS [m]
+  std::string type;      ///< sensor_type; empty: not said
+
+  /// Of that type, or of none that is said.
+  [[nodiscard]] bool may_be(std::string_view wanted) const { return type.empty() || type == wanted; }
 };
 
 /// Nothing for a file without T_BS. Errors: kNotFound, kIo, kConfiguration (T_BS is no rigid motion).
@@ -25,7 +30,7 @@ struct KalibrImu {
 };
 
 /// Of cam0. Nothing for a file without T_cam_imu. Errors: kNotFound, kIo, kConfiguration (T_cam_imu is no
-/// rigid motion, or the time shift no number).
+/// rigid motion, or the time shift no number of +-1e9 s).
 [[nodiscard]] Result<std::optional<KalibrImu>> read_kalibr_imu(const std::filesystem::path& path);
 
 }  // namespace cairn

@@ -259,6 +259,19 @@ TEST(Validation, RigState) {
   state.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
   state.refuses("samples of no clock", [](auto& m) { m.imu.time = kNoTime; });
   state.refuses("control character", [](auto& m) { m.trouble = "a\nb"; });
+  const Spoiler<RigState> sensing(
+      [](const auto& m) { return m.samples.size() > 2 && m.camera_from_imu && m.base_from_camera; });
+  sensing.refuses("more samples than a packet has", [](auto& m) {
+    m.samples.resize(kMaxRigSamples + 1);
+    for (size_t i = 0; i < m.samples.size(); ++i) m.samples[i].time = {static_cast<int64_t>(i)};
+  });
+  sensing.refuses("samples out of order", [](auto& m) { std::swap(m.samples[0], m.samples[1]); });
+  sensing.refuses("NaN turn", [](auto& m) { m.samples[1].rate.x() = static_cast<float>(kNan); });
+  sensing.refuses("pull of a shot", [](auto& m) { m.samples[2].acceleration.y() = 1e4F; });
+  sensing.refuses("sample of no clock", [](auto& m) { m.samples.back().time = kNoTime; });
+  sensing.refuses("no mount", [](auto& m) { m.camera_from_imu->coeffs().setZero(); });
+  sensing.refuses("no aim", [](auto& m) { m.base_from_camera->coeffs().setConstant(kNan); });
+  sensing.refuses("calibrated to no clock", [](auto& m) { m.calibrated_offset = kNoTime.nanoseconds; });
   state.refuses("more than a packet", [](auto& m) { m.refusal.assign(kMaxRigText + 1, 'x'); });
 }
 
@@ -449,7 +462,8 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   rig.commander.assign(32, 'x');
   rig.ordered_by.assign(32, 'x');
   rig.refusal.assign(kMaxRigText, 'x');
-  rig.trouble.assign(kMaxRigText, 'x');
+  rig.trouble.assign(kMaxRigTexts - kMaxRigText, 'x');
+  rig.samples.resize(kMaxRigSamples);
   EXPECT_LT(internal::payload_bytes<RigState>(encode(rig, &scratch)), 1300U);
 }
 

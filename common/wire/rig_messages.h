@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/time.h"
 #include "common/wire/messages.h"
@@ -91,6 +92,15 @@ struct RigCameraClock {
   float sigma = 0;     ///< standard deviation of that [s]
 };
 
+/// A sample of the IMU, in its own axes.
+struct RigImuSample {
+  Timestamp time;                                          ///< when it was taken, by the host's clock
+  Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
+  Eigen::Vector3f acceleration = Eigen::Vector3f::Zero();  ///< likewise [m/s^2]
+};
+/// Of RigState: at 400 samples a second, the most that a rig takes, each is in two or three states.
+constexpr size_t kMaxRigSamples = 10;
+
 /// Topic RigState: stream.
 struct RigState {
   std::string rig;
@@ -115,9 +125,21 @@ struct RigState {
   // Of the order that was judged last.
   std::string ordered_by;            ///< name of who gave it; empty: none yet
   RigMode ordered = RigMode::kIdle;  ///< what it was
+  // For the tracker of the camera. A rig of before these does not say them, and so has no IMU.
+  /// The newest ones in order of time. States may be lost: each sample is said again in those that follow, at
+  /// least in one.
+  std::vector<RigImuSample> samples;
+  std::optional<Eigen::Quaterniond> camera_from_imu;  ///< nothing: the configuration does not know
+  /// As RigCameraClock::offset, of the configuration: counts until that is estimated. Nothing: not known.
+  std::optional<int64_t> calibrated_offset;
+  /// How the encoders have the camera to what carries the rig, at `time`; nothing: axes are not homed, or do
+  /// not answer.
+  std::optional<Eigen::Quaterniond> base_from_camera;
 };
 
-/// Of a text in RigState: a state is one packet.
+/// Of a text in RigState.
 constexpr size_t kMaxRigText = 360;
+/// Of its refusal and its trouble together, as they are written: a state is one packet.
+constexpr size_t kMaxRigTexts = 480;
 
 }  // namespace cairn::wire

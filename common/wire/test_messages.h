@@ -62,7 +62,8 @@ CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(RigAxisState, a, b, c, d, e)
 CAIRN_MEMBERS(RigImu, a, b, c, d, e, f)
 CAIRN_MEMBERS(RigCameraClock, a, b, c)
-CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)
+CAIRN_MEMBERS(RigImuSample, a, b, c)
+CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v, w, x)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -78,6 +79,10 @@ template <typename T>
 bool same(const std::vector<T>& x, const std::vector<T>& y) {
   return std::equal(x.begin(), x.end(), y.begin(), y.end(),
                     [](const T& a, const T& b) { return same(a, b); });
+}
+template <typename T>
+bool same(const std::optional<T>& x, const std::optional<T>& y) {
+  return x.has_value() == y.has_value() && (!x || same(*x, *y));
 }
 template <typename T, size_t N>
 bool same(const std::array<T, N>& x, const std::array<T, N>& y) {
@@ -396,6 +401,10 @@ inline RigAxisState RandomMessages::make() {
 }
 template <>
 inline RigState RandomMessages::make() {
+  std::vector<RigImuSample> samples;
+  for (int64_t i = 0, n = static_cast<int64_t>(number(0, kMaxRigSamples)); i < n; ++i)
+    samples.push_back({{i * 10}, vector(3), vector(9)});
+  const auto perhaps = [this] { return coin() ? std::optional(pose().rotation()) : std::nullopt; };
   const RigImu imu{
       {static_cast<int64_t>(number(0, 1) << 61)}, vector(3), vector(9), coin(), pose().rotation(),
       static_cast<int64_t>(number(0, 99))};
@@ -418,7 +427,11 @@ inline RigState RandomMessages::make() {
           static_cast<uint32_t>(number(0, 9)),
           {coin(), static_cast<int64_t>(number(0, 99)), uniform(0, 1)},
           coin() ? "" : "commander-" + std::to_string(number(0, 99)),
-          static_cast<RigMode>(number(0, 11))};
+          static_cast<RigMode>(number(0, 11)),
+          std::move(samples),
+          perhaps(),
+          coin() ? std::optional(static_cast<int64_t>(number(0, 99))) : std::nullopt,
+          perhaps()};
 }
 
 }  // namespace cairn::wire::testing

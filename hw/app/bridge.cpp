@@ -15,6 +15,7 @@ using wire::RigMode;
 
 constexpr size_t kSessions = 32;                         // remembered
 constexpr size_t kGyroSamples = 4000;                    // some seconds
+constexpr double kSetBack = 1;                           // [s] that no estimate of a sample's time is off
 constexpr std::chrono::milliseconds kHeartbeatAge{120};  // then one is there that was sent after the order
 
 /// Two processes of one name are two commanders.
@@ -35,8 +36,8 @@ wire::RigAxisState state_of(const Axis& axis) {
           position.has_value(), position.value_or(0), axis.rate()};
 }
 
-std::string cut(const std::string& text) {
-  return std::string(cut_text(one_line(text), wire::kMaxRigText));
+std::string cut(const std::string& text, size_t most = wire::kMaxRigText) {
+  return std::string(cut_text(one_line(text), std::min(most, wire::kMaxRigText)));
 }
 
 }  // namespace
@@ -212,6 +213,17 @@ void RigBridge::sense(const xsens::Message& message, Timestamp received) {
   } else if (const auto* pull = std::get_if<xsens::Acceleration>(&message)) {
     imu_->acceleration = Eigen::Vector3d(pull->acceleration.data()).cast<float>();
   }
+  if (const auto sample = sampler_.receive(message)) keep(*sample);
+}
+
+/// A clock that was set back begins anew; the estimate of when a sample was taken is a little off at times.
+void RigBridge::keep(const ImuSample& sample) {
+  const Timestamp time = imu_clock_.newest();
+  const double step = samples_.empty() ? 1 : seconds_between(time, samples_.back().time);
+  if (step < -kSetBack) samples_.clear();
+  if (step <= 0 && !samples_.empty()) return;
+  samples_.push_back({time, sample.rate.cast<float>(), sample.acceleration.cast<float>()});
+  if (samples_.size() > wire::kMaxRigSamples) samples_.pop_front();
 }
 
 /// What is done of what was ordered.
@@ -251,8 +263,19 @@ wire::RigState RigBridge::state(Timestamp host_time) const {
   state.ordered_by = ordered_by_;
   state.ordered = ordered_;
   const std::string of_rig = rig_.describe();
-  state.trouble = cut(bus_trouble_ + (bus_trouble_.empty() || of_rig.empty() ? "" : ". ") + of_rig);
+  state.trouble = cut(bus_trouble_ + (bus_trouble_.empty() || of_rig.empty() ? "" : ". ") + of_rig,
+                      wire::kMaxRigTexts - state.refusal.size());
+  tell_tracker(&state);
   return state;
+}
+
+void RigBridge::tell_tracker(wire::RigState* state) const {
+  state->samples.assign(samples_.begin(), samples_.end());
+  const RigCalibration& calibration = configuration_.calibration;
+  if (calibration.knows_mounts) state->camera_from_imu = calibration.camera_from_imu();
+  if (calibration.knows_offset) state->calibrated_offset = calibration.offset.count();
+  if (const auto angles = rig_.angles())
+    state->base_from_camera = base_from_head(*angles) * calibration.head_from_camera;
 }
 
 }  // namespace cairn

@@ -10,6 +10,7 @@
 #include "common/wire/rig_messages.h"
 #include "hw/app/imu_clock.h"
 #include "hw/calibration/clock_offset.h"
+#include "hw/rig/imu_sampler.h"
 #include "hw/rig/rig.h"
 
 namespace cairn {
@@ -55,6 +56,8 @@ class RigBridge {
                                    MonotonicTime seen);
   [[nodiscard]] Pointing pointing_of(const wire::RigCommand& command) const;
   void sense(const xsens::Message& message, Timestamp received);
+  void keep(const ImuSample& sample);
+  void tell_tracker(wire::RigState* state) const;
   [[nodiscard]] wire::RigMode mode() const;
   [[nodiscard]] bool may_move() const;
   [[nodiscard]] bool is_new(const wire::CommandId& order);
@@ -75,6 +78,8 @@ class RigBridge {
   ImuClock imu_clock_;
   std::optional<wire::RigImu> imu_;
   std::vector<GyroSample> gyro_;
+  ImuSampler sampler_;
+  std::deque<wire::RigImuSample> samples_;  ///< the newest
   wire::RigCameraClock camera_clock_;
   wire::RigCommand said_;  ///< the order that holds, as it was said last
 };

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <numbers>
 
 #include "hw/app/bridge_bench.h"
@@ -98,6 +99,59 @@ TEST_F(Bridge, WhoOrderedIsToldAlsoWhereItIsRefused) {
   EXPECT_EQ(bench_.state().ordered_by, "tracker-2");
   EXPECT_EQ(bench_.state().ordered, RigMode::kNeutral);
   EXPECT_EQ(bench_.state().commander, "tracker-1");
+}
+
+/// The tracker of the camera uses them: each comes in two states at least, as the IMU measured it.
+TEST_F(Bridge, EachSampleOfTheImuIsToldTwiceInOrder) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  std::map<int64_t, int> told;
+  const Timestamp before = bench_.state().samples.back().time;
+  Timestamp newest;
+  for (int i = 0; i < 100; ++i) {
+    bench_.pass(10ms);
+    const RigState state = bench_.state();
+    ASSERT_FALSE(state.samples.empty());
+    EXPECT_LT(seconds_between(state.time, state.samples.back().time), 0.015);
+    for (size_t k = 0; k < state.samples.size(); ++k) {
+      ASSERT_TRUE(k == 0 || state.samples[k - 1].time < state.samples[k].time);
+      if (state.samples[k].time > before) ++told[state.samples[k].time.nanoseconds];
+    }
+    EXPECT_EQ(state.samples.back().rate, state.imu.rate);
+    EXPECT_EQ(state.samples.back().acceleration, state.imu.acceleration);
+    newest = state.samples.back().time;
+  }
+  EXPECT_GE(told.size(), 99U);
+  for (const auto& [time, count] : told)
+    EXPECT_TRUE(count >= 2 || newest.nanoseconds - time < 20'000'000) << time;
+}
+
+/// What the configuration says nothing of is not made up.
+TEST_F(Bridge, HowTheImuSitsIsToldWhereTheConfigurationKnows) {
+  EXPECT_FALSE(bench_.state().camera_from_imu);
+  EXPECT_FALSE(bench_.state().calibrated_offset);
+  const auto state_with = [](const std::string& calibration) {
+    const RigBridge bridge(testing::read_rig(testing::kRigText + calibration).value(), {});
+    return bridge.state({});
+  };
+  const RigState of_half = state_with("calibration: {camera: [0, 0, 0], offset: 2.5}\n");
+  EXPECT_FALSE(of_half.camera_from_imu);
+  EXPECT_EQ(of_half.calibrated_offset, 2'500'000);
+  const RigState of_all = state_with("calibration: {camera: [0, 0, 0], imu: [0, 0, 90], offset: 0}\n");
+  ASSERT_TRUE(of_all.camera_from_imu);
+  // Its x is the head's y then, left, which is the camera's -x.
+  EXPECT_TRUE((*of_all.camera_from_imu * Eigen::Vector3d::UnitX()).isApprox(-Eigen::Vector3d::UnitX()));
+  EXPECT_EQ(of_all.calibrated_offset, 0);
+  EXPECT_FALSE(of_all.base_from_camera) << "nothing is homed";
+}
+
+TEST_F(Bridge, WhereTheEncodersHaveTheCameraIsTold) {
+  EXPECT_FALSE(bench_.state().base_from_camera);
+  ASSERT_NO_FATAL_FAILURE(begin());
+  const RigState state = bench_.state();
+  ASSERT_TRUE(state.base_from_camera);
+  const Eigen::Vector3d axis = *state.base_from_camera * Eigen::Vector3d::UnitZ();
+  EXPECT_NEAR(std::atan2(axis.y(), axis.x()), 20 * kDegree, 0.04);
+  EXPECT_NEAR(std::asin(axis.z()), -5 * kDegree, 0.04);
 }
 
 /// A picture of the future tells nothing, unless its stamp is known to be late.

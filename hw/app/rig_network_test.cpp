@@ -136,6 +136,8 @@ TEST_F(RigNetwork, OrdersMoveTheDrivesAndTheEndOfTheCommanderLetsThemGo) {
   });
   ASSERT_TRUE(there);
   EXPECT_TRUE(there->has_imu);
+  EXPECT_EQ(there->samples.size(), wire::kMaxRigSamples);
+  EXPECT_TRUE(there->base_from_camera);
   const auto second = until_judged(order_of(2, 1, RigMode::kNeutral));
   ASSERT_TRUE(second);
   orders_.reset();  // as a commander that is killed

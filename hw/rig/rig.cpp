@@ -213,6 +213,13 @@ void Rig::advance(MonotonicTime now) {
   }
 }
 
+std::optional<PanTilt> Rig::angles() const {
+  const auto pan = axes_[0].position_at(now_);
+  const auto tilt = axes_[1].position_at(now_);
+  if (!pan || !tilt || axes_[0].fault() || axes_[1].fault()) return std::nullopt;
+  return PanTilt{*pan, *tilt};
+}
+
 bool Rig::may_move() const {
   return std::any_of(axes_.begin(), axes_.end(), [](const Axis& axis) { return axis.may_move(); });
 }

@@ -99,6 +99,9 @@ class Rig {
   [[nodiscard]] std::vector<OutgoingFrame> take_frames();
 
   [[nodiscard]] const Axis& axis(AxisName name) const { return axes_.at(static_cast<size_t>(name)); }
+  /// Where the encoders have the axes at the time of advance(); nothing where one is not homed, or has a
+  /// fault.
+  [[nodiscard]] std::optional<PanTilt> angles() const;
   /// Of the head, by the IMU on it.
   [[nodiscard]] const Attitude& attitude() const { return attitude_; }
   [[nodiscard]] const BaseMotion& base() const { return pointer_.base(); }

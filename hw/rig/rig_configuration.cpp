@@ -34,6 +34,7 @@ class Section {
     if (!node_.IsMap()) refuse(node_, "expected `key: value` lines");
   }
 
+  [[nodiscard]] bool known(const std::string& key) const { return node_.IsMap() && node_[key].IsDefined(); }
   /// Within `least` and `most`, both included.
   double number(const std::string& key, double least, double most) {
     const YAML::Node value = find(key);
@@ -120,8 +121,6 @@ class Section {
   }
 
  private:
-  [[nodiscard]] bool known(const std::string& key) const { return node_.IsMap() && node_[key].IsDefined(); }
-
   YAML::Node find(const std::string& key) {
     asked_.push_back(key);
     if (known(key)) return node_[key];
@@ -227,6 +226,8 @@ RigCalibration read_calibration(Section& from) {
   calibration.head_from_imu = turned("imu");
   calibration.offset = std::chrono::nanoseconds(
       std::llround(1e6 * from.number_or("offset", -kLargestOffset, kLargestOffset, 0)));
+  calibration.knows_mounts = from.known("camera") && from.known("imu");
+  calibration.knows_offset = from.known("offset");
   close(from);
   return calibration;
 }

@@ -39,6 +39,12 @@ struct RigCalibration {
   Eigen::Quaterniond head_from_camera = nominal_head_from_camera();
   Eigen::Quaterniond head_from_imu = Eigen::Quaterniond::Identity();
   std::chrono::nanoseconds offset{0};  ///< what a stamp of the camera lacks to the IMU's of the same moment
+  bool knows_mounts = false;           ///< the file says how both sit; else they are taken to sit straight
+  bool knows_offset = false;           ///< likewise
+
+  [[nodiscard]] Eigen::Quaterniond camera_from_imu() const {
+    return head_from_camera.conjugate() * head_from_imu;
+  }
 };
 
 /// What cairn-rig --config reads. A rig that could be built.

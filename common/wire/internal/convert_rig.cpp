@@ -59,14 +59,69 @@ RigImu decode_imu(const cairn_RigInertial& imu) {
           imu.attitude_known, {q[3], q[0], q[1], q[2]}, imu.clock_offset};
 }
 
+void check_rotation(const double (&q)[4], Check* check) {
+  check->pose({.rotation = {q[0], q[1], q[2], q[3]}, .translation = {}});
+}
+
+/// Of the IMU: a RigInertial or a RigSample.
+template <typename Measured>
+void check_measured(const Measured& measured, Check* check) {
+  check->time(measured.time);
+  require_within(measured.rate, kMaxAngle, "rate of turn out of range", check);
+  require_within(measured.acceleration, kMaxAcceleration, "acceleration out of range", check);
+}
+
 void check_imu(const cairn_RigInertial& imu, Check* check) {
-  check->time(imu.time);
+  check_measured(imu, check);
   check->time(imu.clock_offset);
-  require_within(imu.rate, kMaxAngle, "rate of turn out of range", check);
-  require_within(imu.acceleration, kMaxAcceleration, "acceleration out of range", check);
-  check->pose({.rotation = {imu.world_from_head[0], imu.world_from_head[1], imu.world_from_head[2],
-                            imu.world_from_head[3]},
-               .translation = {}});
+  check_rotation(imu.world_from_head, check);
+}
+
+void encode_rotation(const std::optional<Eigen::Quaterniond>& rotation, bool* known, double (&q)[4]) {
+  *known = rotation.has_value();
+  put_vector(rotation.value_or(Eigen::Quaterniond::Identity()).coeffs(), q);
+}
+
+std::optional<Eigen::Quaterniond> decode_rotation(bool known, const double (&q)[4]) {
+  return known ? std::optional(Eigen::Quaterniond(q[3], q[0], q[1], q[2])) : std::nullopt;
+}
+
+/// What a rig says to the tracker of its camera.
+void encode_for_tracker(const RigState& message, Scratch* scratch, cairn_RigState* sample) {
+  fill_sequence(message.samples.size(), scratch, &sample->samples, [&](size_t i, cairn_RigSample& out) {
+    const RigImuSample& measured = message.samples[i];
+    out.time = measured.time.nanoseconds;
+    put_vector(measured.rate, out.rate);
+    put_vector(measured.acceleration, out.acceleration);
+  });
+  encode_rotation(message.camera_from_imu, &sample->mount_known, sample->camera_from_imu);
+  sample->calibrated = message.calibrated_offset.has_value();
+  sample->calibrated_offset = message.calibrated_offset.value_or(0);
+  encode_rotation(message.base_from_camera, &sample->aim_known, sample->base_from_camera);
+}
+
+void check_for_tracker(const cairn_RigState& sample, Check* check) {
+  check->count(sample.samples, kMaxRigSamples);
+  if (!check->passed()) return;
+  for (uint32_t i = 0; i < sample.samples._length; ++i) {
+    check_measured(sample.samples._buffer[i], check);
+    check->require(i == 0 || sample.samples._buffer[i].time > sample.samples._buffer[i - 1].time,
+                   "samples out of order");
+  }
+  if (sample.mount_known) check_rotation(sample.camera_from_imu, check);
+  check->time(sample.calibrated_offset);
+  if (sample.aim_known) check_rotation(sample.base_from_camera, check);
+}
+
+void decode_for_tracker(const cairn_RigState& sample, RigState* message) {
+  for (uint32_t i = 0; i < sample.samples._length; ++i) {
+    const cairn_RigSample& measured = sample.samples._buffer[i];
+    message->samples.push_back(
+        {{measured.time}, get_vector(measured.rate), get_vector(measured.acceleration)});
+  }
+  message->camera_from_imu = decode_rotation(sample.mount_known, sample.camera_from_imu);
+  if (sample.calibrated) message->calibrated_offset = sample.calibrated_offset;
+  message->base_from_camera = decode_rotation(sample.aim_known, sample.base_from_camera);
 }
 
 }  // namespace
@@ -126,7 +181,7 @@ size_t payload_bytes<RigCommand>(const cairn_RigCommand& sample) {
 // ---- RigState
 
 template <>
-cairn_RigState encode(const RigState& message, Scratch*) {
+cairn_RigState encode(const RigState& message, Scratch* scratch) {
   cairn_RigState sample{};
   sample.rig = borrow(message.rig);
   sample.schema_version = kSchemaVersion;
@@ -151,6 +206,7 @@ cairn_RigState encode(const RigState& message, Scratch*) {
   sample.camera_offset_sigma = message.camera_clock.sigma;
   sample.ordered_by = borrow(message.ordered_by);
   sample.ordered = static_cast<uint8_t>(message.ordered);
+  encode_for_tracker(message, scratch, &sample);
   return sample;
 }
 
@@ -179,6 +235,7 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
                 "deviation out of range");
   require_name(sample.ordered_by, true, "not the name of a commander", &check);
   require_mode(sample.ordered, &check);
+  check_for_tracker(sample, &check);
   if (!check.passed()) return unfit(check.what());
   RigState message = decode_key<RigState>(sample);
   message.time = {sample.time};
@@ -200,13 +257,14 @@ Result<RigState> decode<RigState>(const cairn_RigState& sample) {
   message.camera_clock = {sample.camera_clock_known, sample.camera_offset, sample.camera_offset_sigma};
   message.ordered_by = get_text(sample.ordered_by);
   message.ordered = static_cast<RigMode>(sample.ordered);
+  decode_for_tracker(sample, &message);
   return message;
 }
 
 template <>
 size_t payload_bytes<RigState>(const cairn_RigState& sample) {
   return sizeof(sample) + text_bytes(sample.rig) + text_bytes(sample.commander) + text_bytes(sample.refusal) +
-         text_bytes(sample.trouble) + text_bytes(sample.ordered_by);
+         text_bytes(sample.trouble) + text_bytes(sample.ordered_by) + sequence_bytes(sample.samples);
 }
 
 }  // namespace cairn::wire::internal
