@@ -15,14 +15,13 @@ class TrackerAdapter final : public TrackingEngine {
  public:
   TrackerAdapter(const CameraPtr& camera, const TrackerOptions& options) : tracker_(camera, options) {}
 
-  /// The camera has an IMU; before the first frame.
-  void use_imu(const ImuMount& mount) { tracker_.use_imu(mount); }
-
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe) override {
     return tracker_.track(image, time, map, probe);
   }
+  void use_imu(const std::optional<ImuMount>& mount) override { tracker_.use_imu(mount); }
   void add_samples(std::span<const ImuSample> samples) override { tracker_.add_samples(samples); }
+  void add_encoders(std::span<const EncoderSample> samples) override { tracker_.add_encoders(samples); }
   void seed_accepted(const SeedAnswer& answer) override { tracker_.seed_accepted(answer); }
   void seed_refused(const std::string& reason) override { tracker_.seed_refused(reason); }
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {

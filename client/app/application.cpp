@@ -222,14 +222,15 @@ int report_error(const Error& error, const Logger& log) {
 }
 
 /// Null without a rig. Error kUsage: a recording cannot be carried by one.
-Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const FrameSource& source) {
+Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const FrameSource& source,
+                                          const Logger& log) {
   if (options.rig.empty()) return std::unique_ptr<RigLink>();
   if (!source.is_live()) {
     return fail(ErrorCode::kUsage, "--rig: " + source.describe() +
                                        " is no camera that a rig can move; a live one is, v4l2:, or "
                                        "sim:shoulder?rig=PATH");
   }
-  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim});
+  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log});
 }
 
 void press(RigCommander& commander, RigKey key) {
@@ -279,7 +280,7 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
-  ImuStreamPtr imu;   ///< of the camera; may be null
+  ImuStreamPtr imu;   ///< of the source; may be null
   bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
@@ -322,7 +323,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   log->info("camera: {}", describe_camera(camera->parameters()));
   auto session = Session::open(session_options(options, chosen->sigma), camera, log);
   if (!session) return tl::unexpected(session.error());
-  auto rig = open_rig(options, **source);
+  auto rig = open_rig(options, **source, log);
   if (!rig) return tl::unexpected(rig.error());
   auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);
   auto viewer = open_viewer(options, camera, **session, rig->get(), log);
@@ -383,7 +384,6 @@ int track(Run& run) {
   auto outputs = RunOutputs::open(run.options, run.camera, stop, run.log);
   if (!outputs) return report_error(outputs.error(), run.log);
   TrackerAdapter tracker(run.camera, tracker_options(run.options));
-  if (run.imu) tracker.use_imu(run.imu->mount());
   SessionAdapter link(*run.session);
   SteadyClock clock;
   RunStats stats(run.options.stats ? RunStats::FrameList::kKept : RunStats::FrameList::kLeftOut);
@@ -409,7 +409,7 @@ int track(Run& run) {
   loop_options.pace = run.options.pace;
   loop_options.width = run.camera->width();
   loop_options.height = run.camera->height();
-  loop_options.imu = run.imu.get();
+  loop_options.imu = run.rig ? &run.rig->imu() : run.imu.get();
   loop_options.make_maps = run.options.makes_maps();
   loop_options.lost_patience = std::chrono::seconds(run.options.lost_patience);
   loop_options.new_map_requested = [&run] { return run.new_map_requested(); };

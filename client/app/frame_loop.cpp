@@ -129,9 +129,16 @@ void FrameLoop::handle(const UndecodableFrame& undecodable) {
 
 void FrameLoop::add_samples(Timestamp time) {
   if (options_.imu == nullptr) return;
+  if (const auto mount = options_.imu->mount(); mount != mount_) {
+    mount_ = mount;
+    tracker_.use_imu(mount);
+  }
   samples_.clear();
   options_.imu->take(time, &samples_);
   tracker_.add_samples(samples_);
+  encoders_.clear();
+  options_.imu->take_encoders(&encoders_);
+  tracker_.add_encoders(encoders_);
 }
 
 void FrameLoop::deliver_replies() {

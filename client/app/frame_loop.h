@@ -21,7 +21,7 @@ struct FrameLoopOptions {
   Pace pace = Pace::kRealtime;
   int width = 0;  ///< of the calibrated camera [px]; frames of another size cannot be tracked
   int height = 0;
-  /// Of the camera's IMU, whose mount the tracker knows; null: it has none. Outlives the loop.
+  /// Of the camera's IMU; null: it has none. Outlives the loop.
   ImuStream* imu = nullptr;
   bool make_maps = true;  ///< may leave a map in which it stays lost, to begin another
   /// Lost where no map is known, by the frames' stamps, after which another map is begun.
@@ -81,7 +81,9 @@ class FrameLoop {
   const std::vector<FrameObserver*> observers_;
   std::function<bool()> stop_requested_ = [] { return false; };  ///< of run()
   StageClock stages_;
-  std::vector<ImuSample> samples_;  ///< for a frame
+  std::vector<ImuSample> samples_;  ///< for a frame, and likewise:
+  std::vector<EncoderSample> encoders_;
+  std::optional<ImuMount> mount_;  ///< as the tracker knows it
   size_t frames_seen_ = 0;
   size_t frames_tracked_on_ = 0;  ///< given to the tracker
   std::optional<std::string> last_undecodable_;

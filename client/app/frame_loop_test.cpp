@@ -125,12 +125,29 @@ TEST(FrameLoop, EachFrameComesWithTheSamplesThatItNeeds) {
   rig.options.imu = &imu;
   ASSERT_TRUE(rig.run());
   ASSERT_EQ(rig.tracker.sample_counts.size(), 3U);
-  const size_t all =
-      rig.tracker.sample_counts[0] + rig.tracker.sample_counts[1] + rig.tracker.sample_counts[2];
-  EXPECT_EQ(all,
-            static_cast<size_t>((rig.tracker.times.back() - at_ms(0)) / std::chrono::milliseconds(10) + 1 +
-                                ((rig.tracker.times.back() - at_ms(0)) % std::chrono::milliseconds(10) !=
-                                 std::chrono::milliseconds(0))));
+  // Of 0, 33 and 66 ms: up to the first sample behind it.
+  EXPECT_THAT(rig.tracker.sample_counts, ElementsAre(1U, 4U, 3U));
+  EXPECT_THAT(rig.tracker.words, ElementsAre("IMU with 0 ms")) << "told once, before the first frame";
+  EXPECT_EQ(rig.tracker.words_before_first_frame, 1U);
+}
+
+/// A rig finds out at work how its IMU sits, and how its clock goes.
+TEST(FrameLoop, TheTrackerIsToldOfAnotherMountOfTheImu) {
+  ImuQueue imu;
+  const auto mounted = [&imu](int ms) {
+    return [&imu, ms](FrameResult& result) {
+      starting(result);
+      imu.set_mount(
+          ms < 0 ? std::nullopt
+                 : std::optional(ImuMount{Eigen::Quaterniond::Identity(), std::chrono::milliseconds(ms)}));
+    };
+  };
+  Rig rig({mounted(5), mounted(5), mounted(7), mounted(-1), starting});
+  rig.options.imu = &imu;
+  imu.put(EncoderSample{at_ms(0)});
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.words, ElementsAre("IMU with 5 ms", "IMU with 7 ms", "no IMU"));
+  EXPECT_EQ(rig.tracker.encoder_count, 1U);
 }
 
 TEST(FrameLoop, AFrameIsReportedWithTheLabelsOfItsMap) {

@@ -14,6 +14,7 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::seconds kProgressPeriod(1);
+constexpr std::chrono::seconds kImuPatience(2);
 constexpr size_t kProgressBytes = 4096;  ///< of lines that a terminal has not yet taken
 
 /// Null where stderr is no terminal, or one that cannot erase a line.
@@ -45,7 +46,7 @@ void Narrator::on_frame(const FrameReport& report) {
   tell_map(report);
   tell_tracking(report);
   tell_rig(report);
-  tell_imu(report.result.imu);
+  tell_imu(report);
   map_seen_ = map_seen_ || report.snapshot;
   if (!map_ && !report.result.note.empty()) why_no_map_ = report.result.note;
   seed_waits_ = seed_waits_ || report.result.seed;
@@ -193,17 +194,31 @@ void Narrator::on_start_over(const StartOverReport& report) {
 }
 
 /// A gap of a frame or two is nothing to be told; a gyro that is not used, and why, is.
-void Narrator::tell_imu(ImuUse imu) {
-  if (imu == imu_ || imu == ImuUse::kMissing) return;
+void Narrator::tell_imu(const FrameReport& report) {
+  const ImuUse imu = report.result.imu;
+  if (imu == ImuUse::kMissing) return tell_imu_gap(report.frame.time);
+  imu_missing_since_.reset();
+  if (std::exchange(imu_gap_told_, false) && imu != ImuUse::kNone)
+    log_->info("frame {}: samples of the IMU come again", number_);
+  if (imu == imu_) return;
   if (imu == ImuUse::kContradicts) {
-    log_->warn(
-        "frame {}: the IMU turns otherwise than the pictures do, and is not used: check --imu-mount, "
-        "--imu-time-offset and that its rates are rad/s",
-        number_);
+    log_->warn("frame {}: the IMU turns otherwise than the pictures do, and is not used: {}", number_,
+               report.rig.empty()
+                   ? "check --imu-mount, --imu-time-offset and that its rates are rad/s"
+                   : "`cairn-rig calibrate` finds out how it sits, and what its clock lacks to the camera's");
   } else if (imu_ == ImuUse::kContradicts) {
     log_->info("frame {}: the IMU turns as the pictures do again, and is used", number_);
   }
   imu_ = imu;
+}
+
+/// By the frames' stamps, which may jump back.
+void Narrator::tell_imu_gap(Timestamp time) {
+  if (!imu_missing_since_ || time < *imu_missing_since_) imu_missing_since_ = time;
+  if (imu_gap_told_ || time - *imu_missing_since_ < kImuPatience) return;
+  imu_gap_told_ = true;
+  log_->warn("frame {}: there have been no samples of the IMU for {} s; tracking goes on without", number_,
+             kImuPatience.count());
 }
 
 void Narrator::finish() {

@@ -49,7 +49,8 @@ class Narrator final : public FrameObserver {
   void tell_map(const FrameReport& report);
   void tell_tracking(const FrameReport& report);
   void tell_rig(const FrameReport& report);
-  void tell_imu(ImuUse imu);
+  void tell_imu(const FrameReport& report);
+  void tell_imu_gap(Timestamp time);
   void show_progress(const FrameReport& report);
 
   enum class CameraWord : uint8_t { kMayBe, kKnown, kCannotBeKnown };
@@ -70,7 +71,9 @@ class Narrator final : public FrameObserver {
   CameraWord camera_word_ = CameraWord::kMayBe;  ///< the last one said
   bool unsettled_ = false;
   ImuUse imu_ = ImuUse::kNone;  ///< the last one said
-  bool seed_waits_ = false;     ///< for the server's verdict
+  std::optional<Timestamp> imu_missing_since_;
+  bool imu_gap_told_ = false;
+  bool seed_waits_ = false;  ///< for the server's verdict
   std::string why_no_map_;
   std::string server_text_;
   std::string rig_;  ///< as said last, without its numbers

@@ -19,7 +19,9 @@ class TrackingEngine {
   virtual ~TrackingEngine() = default;
   virtual const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                                    StageProbe* probe) = 0;
+  virtual void use_imu(const std::optional<ImuMount>& mount) = 0;
   virtual void add_samples(std::span<const ImuSample> samples) = 0;
+  virtual void add_encoders(std::span<const EncoderSample> samples) = 0;
   virtual void seed_accepted(const SeedAnswer& answer) = 0;
   virtual void seed_refused(const std::string& reason) = 0;
   [[nodiscard]] virtual PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) = 0;

@@ -45,6 +45,7 @@ RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,
                  wire::Writer<wire::RigCommand> orders, wire::Writer<wire::TrackerStateMessage> poses,
                  wire::Reader<wire::RigState> states, wire::Waiter waiter)
     : rig_(options.rig),
+      log_(options.log),
       participant_(std::move(participant)),
       orders_(std::move(orders)),
       poses_(std::move(poses)),
@@ -90,8 +91,7 @@ void RigLink::turn() {
        left = std::chrono::ceil<milliseconds>(end - steady_clock::now())) {
     (void)waiter_.wait(left);
     wire::take_all(states_, [this](wire::Sample<wire::RigState>& sample) {
-      if (!sample.message || sample.message->rig != rig_) return;
-      with([&](RigCommander& commander) { commander.hear(*sample.message, steady_clock::now()); });
+      if (sample.message && sample.message->rig == rig_) hear(*sample.message);
     });
   }
   const auto order = with([](RigCommander& commander) { return commander.command(steady_clock::now()); });
@@ -105,6 +105,12 @@ void RigLink::turn() {
   const bool lets_go = order && (order->mode == wire::RigMode::kStop || order->mode == wire::RigMode::kIdle);
   if (order && (!is_stuck || lets_go)) (void)orders_.write(*order);
   if (pose) (void)poses_.write(*pose);
+}
+
+void RigLink::hear(const wire::RigState& state) {
+  if (const auto news = imu_receiver_.hear(state))
+    log_->log(news->is_warning ? spdlog::level::warn : spdlog::level::info, "{}", news->text);
+  with([&](RigCommander& commander) { commander.hear(state, steady_clock::now()); });
 }
 
 std::string RigLink::describe() {

@@ -9,7 +9,10 @@
 #include <thread>
 
 #include "client/app/frame_observer.h"
+#include "client/inertial/imu_stream.h"
 #include "client/rig/commander.h"
+#include "client/rig/imu_receiver.h"
+#include "common/base/log.h"
 #include "common/base/result.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
@@ -22,12 +25,14 @@ struct RigLinkOptions {
   std::string name;  ///< of the commander: the client's
   int domain = 0;
   RigAim aim = RigAim::kFollow;
+  Logger log = null_logger();
 };
 
 /// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever
 /// the tracker does, and with them the pose of the newest frame, by which the rig is calibrated and its clock
 /// compared with the camera's. A tracker that has had no frame for two seconds is no commander any more:
-/// nothing but a stop is said, and the rig lets its drives go. Thread-safe.
+/// nothing but a stop is said, and the rig lets its drives go. What the rig says of its IMU is for the
+/// tracker. Thread-safe.
 class RigLink final : public FrameObserver {
  public:
   /// The rig need not be there. Errors: those of Participant::create().
@@ -46,6 +51,8 @@ class RigLink final : public FrameObserver {
     return task(commander_);
   }
   [[nodiscard]] std::string describe();
+  /// Of the IMU that sits with the camera on the rig's head.
+  [[nodiscard]] ImuStream& imu() { return imu_; }
   void on_frame(const FrameReport& report) override;
 
  private:
@@ -54,13 +61,17 @@ class RigLink final : public FrameObserver {
           wire::Waiter waiter);
   void run();
   void turn();
+  void hear(const wire::RigState& state);
 
   const std::string rig_;
+  const Logger log_;
   wire::Participant participant_;
   wire::Writer<wire::RigCommand> orders_;
   wire::Writer<wire::TrackerStateMessage> poses_;
   wire::Reader<wire::RigState> states_;
   wire::Waiter waiter_;
+  ImuQueue imu_;
+  ImuReceiver imu_receiver_{imu_};  ///< of the thread
   std::mutex mutex_;
   RigCommander commander_;                   ///< guarded by mutex_
   wire::TrackerStateMessage pose_;           ///< of the newest frame; guarded by mutex_

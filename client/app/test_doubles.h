@@ -81,7 +81,12 @@ class ScriptedTracker final : public TrackingEngine {
     probe->end(Stage::kPose);
     return result_;
   }
+  void use_imu(const std::optional<ImuMount>& mount) override {
+    words.push_back(mount ? fmt::format("IMU with {} ms", mount->clock_offset.count() / 1'000'000)
+                          : "no IMU");
+  }
   void add_samples(std::span<const ImuSample> samples) override { sample_counts.push_back(samples.size()); }
+  void add_encoders(std::span<const EncoderSample> samples) override { encoder_count += samples.size(); }
   void seed_accepted(const SeedAnswer&) override { words.emplace_back("accepted"); }
   void seed_refused(const std::string& reason) override { words.push_back("refused: " + reason); }
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion) override {
@@ -103,6 +108,7 @@ class ScriptedTracker final : public TrackingEngine {
   PlaceUse use_of_places = PlaceUse::kTried;
 
   std::vector<size_t> sample_counts;
+  size_t encoder_count = 0;
   std::vector<Timestamp> times;
   std::vector<MapSnapshotPtr> snapshots;
   std::vector<std::string> words;

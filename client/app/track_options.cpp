@@ -65,7 +65,7 @@ struct Words {
   std::string stats;
   std::string video;
   std::string labels;
-  std::string rig_mode = "follow";
+  std::string rig_mode;
   std::string imu;
   std::optional<double> imu_time_offset;
   bool verbose = false;
@@ -167,11 +167,11 @@ void declare(CLI::App& app, Words& words) {
                  "search when lost")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--rig-mode", words.rig_mode,
-                 "neutral: ahead, as the wearer points it, no search; follow: level, slowly with the wearer; "
-                 "lock: the direction it has; fixate: the map point in the middle of the picture; search")
-      ->check(CLI::IsMember({"neutral", "follow", "lock", "fixate", "search"}))
-      ->capture_default_str();
+  app.add_option(
+         "--rig-mode", words.rig_mode,
+         "neutral: ahead, as the wearer points it, no search; follow: level, slowly with the wearer; "
+         "lock: the direction it has; fixate: the map point in the middle of the picture; search [follow]")
+      ->check(CLI::IsMember({"neutral", "follow", "lock", "fixate", "search"}));
   app.add_option("--fixate", options.fixated_label, "with --rig-mode fixate: the label of that text")
       ->type_name("LABEL");
   app.add_flag("-v,--verbose", words.verbose, "more words");
@@ -187,8 +187,28 @@ ParseExit usage(const std::string& message) {
   return {kUsageExit, "cairn-track: " + message + "\ncairn-track --help lists all options\n"};
 }
 
+/// What cannot be meant so; nothing: all is well.
+std::optional<std::string> misuse_of_rig(const Words& words) {
+  const TrackOptions& options = words.options;
+  if (options.rig.empty()) {
+    if (!words.rig_mode.empty()) return "--rig-mode: only with --rig NAME, whose mode it is";
+    if (!options.fixated_label.empty()) return "--fixate: only with --rig NAME, which is to look there";
+    return std::nullopt;
+  }
+  if (words.pace != "realtime") return "--rig: only with --pace realtime; a rig moves by its own time";
+  if (!options.fixated_label.empty() && words.rig_mode != "fixate")
+    return "--fixate: only with --rig-mode fixate";
+  if (!words.imu.empty() || !options.imu.mount.empty() || words.imu_time_offset) {
+    return "--rig and --imu, --imu-mount, --imu-time-offset exclude each other: a rig sends the samples of "
+           "its "
+           "own IMU";
+  }
+  return std::nullopt;
+}
+
 std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
+  if (const auto misuse = misuse_of_rig(words)) return usage(*misuse);
   TrackOptions options = std::move(words.options);
   options.reader = words.role == "reader";
   if (!options.map.empty() && options.makes_maps()) {
@@ -217,9 +237,7 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (words.imu_time_offset)
     options.imu.clock_offset = std::chrono::nanoseconds(std::llround(1e9 * *words.imu_time_offset));
   options.pace = kPaces.at(words.pace);
-  options.rig_aim = kRigAims.at(words.rig_mode);
-  if (!options.rig.empty() && options.pace != Pace::kRealtime)
-    return usage("--rig: only with --pace realtime; a rig moves by its own time");
+  if (!words.rig_mode.empty()) options.rig_aim = kRigAims.at(words.rig_mode);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);
   options.video = path_or_nothing(words.video);

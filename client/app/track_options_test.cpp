@@ -57,6 +57,13 @@ TEST(TrackOptions, ARigIsCommandedInRealTime) {
   EXPECT_EQ(good({"--rig", "shoulder"}).rig_aim, RigAim::kFollow);
   EXPECT_THAT(wrong({"--rig", "shoulder", "--pace", "lockstep"}), HasSubstr("realtime"));
   EXPECT_THAT(wrong({"--rig", "Shoulder!"}), HasSubstr("Shoulder!"));
+  EXPECT_THAT(wrong({"--rig-mode", "lock"}), HasSubstr("--rig-mode: only with --rig"));
+  EXPECT_THAT(wrong({"--rig-mode", "follow"}), HasSubstr("--rig-mode: only with --rig"));
+  EXPECT_THAT(wrong({"--fixate", "kettle"}), HasSubstr("--fixate: only with --rig"));
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--fixate", "kettle"}), HasSubstr("--rig-mode fixate"));
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--imu", "imu.csv"}), HasSubstr("--rig and --imu"));
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--imu-mount", "0,0,0,1"}), HasSubstr("--rig and --imu"));
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--imu-time-offset", "0"}), HasSubstr("--rig and --imu"));
   EXPECT_THAT(wrong({"--rig", "shoulder", "--rig-mode", "dance"}), HasSubstr("dance"));
 }
 

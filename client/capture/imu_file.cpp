@@ -5,7 +5,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
+#include <initializer_list>
+#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,7 +29,10 @@ constexpr double kGravity = 9.80665;  // likewise
 // each axis).
 constexpr double kMostMedianRate = 6.3;
 constexpr double kMostRate = 61;
-constexpr double kMostStep = 0.05;  // [s]
+constexpr double kMostStep = 0.05;   // [s]
+constexpr double kLeastStep = 1e-4;  // [s]: no IMU is quicker
+// [ns] As of parse_timestamp(): the difference of any two fits, too.
+constexpr int64_t kMostTime = std::numeric_limits<int64_t>::max() / 2;
 
 struct Row {
   Timestamp time;
@@ -41,8 +47,16 @@ std::optional<Timestamp> parse_time(std::string_view text) {
   if (!is_nanoseconds(text)) return parse_timestamp(text);
   int64_t value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc()) return std::nullopt;
+  if (error != std::errc() || value > kMostTime) return std::nullopt;
   return Timestamp{value};
+}
+
+/// Seven numbers, the first of which is no time.
+bool is_row_of_no_time(std::string_view line) {
+  const auto fields = split_fields(line);
+  return fields.size() == kFields && !parse_time(fields[0]) &&
+         std::all_of(fields.begin(), fields.end(),
+                     [](std::string_view field) { return parse_number(field).has_value(); });
 }
 
 std::optional<Row> parse_row(std::string_view line) {
@@ -59,6 +73,34 @@ std::optional<Row> parse_row(std::string_view line) {
   return row;
 }
 
+/// "x" or "_RS_S_x", as it follows the letter of a quantity.
+bool is_axis(std::string_view text) {
+  if (text.empty() || std::string_view("xyz").find(text.back()) == std::string_view::npos) return false;
+  return text.size() == 1 || text.front() == '_' || text.front() == '.';
+}
+
+bool has_any(std::string_view text, std::initializer_list<std::string_view> parts) {
+  return std::any_of(parts.begin(), parts.end(),
+                     [text](std::string_view part) { return text.find(part) != std::string_view::npos; });
+}
+
+/// 0: the name of a column of accelerations; 1: of rates of turn; nothing: of neither, or who knows.
+std::optional<size_t> quantity_of(std::string_view name) {
+  std::string word;
+  for (const char c : name) {
+    if (std::isalpha(static_cast<unsigned char>(c)) != 0 || !word.empty())
+      word += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  while (!word.empty() && std::isalpha(static_cast<unsigned char>(word.back())) == 0) word.pop_back();
+  if (word.empty()) return std::nullopt;
+  const bool by_letter = is_axis(std::string_view(word).substr(1));
+  const bool is_rate = has_any(word, {"gyr", "omega", "ang", "rate", "rot"}) ||
+                       (by_letter && std::string_view("wgro").find(word.front()) != std::string_view::npos);
+  const bool is_acceleration = has_any(word, {"acc"}) || (by_letter && word.front() == 'a');
+  if (is_rate == is_acceleration) return std::nullopt;
+  return is_rate ? 1 : 0;
+}
+
 /// 0 or 1: the three columns that the heading calls accelerations; nothing where there is none that tells.
 std::optional<size_t> named_accelerations(std::string_view content) {
   for (const TextLine& line : all_lines(content)) {
@@ -71,9 +113,7 @@ std::optional<size_t> named_accelerations(std::string_view content) {
     const auto words = split_fields(has_commas ? text.substr(comma) : text);
     const size_t second = has_commas ? 0 : 1;
     if (words.size() <= second) continue;
-    const char letter = words[second].front();
-    if (letter == 'a') return 0;
-    if (letter == 'w' || letter == 'g' || letter == 'r' || letter == 'o') return 1;
+    if (const auto quantity = quantity_of(words[second])) return quantity;
   }
   return std::nullopt;
 }
@@ -120,7 +160,14 @@ Status vet(const std::filesystem::path& path, const std::vector<ImuSample>& samp
                             "a second, it seems: multiply them by 0.0174533",
                             path.string(), fastest));
   }
-  if (const double step = reorder_to_median(std::span(steps)); step > kMostStep) {
+  const double step = reorder_to_median(std::span(steps));
+  if (step < kLeastStep) {
+    return fail(ErrorCode::kDamaged,
+                fmt::format("{}: a sample every {:.3g} s, which is no IMU's; times of 16 "
+                            "digits or more are ns: give them in ns or s",
+                            path.string(), step));
+  }
+  if (step > kMostStep) {
     return fail(ErrorCode::kDamaged,
                 fmt::format("{}: a sample every {:.3g} s; 20 a second or more are needed, "
                             "with times in ns or s",
@@ -137,6 +184,13 @@ Result<std::vector<ImuSample>> read_imu_file(const std::filesystem::path& path) 
   std::vector<Row> rows;
   for (const TextLine& line : table_rows(*content)) {
     const auto row = parse_row(line.text);
+    if (!row && is_row_of_no_time(line.text)) {
+      return fail(
+          ErrorCode::kDamaged,
+          at_line(path, line.number,
+                  "its time is more than 146 years from 1970; times are seconds, or nanoseconds with 16 "
+                  "digits or more"));
+    }
     if (!row) {
       return fail(ErrorCode::kDamaged,
                   at_line(path, line.number, "not a row `time wx wy wz ax ay az` of seven numbers"));

@@ -59,13 +59,25 @@ std::optional<Eigen::Quaterniond> parse_quaternion(std::string_view text) {
   return Eigen::Quaterniond(q).normalized();
 }
 
+/// T_BS of a sensor.yaml, if that is of such a sensor.
+Result<std::optional<SE3>> body_from(const char* sensor, const fs::path& file) {
+  const auto mount = read_sensor_mount(file);
+  if (!mount) return tl::unexpected(mount.error());
+  if (!*mount) return std::nullopt;
+  if (!(*mount)->may_be(sensor)) {
+    return fail(ErrorCode::kConfiguration,
+                fmt::format("{}: is of a sensor of the type '{}', where that of the "
+                            "{} is needed; {}",
+                            file.string(), (*mount)->type, sensor, kMountRemedy));
+  }
+  return (*mount)->body_from_sensor;
+}
+
 /// Of the sensor.yaml beside the samples; the body's own where there is none.
 Result<SE3> body_from_imu(const fs::path& samples) {
   const auto file = samples.parent_path() / "sensor.yaml";
   if (!is_file(file)) return SE3();
-  const auto mount = read_sensor_mount(file);
-  if (!mount) return tl::unexpected(mount.error());
-  return *mount ? (*mount)->body_from_sensor : SE3();
+  return body_from("imu", file).map([](const std::optional<SE3>& mount) { return mount.value_or(SE3()); });
 }
 
 /// Nothing where the file says nothing of it.
@@ -76,12 +88,12 @@ Result<std::optional<ImuMount>> mount_of_file(const fs::path& file, const fs::pa
     return ImuMount{(*kalibr)->camera_from_imu.rotation(),
                     std::chrono::nanoseconds(std::llround(-1e9 * (*kalibr)->time_shift))};
   }
-  const auto camera = read_sensor_mount(file);
+  const auto camera = body_from("camera", file);
   if (!camera) return tl::unexpected(camera.error());
   if (!*camera) return std::nullopt;
   const auto imu = body_from_imu(samples);
   if (!imu) return tl::unexpected(imu.error());
-  return ImuMount{((*camera)->body_from_sensor.inverse() * *imu).rotation(), {}};
+  return ImuMount{((*camera)->inverse() * *imu).rotation(), {}};
 }
 
 Result<std::optional<ImuMount>> find_mount(const SourceUri& uri, const ImuRequest& request,
@@ -132,8 +144,13 @@ Result<OpenedImu> open_imu(std::string_view text, FrameSource& source, const Imu
                   "--imu-mount, --imu-time-offset: there are no samples of an IMU; pass --imu");
     return OpenedImu{source.take_imu(), {}};
   }
+  // What nobody asked for keeps no recording from being played.
+  const auto refuse = [](bool was_asked, const Error& error) -> Result<OpenedImu> {
+    if (was_asked) return tl::unexpected(error);
+    return OpenedImu{nullptr, {{error.message + "; so the IMU is not used", true}}};
+  };
   const auto found = find_mount(*uri, request, *file);
-  if (!found) return tl::unexpected(found.error());
+  if (!found) return refuse(is_asked || !request.mount.empty(), found.error());
   if (!*found) {
     const auto why = fmt::format("{}: it is not known how this IMU sits to the camera", file->string());
     if (is_asked) return fail(ErrorCode::kConfiguration, fmt::format("{}; {}", why, kMountRemedy));
@@ -141,14 +158,10 @@ Result<OpenedImu> open_imu(std::string_view text, FrameSource& source, const Imu
   }
   ImuMount mount = **found;
   if (request.clock_offset) mount.clock_offset = *request.clock_offset;
-  // What nobody asked for keeps no recording from being played.
-  const auto refuse = [is_asked](const Error& error) -> Result<OpenedImu> {
-    if (is_asked) return tl::unexpected(error);
-    return OpenedImu{nullptr, {{error.message + "; so it is not used", true}}};
-  };
   auto samples = read_imu_file(*file);
-  if (!samples) return refuse(samples.error());
-  if (auto status = check_span(*file, *samples, mount, source); !status) return refuse(status.error());
+  if (!samples) return refuse(is_asked, samples.error());
+  if (auto status = check_span(*file, *samples, mount, source); !status)
+    return refuse(is_asked, status.error());
   OpenedImu opened;
   const double rate =
       static_cast<double>(samples->size() - 1) / seconds_between(samples->back().time, samples->front().time);

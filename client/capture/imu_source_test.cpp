@@ -102,6 +102,55 @@ TEST_F(ImuFiles, BadRowsAndUnitsAreNamed) {
   EXPECT_EQ(file_error("1.0 0 0 0 0 0 9.8\n1.1 0 0 0 0 0 9.8\n").code, ErrorCode::kDamaged);
 }
 
+/// A heading's first letter is not its word, and a word that says nothing leaves it to gravity.
+TEST_F(ImuFiles, HeadingsAreReadAsWords) {
+  const std::string rates_first = "1.000,0.1,0.2,0.3,0.5,0.25,9.8\n1.005,0.1,0.2,0.3,0.5,0.25,9.8\n";
+  for (const char* heading :
+       {"timestamp,angular_velocity_x,angular_velocity_y,angular_velocity_z,linear_acceleration_x,a_y,a_z\n",
+        "timestamp,alpha,beta,gamma,ax,ay,az\n", "t,gyro.x,gyro.y,gyro.z,accel.x,accel.y,accel.z\n",
+        "\"t\",\"omega_x\",\"omega_y\",\"omega_z\",\"ax\",\"ay\",\"az\"\n"}) {
+    write_text("imu.csv", heading + rates_first);
+    const auto samples = read_imu_file(dir() / "imu.csv");
+    ASSERT_TRUE(samples) << heading << samples.error().message;
+    EXPECT_TRUE((*samples)[0].rate.isApprox(Eigen::Vector3d(0.1, 0.2, 0.3))) << heading;
+  }
+  write_text("imu.csv",
+             "t,Accel_x,Accel_y,Accel_z,Gyro_x,Gyro_y,Gyro_z\n1.000,0,0,9.8,0,9.8,0\n1.005,0,0,9.8,0,1,"
+             "0\n1.010,0,0,9.8,0,1,0\n");
+  const auto samples = read_imu_file(dir() / "imu.csv");
+  ASSERT_TRUE(samples) << samples.error().message;
+  EXPECT_EQ((*samples)[0].acceleration, Eigen::Vector3d(0, 0, 9.8));
+}
+
+TEST_F(ImuFiles, TimesThatAreNoneAreNamed) {
+  EXPECT_THAT(file_error("9223372036854775807,0,0,0,0,0,9.8\n9223372036854775807,0,0,0,0,0,9.8\n").message,
+              HasSubstr("imu.csv:1: its time is more than 146 years from 1970"));
+  EXPECT_THAT(file_error("1520621175986.84,0,0,0,0,0,9.8\n").message, HasSubstr("146 years"));
+  // Microseconds of 16 digits.
+  EXPECT_THAT(file_error("1520621175986840,0,0,0,0,0,9.8\n1520621175991840,0,0,0,0,0,9.8\n").message,
+              HasSubstr("a sample every 5e-06 s, which is no IMU's"));
+}
+
+/// A camera that sits as the body does, by the sensor.yaml of an IMU: nobody would notice.
+TEST_F(ImuFiles, AMountOfAnotherSensorIsRefused) {
+  write_euroc(euroc_rows());
+  const auto of_imu = open(uri("euroc"), {{}, (dir() / "mav0/imu0/sensor.yaml").string(), {}});
+  ASSERT_FALSE(of_imu);
+  EXPECT_EQ(of_imu.error().code, ErrorCode::kConfiguration);
+  EXPECT_THAT(of_imu.error().message, AllOf(HasSubstr("imu0/sensor.yaml: is of a sensor of the type 'imu'"),
+                                            HasSubstr("--imu-mount")));
+  write_text("mav0/cam0/imu.csv", euroc_rows());
+  EXPECT_THAT(open(uri("euroc"), {dir() / "mav0/cam0/imu.csv", "", {}}).error().message,
+              HasSubstr("cam0/sensor.yaml: is of a sensor of the type 'camera', where that of the imu"));
+  write_text("mav0/cam0/sensor.yaml",
+             "sensor_type: imu\nT_BS:\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n");
+  const auto unasked = open(uri("euroc"));
+  ASSERT_TRUE(unasked) << "what nobody asked for keeps no recording from being played";
+  EXPECT_FALSE(unasked->stream);
+  EXPECT_THAT(unasked->notes.at(0).text, HasSubstr("is of a sensor of the type 'imu'"));
+  EXPECT_TRUE(unasked->notes.at(0).is_warning);
+}
+
 TEST_F(ImuFiles, EurocFindsItsSamplesAndHowTheySit) {
   write_euroc(euroc_rows());
   const auto opened = open(uri("euroc"));
@@ -110,7 +159,7 @@ TEST_F(ImuFiles, EurocFindsItsSamplesAndHowTheySit) {
   std::vector<ImuSample> samples;
   opened->stream->take(Timestamp{kBegin + 50'000'000}, &samples);
   EXPECT_EQ(samples.size(), 11U);
-  const Eigen::Vector3d x = opened->stream->mount().camera_from_imu * Eigen::Vector3d::UnitX();
+  const Eigen::Vector3d x = opened->stream->mount()->camera_from_imu * Eigen::Vector3d::UnitX();
   EXPECT_TRUE(x.isApprox(-Eigen::Vector3d::UnitY())) << x.transpose();
   EXPECT_THAT(opened->notes.at(0).text, HasSubstr("100 samples of an IMU, 200 a second"));
 }
@@ -129,7 +178,7 @@ TEST_F(ImuFiles, SamplesWhoseMountIsNotSaidAreNotUsedAndRefusedWhenAskedFor) {
               HasSubstr("it is not known how this IMU sits to the camera; pass --imu-mount"));
   const auto told = open(uri("tum"), {{}, "0,0,0,1", std::chrono::milliseconds(3)});
   ASSERT_TRUE(told) << told.error().message;
-  EXPECT_EQ(told->stream->mount().clock_offset, std::chrono::milliseconds(3));
+  EXPECT_EQ(told->stream->mount()->clock_offset, std::chrono::milliseconds(3));
 }
 
 TEST_F(ImuFiles, KalibrsCamchainAndAFolderAreTaken) {
@@ -141,13 +190,18 @@ TEST_F(ImuFiles, KalibrsCamchainAndAFolderAreTaken) {
              "  timeshift_cam_imu: 0.002\n");
   const auto opened = open(uri("tum"), {dir() / "imu0", (dir() / "camchain.yaml").string(), {}});
   ASSERT_TRUE(opened) << opened.error().message;
-  EXPECT_EQ(opened->stream->mount().clock_offset, std::chrono::milliseconds(-2));
-  const Eigen::Vector3d x = opened->stream->mount().camera_from_imu * Eigen::Vector3d::UnitX();
+  EXPECT_EQ(opened->stream->mount()->clock_offset, std::chrono::milliseconds(-2));
+  const Eigen::Vector3d x = opened->stream->mount()->camera_from_imu * Eigen::Vector3d::UnitX();
   EXPECT_TRUE(x.isApprox(-Eigen::Vector3d::UnitY()));
   write_text("camchain.yaml",
              "cam0:\n  T_cam_imu:\n  - [2, 0, 0, 0]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n");
   EXPECT_THAT(open(uri("tum"), {dir() / "imu0", (dir() / "camchain.yaml").string(), {}}).error().message,
               HasSubstr("T_cam_imu is not a rotation and a translation"));
+  write_text("camchain.yaml",
+             "cam0:\n  T_cam_imu:\n  - [1, 0, 0, 0]\n  - [0, 1, 0, 0]\n  - [0, 0, 1, 0]\n  - [0, 0, 0, 1]\n"
+             "  timeshift_cam_imu: 1e30\n");
+  EXPECT_THAT(open(uri("tum"), {dir() / "imu0", (dir() / "camchain.yaml").string(), {}}).error().message,
+              HasSubstr("timeshift_cam_imu is not within"));
   write_text("camchain.yaml", "cam0: {}\n");
   EXPECT_THAT(open(uri("tum"), {dir() / "imu0", (dir() / "camchain.yaml").string(), {}}).error().message,
               HasSubstr("says not how the IMU sits"));

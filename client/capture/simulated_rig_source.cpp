@@ -1,9 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/capture/simulated_rig_source.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "tests/world/camera_feed.h"
@@ -18,6 +23,10 @@ using std::chrono::nanoseconds;
 
 constexpr milliseconds kPatience{2000};
 constexpr nanoseconds kPeriod{static_cast<int64_t>(1e9 / kSimulatorFrameRate)};
+
+/// Of the simulator's: the world, and how a picture is taken.
+constexpr std::array<std::string_view, 8> kOptions = {"seed",  "camera", "light", "session",
+                                                      "walks", "noise",  "blur",  "rolling"};
 
 class SimulatedRigSource final : public FrameSource {
  public:
@@ -95,6 +104,10 @@ Result<std::unique_ptr<FrameSource>> open_simulated_rig_source(const SourceUri& 
   for (const auto& [key, value] : uri.options) {
     if (key == "rig") {
       path = value;
+    } else if (std::find(kOptions.begin(), kOptions.end(), key) == kOptions.end()) {
+      return fail(ErrorCode::kUsage, fmt::format("sim: with rig= there is no option '{}': the rig moves the "
+                                                 "camera; there are: {}",
+                                                 key, fmt::join(kOptions, " ")));
     } else if (auto status = options.set_option(key, value); !status) {
       return tl::unexpected(status.error());
     }

@@ -66,6 +66,19 @@ TEST_F(SimulatedRigSource, RendersFromWhereTheCameraIsOnceTheExposureIsOver) {
   EXPECT_GT(difference(*first.image, *third.image), 10);  // it has turned
 }
 
+/// It would be taken for honoured.
+TEST_F(SimulatedRigSource, OptionsOfWhatTheRigDoesAreRefused) {
+  for (const char* option :
+       {"imu=200", "hands=3", "blackouts=1", "jerks=1", "speed=2", "exposure=0.1", "frames=9"}) {
+    const auto source = open_source("sim:shoulder?" + std::string(option) + "&rig=" + path_);
+    ASSERT_FALSE(source) << option;
+    EXPECT_EQ(source.error().code, ErrorCode::kUsage);
+    EXPECT_THAT(source.error().message, HasSubstr("with rig= there is no option"));
+  }
+  EXPECT_TRUE(
+      open_source("sim:shoulder?seed=2&camera=shoulder&light=later&walks=slow&rolling=0.1&rig=" + path_));
+}
+
 TEST_F(SimulatedRigSource, EndsWithItsRig) {
   feed_.reset();
   const auto item = source_->next();

@@ -43,7 +43,9 @@ class SimulatedImuStream final : public ImuStream {
   explicit SimulatedImuStream(std::shared_ptr<const Simulator> simulator)
       : simulator_(std::move(simulator)) {}
 
-  ImuMount mount() const override { return {simulator_->imu()->camera_from_imu().rotation(), {}}; }
+  std::optional<ImuMount> mount() const override {
+    return ImuMount{simulator_->imu()->camera_from_imu().rotation(), {}};
+  }
   void take(Timestamp time, std::vector<ImuSample>* samples) override {
     while (last_ < time) {
       const SimImuSample sample = simulator_->imu_sample(next_++);

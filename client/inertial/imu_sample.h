@@ -20,6 +20,10 @@ struct ImuSample {
 struct ImuMount {
   Eigen::Quaterniond camera_from_imu = Eigen::Quaterniond::Identity();
   std::chrono::nanoseconds clock_offset{0};  ///< what the IMU's stamps lack to the camera's
+
+  bool operator==(const ImuMount& other) const {
+    return camera_from_imu.coeffs() == other.camera_from_imu.coeffs() && clock_offset == other.clock_offset;
+  }
 };
 
 }  // namespace cairn

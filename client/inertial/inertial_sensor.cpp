@@ -21,6 +21,12 @@ constexpr double kTurnAcceleration = 50;
 
 InertialSensor::InertialSensor(const ImuMount& mount) : mount_(mount) {}
 
+void InertialSensor::use(const ImuMount& mount) {
+  if (mount.camera_from_imu.coeffs() != mount_.camera_from_imu.coeffs()) *this = InertialSensor(mount);
+  for (Rate& rate : rates_) rate.time = rate.time + (mount.clock_offset - mount_.clock_offset);
+  mount_ = mount;
+}
+
 void InertialSensor::add(std::span<const ImuSample> samples) {
   for (const ImuSample& sample : samples) {
     const Timestamp time = sample.time + mount_.clock_offset;

@@ -26,6 +26,10 @@ class InertialSensor {
  public:
   explicit InertialSensor(const ImuMount& mount);
 
+  /// It sits otherwise, or its clock goes otherwise, than was known: counts for the samples of before too. A
+  /// gyro with other axes is begun anew with, its bias as well.
+  void use(const ImuMount& mount);
+
   /// Samples in order of time. Those before the newest that there is are not used, unless time goes back by
   /// more than a second: then everything but the bias is begun anew (a recording may jump).
   void add(std::span<const ImuSample> samples);

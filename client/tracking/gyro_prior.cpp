@@ -11,15 +11,31 @@ constexpr double kMostBlindSigma = 0.019;
 
 }  // namespace
 
+void GyroPrior::use(const std::optional<ImuMount>& mount) {
+  if (!mount) {
+    sensor_.reset();
+  } else if (sensor_) {
+    sensor_->use(*mount);
+  } else {
+    sensor_.emplace(*mount);
+  }
+}
+
 void GyroPrior::next_frame(Timestamp time) {
   before_ = now_;
   now_ = time;
   turn_.reset();
   was_sharp_ = std::exchange(is_sharp_, false);
-  if (!sensor_ || !before_) return;
-  const auto turn = sensor_->turn(*before_, time);
+  turn_sigma_.reset();
+  if (!before_) return;
+  const auto turn = sensor_ ? sensor_->turn(*before_, time) : std::nullopt;
   is_missing_ = !turn;
-  if (!turn || sensor_->contradicts_pictures()) return;
+  if (!turn) {
+    if (const auto by_encoders = encoders_.turn(*before_, time))
+      turn_ = SE3(*by_encoders, Eigen::Vector3d::Zero());
+    return;
+  }
+  if (sensor_->contradicts_pictures()) return;
   turn_ = SE3(turn->now_from_before, Eigen::Vector3d::Zero());
   turn_sigma_ = turn->sigma;
 }
@@ -41,8 +57,8 @@ void GyroPrior::tracked(const SE3& now_from_before) {
 }
 
 bool GyroPrior::carries() {
-  if (!turn_) return false;
-  blind_sigma_ += turn_sigma_;  // most of it is the bias, which is the same in all
+  if (!turn_ || !turn_sigma_) return false;
+  blind_sigma_ += *turn_sigma_;  // most of it is the bias, which is the same in all
   return blind_sigma_ <= kMostBlindSigma;
 }
 

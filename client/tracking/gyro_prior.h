@@ -4,6 +4,7 @@
 #include <optional>
 #include <span>
 
+#include "client/inertial/encoder_turns.h"
 #include "client/inertial/inertial_sensor.h"
 #include "client/tracking/frame_result.h"
 #include "common/base/time.h"
@@ -11,20 +12,28 @@
 
 namespace cairn {
 
-/// How the camera turned since the frame before, by the gyro that is fixed to it, and for how long that alone
-/// may be relied on. Pure; one thread.
+/// How the camera turned since the frame before, by the gyro that is fixed to it or else by the encoders of
+/// the rig that carries it, and for how long the gyro alone may be relied on. Pure; one thread.
 class GyroPrior {
  public:
-  /// The camera has an IMU, from now on.
-  void use(const ImuMount& mount) { sensor_.emplace(mount); }
+  /// The camera has an IMU that sits so, from now on; nothing: it has none, or that is not known.
+  void use(const std::optional<ImuMount>& mount);
   void add(std::span<const ImuSample> samples) {
     if (sensor_) sensor_->add(samples);
   }
 
+  /// The camera is on a rig, whose encoders say this. It counts where there are no samples of a gyro.
+  void add(std::span<const EncoderSample> samples) { encoders_.add(samples); }
+
+  /// The pose known is of this frame already: the turn since the frame before is in it.
+  void counted() {
+    if (turn_) turn_ = SE3();
+  }
+
   /// A frame begins.
   void next_frame(Timestamp time);
-  /// Since the frame before. Nothing without a gyro, where samples are missing, and while it contradicts the
-  /// pictures.
+  /// Since the frame before: by the gyro, or where it has no samples by the encoders of a rig. Nothing where
+  /// there are neither, and while the gyro contradicts the pictures.
   [[nodiscard]] const std::optional<SE3>& turn() const { return turn_; }
   [[nodiscard]] ImuUse use() const;
   /// Where up is in this frame; nothing where that is not known.
@@ -42,10 +51,11 @@ class GyroPrior {
 
  private:
   std::optional<InertialSensor> sensor_;
+  EncoderTurns encoders_;
   std::optional<Timestamp> before_;
   std::optional<Timestamp> now_;
   std::optional<SE3> turn_;
-  double turn_sigma_ = 0;
+  std::optional<double> turn_sigma_;  ///< of a gyro's; what carries the rig may turn as it likes
   bool is_missing_ = false;
   bool was_sharp_ = false;  ///< the frame before was tracked well, and
   bool is_sharp_ = false;   ///< this one is

@@ -55,5 +55,47 @@ TEST(GyroPrior, SaysWhatItIsUsedFor) {
   EXPECT_NEAR(so3_log(gyro.turn()->rotation()).y(), -kFrameTime * 1e-9, 1e-9);
 }
 
+TEST(GyroPrior, EncodersTellWhatNoGyroDoesAndCarryNothing) {
+  GyroPrior gyro;
+  const auto panned = [](double angle) { return Eigen::Quaterniond(so3_exp({0, 0, angle})); };
+  const std::array<EncoderSample, 2> samples = {{{{0}, panned(0.1)}, {{kFrameTime}, panned(0.3)}}};
+  gyro.add(samples);
+  gyro.next_frame({0});
+  gyro.next_frame({kFrameTime});
+  ASSERT_TRUE(gyro.turn());
+  EXPECT_NEAR(so3_log(gyro.turn()->rotation()).z(), -0.2, 1e-9);
+  EXPECT_EQ(gyro.use(), ImuUse::kNone);
+  EXPECT_FALSE(gyro.carries()) << "what carries the rig may have turned";
+  GyroPrior both;
+  both.use(ImuMount{});
+  const std::array<ImuSample, 2> still = {
+      {{{0}, {0, 0, 0}, {0, -9.8, 0}}, {{kFrameTime}, {0, 0, 0}, {0, -9.8, 0}}}};
+  both.add(still);
+  both.add(samples);
+  both.next_frame({0});
+  both.next_frame({kFrameTime});
+  ASSERT_TRUE(both.turn());
+  EXPECT_EQ(so3_log(both.turn()->rotation()).norm(), 0) << "the gyro has it";
+}
+
+TEST(GyroPrior, ATurnThatIsCountedIsNone) {
+  GyroPrior gyro;
+  gyro.counted();
+  EXPECT_FALSE(gyro.turn()) << "none is made up";
+  gyro.use(ImuMount{});
+  const std::array<ImuSample, 2> samples = {
+      {{{0}, {0, 1, 0}, {0, -9.8, 0}}, {{kFrameTime}, {0, 1, 0}, {0, -9.8, 0}}}};
+  gyro.add(samples);
+  gyro.next_frame({0});
+  gyro.next_frame({kFrameTime});
+  gyro.counted();
+  ASSERT_TRUE(gyro.turn());
+  EXPECT_EQ(so3_log(gyro.turn()->rotation()).norm(), 0);
+  gyro.use(std::nullopt);
+  gyro.next_frame({2 * kFrameTime});
+  EXPECT_EQ(gyro.use(), ImuUse::kNone);
+  EXPECT_FALSE(gyro.turn());
+}
+
 }  // namespace
 }  // namespace cairn

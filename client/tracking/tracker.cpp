@@ -215,6 +215,7 @@ void Tracker::State::begin_map(const MapSnapshotPtr& snapshot, Timestamp time) {
     model.reset(camera_from_map, time);
   }
   seen = TinyMotion{};  // the trails' pose is of this frame already
+  gyro.counted();
 }
 
 void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp time) {
@@ -554,11 +555,15 @@ const FrameResult& Tracker::track(const GrayImagePtr& image, Timestamp time, con
   return s.result;
 }
 
-void Tracker::use_imu(const ImuMount& mount) {
+void Tracker::use_imu(const std::optional<ImuMount>& mount) {
   state_->gyro.use(mount);
 }
 
 void Tracker::add_samples(std::span<const ImuSample> samples) {
+  state_->gyro.add(samples);
+}
+
+void Tracker::add_encoders(std::span<const EncoderSample> samples) {
   state_->gyro.add(samples);
 }
 

@@ -7,6 +7,7 @@
 #include <span>
 #include <string>
 
+#include "client/inertial/encoder_turns.h"
 #include "client/inertial/imu_sample.h"
 #include "client/relocalization/pose_suggestion.h"
 #include "client/tracking/frame_result.h"
@@ -37,10 +38,13 @@ class Tracker {
   const FrameResult& track(const GrayImagePtr& image, Timestamp time, const MapSnapshotPtr& map,
                            StageProbe* probe = nullptr);
 
-  /// The camera has an IMU; samples() are its, in order of time, each before the frame that needs it (up to
-  /// the first one after the frame's time).
-  void use_imu(const ImuMount& mount);
+  /// The camera has an IMU that sits so, as far as is known now; nothing: none, or that is not known. Its
+  /// samples come in order of time, each before the frame that needs it (up to the first one after the
+  /// frame's time).
+  void use_imu(const std::optional<ImuMount>& mount);
   void add_samples(std::span<const ImuSample> samples);
+  /// The camera is on a rig, whose encoders say this, likewise: for where the IMU has no samples.
+  void add_encoders(std::span<const EncoderSample> samples);
 
   /// Other values of the same camera, from the next frame on: together with the revision that was made with
   /// them.

@@ -82,7 +82,7 @@ Result<ReadTrajectory> read_truth(const fs::path& path) {
   const auto in_cam0 = path.parent_path() / ".." / "cam0" / "sensor.yaml";
   const auto own = mount_in(beside);
   if (!own) return tl::unexpected(own.error());
-  const bool beside_is_camera = *own && (*own)->is_camera;
+  const bool beside_is_camera = *own && (*own)->may_be("camera");
   const auto camera = beside_is_camera ? own : mount_in(in_cam0);
   if (!camera) return tl::unexpected(camera.error());
   // world_from_sensor * sensor_from_body * body_from_camera

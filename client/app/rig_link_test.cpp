@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "client/app/rig_link.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <sstream>
+#include <thread>
+
+#include "common/wire/log_redirect.h"
+#include "common/wire/partition.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using std::chrono::steady_clock;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr uint32_t kDomains = 80;
+
+/// What says a rig's states, and the link to it.
+class RigLinkTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    wire::ParticipantOptions options;
+    options.role = wire::Role::kRig;
+    for (uint32_t i = 0; i < kDomains && !rig_; ++i) {
+      options.domain = 100 + (static_cast<uint32_t>(getpid()) * 11 + i) % kDomains;
+      if (auto made = wire::Participant::create(options)) rig_.emplace(*std::move(made));
+    }
+    ASSERT_TRUE(rig_);
+    states_.emplace(wire::Writer<wire::RigState>::create(*rig_, wire::rig_partition("shoulder")).value());
+    auto link =
+        RigLink::open({"shoulder", "tracker", static_cast<int>(options.domain), RigAim::kFollow, log_});
+    ASSERT_TRUE(link) << link.error().message;
+    link_ = *std::move(link);
+    state_.rig = "shoulder";
+  }
+
+  /// Says states of a hundredth of a second each, until that holds.
+  template <typename Holds>
+  bool until(Holds holds) {
+    for (const auto deadline = steady_clock::now() + 60s; steady_clock::now() < deadline;) {
+      state_.time = state_.time + 10ms;
+      state_.samples.push_back({state_.time, Eigen::Vector3f(1, 2, 3), Eigen::Vector3f(0, 0, 9.8F)});
+      if (state_.samples.size() > wire::kMaxRigSamples) state_.samples.erase(state_.samples.begin());
+      (void)states_->write(state_);
+      std::this_thread::sleep_for(2ms);
+      link_->imu().take({}, &taken_);
+      if (holds()) return true;
+    }
+    return false;
+  }
+
+  const wire::LogRedirect quiet_{null_logger()};  // the search for a free domain is noisy
+  std::ostringstream said_;
+  const Logger log_ =
+      std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said_));
+  std::optional<wire::Participant> rig_;
+  std::optional<wire::Writer<wire::RigState>> states_;
+  std::unique_ptr<RigLink> link_;
+  wire::RigState state_;
+  std::vector<ImuSample> taken_;
+};
+
+TEST_F(RigLinkTest, SamplesOfTheRigAreForTheTrackerOnceItKnowsHowTheImuSits) {
+  ASSERT_TRUE(until([this] { return taken_.size() > 20; }));
+  EXPECT_EQ(taken_.front().rate, Eigen::Vector3d(1, 2, 3));
+  for (size_t i = 1; i < taken_.size(); ++i) EXPECT_LT(taken_[i - 1].time, taken_[i].time);
+  EXPECT_FALSE(link_->imu().mount());
+  state_.camera_from_imu = Eigen::Quaterniond::Identity();
+  state_.calibrated_offset = 2'000'000;
+  ASSERT_TRUE(until([this] { return link_->imu().mount().has_value(); }));
+  EXPECT_EQ(link_->imu().mount()->clock_offset, -2ms);
+  link_.reset();  // and with it the thread that speaks
+  EXPECT_THAT(said_.str(), HasSubstr("`cairn-rig calibrate` finds it out"));
+  EXPECT_THAT(said_.str(), HasSubstr("its gyro is used"));
+}
+
+}  // namespace
+}  // namespace cairn

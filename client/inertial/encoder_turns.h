@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// How the encoders of a rig have its camera to what carries the rig.
+struct EncoderSample {
+  Timestamp time;  ///< by the camera's clock
+  Eigen::Quaterniond base_from_camera = Eigen::Quaterniond::Identity();
+};
+
+/// How a camera turned by the encoders of the rig that carries it, as far as what carries the rig stands
+/// still. Pure; one thread.
+class EncoderTurns {
+ public:
+  /// In order of time; of time that goes back all is begun anew.
+  void add(std::span<const EncoderSample> samples);
+  /// The camera at `to` from before. Nothing where samples are missing: before the first, in a gap of more
+  /// than 50 ms, or when the newest is older than `to` by more than 20 ms.
+  [[nodiscard]] std::optional<Eigen::Quaterniond> turn(Timestamp from, Timestamp to) const;
+
+ private:
+  [[nodiscard]] std::optional<Eigen::Quaterniond> at(Timestamp time) const;
+
+  std::vector<EncoderSample> samples_;  ///< of the last seconds
+};
+
+}  // namespace cairn
