@@ -5,7 +5,6 @@
 rig_processes.py BIN [IFACE]   BIN: the folder of the programs. IFACE: vcan0 of the guest, where guest_test.py runs it; without one, a pair of
 sockets that both programs are started with. All times are the rig's own, which are slower by SCALE; a table of them is printed.
 """
-import os
 import pathlib
 import re
 import signal
@@ -304,5 +303,5 @@ if __name__ == "__main__":
         sys.exit(0 if len(sys.argv) > 1 else 2)
     BIN = pathlib.Path(sys.argv.pop(1)).resolve()
     BUS = Kernel(sys.argv.pop(1)) if len(sys.argv) > 1 and sys.argv[1][0] != "-" else Pair()
-    DOMAIN = str(1 + os.getpid() % 99)
+    DOMAIN = "229"
     unittest.main(verbosity=2, failfast=True)
