@@ -46,7 +46,8 @@ class CandidatePoints {
  public:
   CandidatePoints(MapState* map, KeyframeId keyframe) : map_(*map), id_(keyframe) {}
 
-  std::vector<PointId> make(std::span<const PointCandidate> candidates) {
+  std::vector<PointId> make(std::span<const PointCandidate> candidates, const std::optional<Extent>& extent) {
+    const SE3 map_from_camera = keyframe().camera_from_map.inverse();
     take_in(candidates.first(std::min(candidates.size(), kMaxCandidates)));
     std::vector<PointId> made;
     const std::vector<KeyframeId> partners = rank_partners(map_, keyframe(), positions_, 0, kPartners);
@@ -57,7 +58,9 @@ class CandidatePoints {
       Depth depth = told;
       const std::optional<Seen> seen = look(source, partners, &searches, &depth);
       if (!seen || std::sqrt(depth.variance) > kKnownDepth * depth.inverse) continue;
-      made.push_back(add_point(&map_, source, point_of(source, depth.inverse), *seen));
+      const Eigen::Vector3d in_source = point_of(source, depth.inverse);
+      if (extent && !extent->contains(map_from_camera * in_source)) continue;
+      made.push_back(add_point(&map_, source, in_source, *seen));
     }
     return made;
   }
@@ -149,10 +152,11 @@ class CandidatePoints {
 }  // namespace
 
 std::vector<PointId> make_candidate_points(MapState* map, KeyframeId keyframe,
-                                           std::span<const PointCandidate> candidates) {
+                                           std::span<const PointCandidate> candidates,
+                                           const std::optional<Extent>& extent) {
   const auto& all = map->keyframes();
   if (candidates.empty() || std::any_of(all.begin(), all.end(), lacks_images)) return {};
-  return CandidatePoints(map, keyframe).make(candidates);
+  return CandidatePoints(map, keyframe).make(candidates, extent);
 }
 
 }  // namespace cairn

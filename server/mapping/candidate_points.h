@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "common/map/observations.h"
+#include "server/mapping/extent.h"
 #include "server/mapping/map_state.h"
 
 /// Points of what a tracker has followed until it knew the depth.
@@ -15,7 +17,9 @@ namespace cairn {
 /// none of them shows where it should be is refused, and so is what even these leave uncertain. Where no
 /// other keyframe can show it the tracker's word counts, if it is as good as that of two views a degree
 /// apart. All images are needed: where some have been let go, nothing is made. Ids in order of creation.
+/// `extent`: in which they must be; nothing: everywhere.
 [[nodiscard]] std::vector<PointId> make_candidate_points(MapState* map, KeyframeId keyframe,
-                                                         std::span<const PointCandidate> candidates);
+                                                         std::span<const PointCandidate> candidates,
+                                                         const std::optional<Extent>& extent = {});
 
 }  // namespace cairn

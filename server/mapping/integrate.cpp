@@ -213,6 +213,9 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                                       std::to_string(expected) +
                                                       " points that the map expects in it were found");
   }
+  if (const Eigen::Vector3d center = judged->camera_from_map.center();
+      input.extent && !input.extent->contains(center))
+    return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
   const double needed = spacing.min_distance_over_depth * judged->mean_depth;
   const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);
   const bool widens = widens_map(*map, judged->camera_from_map, judged->mean_depth);

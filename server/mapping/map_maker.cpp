@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <iterator>
 
 #include "common/bundle/find_cameras.h"
 #include "server/mapping/adjustment.h"
@@ -43,7 +44,9 @@ struct MapMaker::State {
   bool local_adjustment_due = false;
   bool upkeep_due = false;
   bool global_adjustment_due = false;
+  uint64_t compactions = 0;
 
+  void follow(const Renumbering& now);
   /// Why there is no room for another keyframe; empty when there is.
   [[nodiscard]] std::string why_full() const;
   /// Whether step() has nothing to do.
@@ -53,7 +56,7 @@ struct MapMaker::State {
   StepReport make_points(const std::function<bool()>& should_yield);
   KeyframeDecision integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt);
   /// How many points came of them.
-  int take_candidates(KeyframeId keyframe, const std::vector<PointCandidate>& candidates);
+  int take_candidates(KeyframeId keyframe, const KeyframeInput& input);
   StepReport adjust(const std::function<bool()>& should_yield);
   StepReport find_new_in_old(const std::function<bool()>& should_yield);
   StepReport tidy();
@@ -87,6 +90,7 @@ StepReport MapMaker::State::make_points(const std::function<bool()>& should_yiel
     NewPointsOptions limits;
     limits.max_points = level_budget(level, options.max_points_per_keyframe - pending.made);
     limits.first_candidate = pending.next_candidate;
+    limits.extent = pending.extent;
     const NewPoints result = make_new_points(&map, pending.id, level, limits, should_yield);
     pending.made += static_cast<int>(result.made.size());
     wanting_observers.insert(wanting_observers.end(), result.made.begin(), result.made.end());
@@ -193,7 +197,10 @@ MapMaker::MapMaker(std::unique_ptr<State> state) : state_(std::move(state)) {}
 MapMaker::~MapMaker() = default;
 
 WorkRecord MapMaker::State::work() const {
-  return {{wanting_points.begin(), wanting_points.end()},
+  std::vector<PendingKeyframe> pending;
+  std::copy_if(wanting_points.begin(), wanting_points.end(), std::back_inserter(pending),
+               [](const PendingKeyframe& p) { return !p.extent; });
+  return {std::move(pending),
           {wanting_observers.begin(), wanting_observers.end()},
           newest,
           local_adjustment_due,
@@ -226,8 +233,8 @@ KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input,
   return decision;
 }
 
-int MapMaker::State::take_candidates(KeyframeId keyframe, const std::vector<PointCandidate>& candidates) {
-  const std::vector<PointId> made = make_candidate_points(&map, keyframe, candidates);
+int MapMaker::State::take_candidates(KeyframeId keyframe, const KeyframeInput& input) {
+  const std::vector<PointId> made = make_candidate_points(&map, keyframe, input.candidates, input.extent);
   if (made.empty()) return 0;
   wanting_observers.insert(wanting_observers.end(), made.begin(), made.end());
   map.update_depths(keyframe);
@@ -242,7 +249,7 @@ KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back(
-      {decision.keyframe, 0, 0, s.take_candidates(decision.keyframe, input.candidates)});
+      {decision.keyframe, 0, 0, s.take_candidates(decision.keyframe, input), input.extent});
   s.local_adjustment_due = true;
   s.upkeep_due = true;
   s.global_adjustment_due = true;
@@ -271,12 +278,14 @@ GlobalAdjustmentPtr MapMaker::prepare_global_adjustment() const {
   copy->adjuster = state_->options.adjuster;
   copy->problem = global_problem(state_->map);
   copy->keyframes_at_cut = state_->map.keyframes().size();
+  copy->compactions_at_cut = state_->compactions;
   return copy;
 }
 
 StepReport MapMaker::adopt(const GlobalAdjustment& solved) {
   State& s = *state_;
   StepReport report{.work = MapWork::kGlobalAdjustment};
+  if (solved.compactions_at_cut != s.compactions) return report;  // its ids are others; it is due still
   report.observations = solved.report.observations;
   report.iterations = solved.report.iterations;
   report.changed = solved.report.usable;
@@ -315,6 +324,46 @@ std::vector<KeyframeView> MapMaker::keyframe_views() const {
 
 void MapMaker::rename(const std::string& name) {
   state_->builder.rename(name);
+}
+
+void MapMaker::begin_epoch(Epoch epoch) {
+  state_->builder.begin_epoch(epoch);
+}
+
+bool MapMaker::wants_compaction() const {
+  constexpr double kFewLeft = 0.25;  // of all places: some hundred keyframes' worth in the largest map
+  const MapState& map = state_->map;
+  const auto wants = [](size_t made, size_t live, size_t most) {
+    const auto all = static_cast<double>(most);
+    return static_cast<double>(made) > (1 - kFewLeft) * all && 2 * live < made;
+  };
+  return wants(map.points().size(), map.live_points(), state_->options.max_points) ||
+         wants(map.keyframes().size(), map.live_keyframes(), kMaxKeyframeBlocks * kBlockSlots);
+}
+
+Renumbering MapMaker::compact(Epoch epoch) {
+  Renumbering now = state_->map.compact();
+  state_->follow(now);
+  state_->recorder.reset();
+  state_->builder.begin_epoch(epoch);
+  return now;
+}
+
+void MapMaker::State::follow(const Renumbering& now) {
+  ++compactions;
+  for (PendingKeyframe& p : wanting_points) p.id = now.of(p.id);
+  std::erase_if(wanting_points, [](const PendingKeyframe& p) { return !p.id; });
+  for (PointId& id : wanting_observers) id = now.of(id);
+  std::erase(wanting_observers, PointId{});
+  newest = now.of(newest);
+  if (!newest) newest = map.keyframes().back().id;
+}
+
+bool renumber(const Renumbering& renumbering, KeyframeInput* frame) {
+  frame->reference = renumbering.of(frame->reference);
+  for (PointMeasurement& m : frame->measurements) m.id = renumbering.of(m.id);
+  std::erase_if(frame->measurements, [](const PointMeasurement& m) { return !m.id; });
+  return static_cast<bool>(frame->reference);
 }
 
 MapRecord MapMaker::take_changes() {

@@ -20,6 +20,7 @@
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
+#include "server/mapping/extent.h"
 #include "server/mapping/map_camera.h"
 
 /// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.
@@ -57,6 +58,8 @@ struct SeedInput {
   SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
   std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
   StillMaskPtr still = {};  ///< what stands still in both images: no point is made there; null: nothing
+  /// Where its cameras and points may be in the map that it makes; nothing: everywhere.
+  std::optional<Extent> extent = {};
 };
 
 struct SeedResult {
@@ -81,9 +84,20 @@ struct KeyframeInput {
   /// are looked for in it.
   bool is_chained = false;
   StillMaskPtr still = {};  ///< as SeedInput's
+  /// Where its camera, and the points that are made for it, may be; nothing: everywhere. Points that are
+  /// there already are measured wherever they are.
+  std::optional<Extent> extent = {};
 };
 
-enum class KeyframeVerdict : uint8_t { kAccepted, kTooClose, kTooFewPoints, kStale, kDamaged, kFull };
+enum class KeyframeVerdict : uint8_t {
+  kAccepted,
+  kTooClose,
+  kTooFewPoints,
+  kStale,
+  kDamaged,
+  kFull,
+  kOutside,  ///< of its extent
+};
 
 struct KeyframeDecision {
   KeyframeVerdict verdict = KeyframeVerdict::kAccepted;
@@ -131,7 +145,8 @@ struct GlobalAdjustmentDeleter {
 };
 using GlobalAdjustmentPtr = std::unique_ptr<GlobalAdjustment, GlobalAdjustmentDeleter>;
 
-struct MapRecord;  // map_record.h
+struct MapRecord;    // map_record.h
+struct Renumbering;  // map_state.h
 
 /// What a map is called, and in which epoch it is served.
 struct MapIdentity {
@@ -198,6 +213,16 @@ class MapMaker {
   /// The next snapshot has this name.
   void rename(const std::string& name);
 
+  /// The next snapshot is the first of this epoch, with all blocks anew: for who serves another state of the
+  /// map than the one before it (a roll-back). `epoch` is later than all before.
+  void begin_epoch(Epoch epoch);
+  /// Whether the map has little room left, most of which is taken by what was removed.
+  [[nodiscard]] bool wants_compaction() const;
+  /// Gives up the places of what was removed, in a new epoch, since ids have another meaning in it. A global
+  /// adjustment that is under way is passed over by adopt(), and take_changes() gives all of the map again:
+  /// to be kept in place of what was kept. For an offer of the epoch before: renumber().
+  [[nodiscard]] Renumbering compact(Epoch epoch);
+
   /// Some hundred microseconds for ten thousand points.
   [[nodiscard]] MapStatistics statistics() const;
   /// Root mean square of the reprojection errors of all measurements [level-0 px], as the map is now. Some
@@ -226,6 +251,10 @@ class MapMaker {
   explicit MapMaker(std::unique_ptr<State> state);
   std::unique_ptr<State> state_;
 };
+
+/// Makes a frame that was tracked before a compaction one of the map after it; measurements of what had been
+/// removed are left out. False when its reference keyframe had been.
+[[nodiscard]] bool renumber(const Renumbering& renumbering, KeyframeInput* frame);
 
 /// Solves in place: `should_stop` is polled about every millisecond, the last whole iteration is kept.
 void solve(GlobalAdjustment* problem, const std::function<bool()>& should_stop);

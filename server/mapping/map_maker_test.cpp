@@ -11,6 +11,8 @@
 #include "common/geometry/alignment.h"
 #include "common/image/pyramid.h"
 #include "server/mapping/map_maker_fixture.h"
+#include "server/mapping/map_record.h"
+#include "server/mapping/map_state.h"
 
 namespace cairn {
 namespace {
@@ -367,6 +369,156 @@ TEST_F(MapMakerTest, AdjustmentsLeaveTheMapAsAWholeWhereItWas) {
     EXPECT_LT(left.rotation().angularDistance(Eigen::Quaterniond::Identity()), 1e-5);
     EXPECT_LT(left.translation().norm(), 1e-5);
   }
+}
+
+Extent box_around(const Eigen::Vector3d& center, double half) {
+  return {center.array() - half, center.array() + half};
+}
+
+std::vector<PointId> points_outside(const MapSnapshot& map, const Extent& extent) {
+  std::vector<PointId> outside;
+  for (const auto& block : map.point_blocks) {
+    for (size_t slot = 0; slot < block->positions->positions.size(); ++slot) {
+      const bool is_live = (block->live >> slot & 1) != 0;
+      if (is_live && !extent.contains(block->positions->positions[slot].cast<double>()))
+        outside.push_back(block->patches->points[slot].id);
+    }
+  }
+  return outside;
+}
+
+TEST_F(MapMakerTest, AFrameFromOutsideOfItsExtentIsRefusedByName) {
+  start();
+  KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), 5);
+  const SE3 pose =
+      offered.camera_from_reference * maker_->snapshot()->find(offered.reference)->camera_from_map;
+  offered.extent = box_around(pose.center() + Eigen::Vector3d(10, 0, 0), 9.9);
+  const KeyframeDecision refused = maker_->add_keyframe(offered);
+  EXPECT_EQ(refused.verdict, KeyframeVerdict::kOutside);
+  EXPECT_THAT(refused.reason, HasSubstr("is outside of where this client may let the map grow"));
+  EXPECT_EQ(maker_->snapshot()->keyframe_count(), 2U);
+  offered.extent = box_around(pose.center(), 0.05);
+  EXPECT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+}
+
+/// The scene is seen by all, and measured as before; only nothing new is made beyond the box.
+TEST_F(MapMakerTest, NoPointIsMadeOutsideOfAnExtentWhoeverElseMakesSome) {
+  start();
+  const auto before = maker_->snapshot();
+  const MapStatistics all = maker_->statistics();
+  const double middle = 0.5 * (all.bounds_min.x() + all.bounds_max.x());
+  Extent left = box_around(Eigen::Vector3d::Zero(), 100);
+  left.max.x() = middle;
+  KeyframeInput offered = make_offer(scene_, *before, 5);
+  const SE3 pose = offered.camera_from_reference * before->find(offered.reference)->camera_from_map;
+  left.max.x() = std::max(middle, pose.center().x() + 0.01);
+  offered.extent = left;
+  const size_t outside_before = points_outside(*before, left).size();
+  ASSERT_GT(outside_before, 20U) << "the box must leave something out";
+  ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+  steps_.push_back(5);
+  const PointId last{before->point_blocks.back()->patches->points.back().id};
+  work();
+  const auto after = maker_->snapshot();
+  EXPECT_GT(after->point_count(), before->point_count());
+  for (const PointId id : points_outside(*after, left)) EXPECT_LE(id, last) << "made outside";
+  // Who may go everywhere does.
+  ASSERT_EQ(offer(8).verdict, KeyframeVerdict::kAccepted);
+  const PointId newest{after->point_blocks.back()->patches->points.back().id};
+  const auto outside = points_outside(*maker_->snapshot(), left);
+  EXPECT_TRUE(std::any_of(outside.begin(), outside.end(), [&](PointId id) { return id > newest; }));
+}
+
+TEST_F(MapMakerTest, ASeedIsHeldToItsExtent) {
+  start();
+  const auto everywhere = maker_->snapshot();
+  const MapStatistics all = maker_->statistics();
+  input_.extent = box_around(all.bounds_max.cast<double>() + Eigen::Vector3d(50, 0, 0), 10);
+  const auto refused = MapMaker::start(input_, options_);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(refused.error().message, HasSubstr("is outside of where this client may let the map grow"));
+  Extent part = box_around(Eigen::Vector3d::Zero(), 100);
+  part.max.x() = std::max({0.5 * (all.bounds_min.x() + all.bounds_max.x()),
+                           everywhere->find(KeyframeId{1})->camera_from_map.center().x() + 0.01,
+                           everywhere->find(KeyframeId{2})->camera_from_map.center().x() + 0.01});
+  input_.extent = part;
+  start();
+  EXPECT_LT(maker_->snapshot()->point_count(), everywhere->point_count());
+  EXPECT_TRUE(points_outside(*maker_->snapshot(), part).empty());
+  for (const auto& [trail, point] : seed_.points) EXPECT_TRUE(maker_->snapshot()->find(point)) << "is told";
+}
+
+TEST_F(MapMakerTest, ANewEpochHasAllBlocksAnewAndTheSameMap) {
+  start();
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  const auto before = maker_->snapshot();
+  EXPECT_EQ(maker_->snapshot(), before);
+  maker_->begin_epoch(Epoch{7});
+  const auto after = maker_->snapshot();
+  EXPECT_EQ(after->epoch, Epoch{7});
+  EXPECT_EQ(after->revision, Revision{1});
+  ASSERT_EQ(after->point_blocks.size(), before->point_blocks.size());
+  for (size_t b = 0; b < after->point_blocks.size(); ++b) {
+    EXPECT_EQ(after->point_blocks[b]->patches->version, 1U);
+    EXPECT_EQ(after->point_blocks[b]->positions->version, 1U);
+    EXPECT_EQ(after->point_blocks[b]->positions->live, before->point_blocks[b]->positions->live);
+  }
+  ASSERT_EQ(offer(8).verdict, KeyframeVerdict::kAccepted);
+  EXPECT_EQ(maker_->snapshot()->epoch, Epoch{7});
+  adjust_globally();
+  expect_accurate(0.005, 0.02);
+}
+
+/// Frames tracked before it are taken over, and an adjustment that was under way is not written to other ids.
+TEST_F(MapMakerTest, ACompactedMapGoesOnAndUnderstandsWhatWasTrackedBefore) {
+  start();
+  for (int step = 5; step <= 11; step += 3) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+  const auto before = maker_->snapshot();
+  const GlobalAdjustmentPtr problem = maker_->prepare_global_adjustment();
+  solve(problem.get(), {});
+  KeyframeInput offered = make_offer(scene_, *before, 14);
+  const Renumbering now = maker_->compact(Epoch{2});
+  const auto after = maker_->snapshot();
+  EXPECT_EQ(after->epoch, Epoch{2});
+  EXPECT_EQ(after->point_count(), before->point_count());
+  EXPECT_EQ(after->keyframe_count(), before->keyframe_count());
+  size_t places = 0;
+  for (const auto& block : after->point_blocks) places += block->patches->points.size();
+  EXPECT_EQ(places, after->point_count()) << "no place is taken by what was removed";
+  EXPECT_FALSE(maker_->adopt(*problem).changed);
+  EXPECT_TRUE(maker_->wants_global_adjustment()) << "it is due still";
+  EXPECT_EQ(maker_->take_changes().point_count, after->point_count());
+  const size_t measured = offered.measurements.size();
+  ASSERT_TRUE(renumber(now, &offered));
+  EXPECT_EQ(offered.measurements.size(), measured) << "all of them lived";
+  const KeyframeDecision decision = maker_->add_keyframe(offered);
+  ASSERT_EQ(decision.verdict, KeyframeVerdict::kAccepted) << decision.reason;
+  steps_.push_back(14);
+  work();
+  adjust_globally();
+  expect_accurate(0.005, 0.02);
+  offered.reference = KeyframeId{1000};
+  EXPECT_FALSE(renumber(now, &offered));
+}
+
+TEST_F(MapMakerTest, CompactionIsWantedWhereMostPlacesAreTakenByWhatWasRemoved) {
+  start();
+  MapRecord record = maker_->take_changes();
+  options_.max_points = record.point_count;
+  EXPECT_FALSE(MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_)->maker->wants_compaction())
+      << "full of what lives: nothing would be won";
+  record.point_count *= 3;
+  options_.max_points = record.point_count;
+  const auto restored = MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_);
+  ASSERT_TRUE(restored);
+  MapMaker& map = *restored->maker;
+  EXPECT_TRUE(map.wants_compaction());
+  const size_t live = map.snapshot()->point_count();
+  (void)map.compact(Epoch{3});
+  EXPECT_FALSE(map.wants_compaction());
+  EXPECT_EQ(map.snapshot()->point_count(), live);
+  EXPECT_EQ(map.take_changes().point_count, live);
 }
 
 TEST_F(MapMakerTest, SameInputSameBytes) {

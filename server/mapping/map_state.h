@@ -90,6 +90,20 @@ struct MapPoint {
 /// As blocks of points have it: one that was removed keeps its place there, with some source.
 [[nodiscard]] PointSource source_in_block(const MapPoint& point);
 
+/// The ids that a compaction has given, by those of before.
+struct Renumbering {
+  std::vector<KeyframeId> keyframes;  ///< by old id - 1; none: it had been removed
+  std::vector<PointId> points;
+
+  /// None for what had been removed, or never was.
+  [[nodiscard]] KeyframeId of(KeyframeId old) const {
+    return old && old.value <= keyframes.size() ? keyframes[old.value - 1] : KeyframeId{};
+  }
+  [[nodiscard]] PointId of(PointId old) const {
+    return old && old.value <= points.size() ? points[old.value - 1] : PointId{};
+  }
+};
+
 /// A camera that is found out as it was when an adjustment began.
 struct CutCamera {
   int index = 0;  ///< in MapState::cameras()
@@ -162,6 +176,10 @@ class MapState {
 
   [[nodiscard]] const Measurement* find_measurement(KeyframeId keyframe, PointId point) const;
   [[nodiscard]] bool has_given_up(KeyframeId keyframe, PointId point) const;
+
+  /// Gives up the places of what was removed: ids are dense anew, in the order of before. What else knows ids
+  /// of this map must follow, and readers must be in another epoch.
+  [[nodiscard]] Renumbering compact();
 
   /// Refreshes the depth figures of a keyframe from its measurements.
   void update_depths(KeyframeId id);

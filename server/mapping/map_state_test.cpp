@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <random>
+#include <set>
 
 #include "server/mapping/upkeep.h"
 
@@ -180,6 +182,97 @@ TEST(Upkeep, FindsTheKeyframeThatAddsNothing) {
   map.remove_keyframe(KeyframeId{4});
   EXPECT_EQ(map.live_points(), 180U);
   EXPECT_EQ(find_redundant_keyframe(map, KeyframeId{12}), std::nullopt);
+}
+
+/// What a map says, whatever its ids are: of each keyframe its centre, of each point its position, and who
+/// measures what where.
+std::multiset<std::array<double, 4>> joins_of(const MapState& map) {
+  std::multiset<std::array<double, 4>> joins;
+  for (const MapKeyframe& k : map.keyframes()) {
+    if (!k.live) continue;
+    const double x = k.camera_from_map.center().x();
+    joins.insert({x, 0, 0, 0});
+    for (const Measurement& m : k.measurements)
+      joins.insert({x, map.point(m.point).position.x(), m.pixel.x(), m.pixel.y()});
+    for (const PointId id : k.given_up) joins.insert({x, map.point(id).position.x(), -1, -1});
+  }
+  for (const PointId id : map.live_point_ids()) {
+    const MapPoint& p = map.point(id);
+    const double source_x = map.keyframe(p.source->keyframe).camera_from_map.center().x();
+    joins.insert({p.position.x(), source_x, static_cast<double>(p.attempts), static_cast<double>(p.found)});
+  }
+  return joins;
+}
+
+/// A map in which, for a year, as much is culled as is made.
+class BusyMap {
+ public:
+  explicit BusyMap(uint64_t seed) : random_(seed) {
+    for (int i = 0; i < 6; ++i) grow();
+  }
+  void grow() {
+    const KeyframeId id = add_keyframe(&map_, next_x_ += 1);
+    map_.keyframe(id).reference = id == KeyframeId{1} ? KeyframeId{} : some_live_before(id);
+    for (int i = 0; i < 30; ++i) {
+      const PointId point = add_point(&map_, id, {next_x_ += 1, 0, 1});
+      map_.point(point).attempts = static_cast<int>(random_() % 20);
+      map_.add_measurement(id, {point, 0, {1, static_cast<float>(i)}});
+      map_.add_measurement(some_live_before(id), {point, 0, {2, static_cast<float>(i)}});
+      if (random_() % 4 == 0) map_.give_up(some_live_before(id), point);
+    }
+  }
+  void cull() {
+    while (map_.live_keyframes() > 6) {
+      const KeyframeId id{3 + random_() % (map_.keyframes().size() - 2)};
+      map_.remove_keyframe(id);
+    }
+    while (map_.live_points() > 100) map_.remove_point(map_.live_point_ids()[random_() % map_.live_points()]);
+  }
+  [[nodiscard]] MapState& map() { return map_; }
+
+ private:
+  [[nodiscard]] KeyframeId some_live_before(KeyframeId id) {
+    if (id <= KeyframeId{1}) return id;
+    KeyframeId other{1 + random_() % (id.value - 1)};
+    while (!map_.is_live(other)) other = KeyframeId{other.value - 1};  // the first lives always
+    return other;
+  }
+  std::mt19937_64 random_;
+  MapState map_;
+  double next_x_ = 0;
+};
+
+TEST(MapState, AMapThatIsCompactedNowAndThenNeverRunsOutOfPlaces) {
+  BusyMap busy(5);
+  MapState& map = busy.map();
+  size_t points_made = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const size_t before = map.points().size();
+    busy.grow();
+    points_made += map.points().size() - before;
+    busy.cull();
+    if (round % 10 != 0) continue;
+    const auto joins = joins_of(map);
+    const std::vector<PointId> live = map.live_point_ids();
+    std::vector<double> positions;
+    for (const PointId id : live) positions.push_back(map.point(id).position.x());
+    const Renumbering now = map.compact();
+    ASSERT_EQ(map.points().size(), map.live_points());
+    ASSERT_EQ(map.keyframes().size(), map.live_keyframes());
+    ASSERT_TRUE(joins_of(map) == joins) << "in round " << round;
+    for (size_t i = 0; i < live.size(); ++i) {
+      ASSERT_EQ(map.point(now.of(live[i])).position.x(), positions[i]);
+      ASSERT_EQ(map.point(now.of(live[i])).source->id, now.of(live[i]));
+    }
+    for (const MapKeyframe& k : map.keyframes()) {
+      ASSERT_EQ(&map.keyframe(k.id), &k);
+      ASSERT_TRUE(k.id == KeyframeId{1} ? !k.reference : k.reference < k.id && map.is_live(k.reference));
+    }
+    if (round % 500 == 0) expect_consistent(map);
+    ASSERT_FALSE(now.of(PointId{live.back().value + 1000}));
+  }
+  EXPECT_GT(points_made, 50'000U);
+  EXPECT_LT(map.points().size(), 1000U);
 }
 
 }  // namespace

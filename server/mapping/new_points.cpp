@@ -147,6 +147,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
   const MapKeyframe& keyframe = map->keyframe(keyframe_id);
   NewPoints result;
   if (keyframe.near_depth <= 0) return result;
+  const SE3 map_from_keyframe = keyframe.camera_from_map.inverse();
   const std::vector<KeyframeId> others = choose_partners(*map, keyframe, options);
   std::vector<EpipolarSearch> searches;
   for (size_t i = 0; i < std::min(others.size(), static_cast<size_t>(options.partners)); ++i) {
@@ -170,6 +171,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
     for (size_t i = 0; i < searches.size(); ++i) {
       const auto point = searches[i].find(*source);
       if (!point || !witnesses.confirm(*source, *point, others[i], &seen_by)) continue;
+      if (options.extent && !options.extent->contains(map_from_keyframe * point->in_source)) break;
       seen_by.emplace_back(others[i], point->found);
       result.made.push_back(add_point(map, *source, point->in_source, seen_by));
       taken.take_disc(corner.x, corner.y, kNewDistance);

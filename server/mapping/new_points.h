@@ -3,10 +3,12 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "server/mapping/epipolar_search.h"
+#include "server/mapping/extent.h"
 #include "server/mapping/map_state.h"
 
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.
@@ -24,6 +26,7 @@ struct NewPointsOptions {
   int witnesses = 3;                   ///< further keyframes that are asked to confirm a new point
   double min_parallax = kMinParallax;  ///< [rad]
   size_t first_candidate = 0;          ///< where an earlier call stopped
+  std::optional<Extent> extent = {};   ///< in which they must be; nothing: everywhere
 };
 
 struct NewPoints {

@@ -226,6 +226,24 @@ Status fill_in_points(const MapMakerOptions& options, double median_parallax, Se
   return {};
 }
 
+Status keep_within(const Extent& extent, MapState* map) {
+  for (const MapKeyframe& k : map->keyframes()) {
+    if (const Eigen::Vector3d center = k.camera_from_map.center(); !extent.contains(center))
+      return fail(ErrorCode::kRefused, outside(extent, center));
+  }
+  for (const PointId id : std::vector<PointId>(map->live_point_ids())) {
+    if (!extent.contains(map->point(id).position)) map->remove_point(id);
+  }
+  if (map->live_points() >= kMinSeedPoints) {
+    update_all_depths(map);
+    return {};
+  }
+  return fail(ErrorCode::kRefused,
+              fmt::format("{} of its points are where this client may let the map grow, {}; "
+                          "{} are needed",
+                          map->live_points(), describe(extent), kMinSeedPoints));
+}
+
 }  // namespace
 
 Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& options) {
@@ -242,6 +260,9 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   scale_baseline(&map, result.first_keyframe, result.second_keyframe, options.baseline);
   result.plane_aligned = align_plane(&map, result.first_keyframe, options.seed);
   update_all_depths(&map);
+  if (input.extent) {
+    if (auto status = keep_within(*input.extent, &map); !status) return tl::unexpected(status.error());
+  }
   std::erase_if(result.points, [&map](const auto& p) { return !map.is_live(p.second); });
   return seeded;
 }

@@ -29,6 +29,8 @@ wire::OfferDecision to_decision(KeyframeVerdict verdict) {
       return wire::OfferDecision::kTooFewPoints;
     case KeyframeVerdict::kStale:
       return wire::OfferDecision::kStale;
+    case KeyframeVerdict::kOutside:
+      return wire::OfferDecision::kNoRight;
     case KeyframeVerdict::kFull:
       return wire::OfferDecision::kFull;
     case KeyframeVerdict::kDamaged:
