@@ -64,6 +64,12 @@ class CameraList {
 };
 
 /// What the server keeps of one client name. The gates outlive the connection: the same process may come back
+/// Why a process is not served at all: an outcome of sequence 0, which no offer has.
+[[nodiscard]] wire::OfferOutcome notice_to_process(const std::string& reason);
+
+/// Names remembered; those present are never forgotten.
+inline constexpr size_t kMaxClients = 256;
+
 /// with commands that were decided long ago.
 struct Client {
   std::string name;

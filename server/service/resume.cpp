@@ -2,6 +2,9 @@
 #include "server/service/resume.h"
 
 #include <algorithm>
+#include <iterator>
+#include <map>
+#include <tuple>
 
 namespace cairn {
 namespace {
@@ -39,7 +42,8 @@ wire::SeedVerdict verdict_of(const DecisionRecord& decision, const KeptDecisions
 
 }  // namespace
 
-std::map<std::string, ResumedClient> resume_clients(std::span<const KeptDecisions> maps) {
+std::vector<std::pair<std::string, ResumedClient>> resume_clients(std::span<const KeptDecisions> maps,
+                                                                  size_t most) {
   std::map<std::string, std::pair<Timestamp, SessionId>> newest;
   for (const KeptDecisions& map : maps) {
     for (const DecisionRecord& d : map.decisions) {
@@ -67,7 +71,13 @@ std::map<std::string, ResumedClient> resume_clients(std::span<const KeptDecision
     std::sort(client.offers.begin(), client.offers.end(), by_seq);
     std::sort(client.requests.begin(), client.requests.end(), by_seq);
   }
-  return clients;
+  std::vector<std::pair<std::string, ResumedClient>> by_use(std::make_move_iterator(clients.begin()),
+                                                            std::make_move_iterator(clients.end()));
+  const auto used = [&newest](const auto& client) { return newest.at(client.first).first; };
+  std::stable_sort(by_use.begin(), by_use.end(),
+                   [&](const auto& a, const auto& b) { return used(a) < used(b); });
+  if (by_use.size() > most) by_use.erase(by_use.begin(), by_use.end() - static_cast<std::ptrdiff_t>(most));
+  return by_use;
 }
 
 bool carry_over(std::span<const EpochRecord> epochs, Epoch tracked_in, Epoch present, KeyframeInput* frame) {

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <map>
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/wire/messages.h"
@@ -29,7 +29,10 @@ struct KeptDecisions {
   Epoch epoch;
   std::span<const DecisionRecord> decisions;
 };
-[[nodiscard]] std::map<std::string, ResumedClient> resume_clients(std::span<const KeptDecisions> maps);
+/// The `most` of them that were decided on last, by name, the latest at the end: whoever is active again
+/// after a restart is known still, however many names there have been.
+[[nodiscard]] std::vector<std::pair<std::string, ResumedClient>> resume_clients(
+    std::span<const KeptDecisions> maps, size_t most);
 
 /// Makes a frame that was tracked in an earlier epoch one of the present: what was given an id after the last
 /// save of that epoch is not what has the id now, and is left out. False when the frame cannot be used:

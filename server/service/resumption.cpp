@@ -49,7 +49,7 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
   std::vector<KeptDecisions> kept;
   kept.reserve(restored.size());
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
-  for (auto& [name, resumed] : cairn::resume_clients(kept)) {
+  for (auto& [name, resumed] : cairn::resume_clients(kept, kMaxClients)) {
     Client& client = client_of(name);
     client.offer_gate.resume(resumed.session, std::move(resumed.offers));
     client.request_gate.resume(resumed.session, std::move(resumed.requests));

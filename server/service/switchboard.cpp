@@ -21,7 +21,6 @@ constexpr milliseconds kTick{200};  // ServerStatus at 5 Hz asserts our liveline
 constexpr int kTicksPerMapInfo = 5;
 constexpr int kTicksPerExpiry = 300;      // a minute
 constexpr size_t kMaxHealthBytes = 1000;  // ServerStatus takes a little more
-constexpr size_t kMaxClients = 256;       // names remembered; those present are never forgotten
 constexpr size_t kMaxFeeds = 16;          // maps per client
 constexpr std::chrono::seconds kNoticeInterval{1};
 constexpr std::chrono::seconds kFeedRetry{10};

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/resume.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "server/service/command_gate.h"
+
+namespace cairn {
+namespace {
+
+constexpr SessionId kSession{42};
+
+DecisionRecord decision(const std::string& client, uint64_t seq, int64_t time) {
+  DecisionRecord made;
+  made.client = client;
+  made.session = kSession;
+  made.seq = seq;
+  made.time = {time};
+  return made;
+}
+
+/// A server keeps so many names, and its clients of before the restart are not back yet.
+TEST(ResumeClients, OfMoreThanAreRememberedTheOnesLastDecidedOnAreKnown) {
+  constexpr size_t kMost = 256;
+  std::vector<DecisionRecord> old;
+  for (int i = 0; i < 400; ++i) old.push_back(decision("z-" + std::to_string(i), 1, 1000 + i));
+  const std::vector<DecisionRecord> recent{decision("a", 7, 3000), decision("b", 8, 2000)};
+  const KeptDecisions maps[] = {{MapId{{1}}, Epoch{9}, recent}, {MapId{{2}}, Epoch{9}, old}};
+  const auto clients = resume_clients(maps, kMost);
+  ASSERT_EQ(clients.size(), kMost);
+  EXPECT_EQ(clients.back().first, "a");
+  EXPECT_EQ(clients[kMost - 2].first, "b");
+  EXPECT_EQ(clients[kMost - 3].first, "z-399");
+  EXPECT_EQ(clients.front().first, "z-146") << "the rest, the latest at the end";
+  ASSERT_EQ(clients.back().second.offers.size(), 1U);
+  OfferGate gate;
+  gate.resume(clients.back().second.session, clients.back().second.offers);
+  EXPECT_EQ(gate.admit(7), OfferGate::Admission::kRepeated) << "it would be applied twice";
+}
+
+TEST(ResumeClients, WhatCountsIsTheLastOfAllMapsAndOfTheNewestSession) {
+  DecisionRecord before = decision("anna", 5, 10);
+  before.session = SessionId{41};
+  const std::vector<DecisionRecord> first{before, decision("anna", 2, 30), decision("bob", 1, 20)};
+  const std::vector<DecisionRecord> second{decision("bob", 3, 40), decision("anna", 1, 25)};
+  const KeptDecisions maps[] = {{MapId{{1}}, Epoch{9}, first}, {MapId{{2}}, Epoch{9}, second}};
+  const auto clients = resume_clients(maps, 1);
+  ASSERT_EQ(clients.size(), 1U);
+  EXPECT_EQ(clients[0].first, "bob");
+  const auto both = resume_clients(maps, 2);
+  ASSERT_EQ(both.size(), 2U);
+  EXPECT_EQ(both[0].second.session, kSession);
+  ASSERT_EQ(both[0].second.offers.size(), 2U);
+  EXPECT_EQ(both[0].second.offers[0].seq, 1U);
+  EXPECT_EQ(both[0].second.offers[1].seq, 2U);
+}
+
+}  // namespace
+}  // namespace cairn
