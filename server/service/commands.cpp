@@ -185,12 +185,12 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
     outcome.revision = judgement.revision;
     post([this, name, session, outcome, runner] {
       MapEntry* judged = maps_.find(outcome.map);
-      if (judged != nullptr && judged->runner == runner) --judged->offers_in_work;
+      if (judged != nullptr && judged->runner == runner) maps_.end_offer(judged);
       on_offer_decided(name, session, outcome);
     });
   };
   entry->runner->offer(std::move(job), done);
-  ++entry->offers_in_work;
+  maps_.begin_offer(entry);
 }
 
 void Switchboard::on_offer_decided(const std::string& client_name, SessionId session,
@@ -280,11 +280,11 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
     });
   };
   listener.rested = [this, map](MapStatistics now) {
-    post([this, map, now = std::move(now)] {
+    post([this, map, now = std::move(now)]() mutable {
       MapEntry* entry = maps_.find(map);
       if (entry == nullptr) return;
       memory_freed_ = memory_freed_ || now.without_images > entry->statistics.without_images;
-      entry->statistics = now;
+      maps_.measured(entry, std::move(now));
     });
   };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
@@ -299,8 +299,7 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
     return;
   }
   const MapSnapshotPtr snapshot = revision.snapshot;
-  entry->snapshot = snapshot;
-  entry->statistics = revision.statistics;
+  maps_.show(entry, snapshot, std::move(revision.statistics));
   entry->used_at = steady_clock::now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
   if (entry->runner != nullptr)

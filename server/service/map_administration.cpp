@@ -70,15 +70,14 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (!entry->name_to_be.empty())
     return answer(refusal(ErrorCode::kRefused, "the map is being renamed by another; try again"));
-  entry->name_to_be = name;  // nobody else gets it meanwhile
+  maps_.begin_renaming(entry, name);
   young_.forget(id);
-  entry->runner->rename(name, [this, id, name, answer](const Status& kept) {
-    post([this, id, name, answer, kept] {
+  entry->runner->rename(name, [this, id, answer](const Status& kept) {
+    post([this, id, answer, kept] {
       MapEntry* renamed = maps_.find(id);
       if (renamed == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
-      renamed->name_to_be.clear();
+      maps_.end_renaming(renamed, kept.has_value());
       if (!kept) return answer(refusal(kept.error()));
-      renamed->name = name;
       tell_all(make_map_info(options_.server, id, *renamed));
       answer(success(describe_map(id, *renamed)));
     });
@@ -128,7 +127,6 @@ void Switchboard::finish_deletion(MapId id, const Status& removed, const AdminAn
   }
   const json deleted = describe(id, *entry);
   forget_map(id);
-  maps_.reserve(id);
   if (store_ == nullptr) overlaps_.forget(id);
   answer(success(deleted));
 }

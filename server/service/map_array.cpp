@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
+#include <string_view>
+#include <utility>
 
 #include "server/relocalization/place_index.h"
 
@@ -23,6 +26,19 @@ MapId draw_id(std::mt19937_64& generator) {
     for (size_t i = 0; i < 8; ++i) id.bytes[8 * half + i] = static_cast<uint8_t>(bits >> (8 * i));
   }
   return id;
+}
+
+constexpr std::string_view kStem = "map-";  ///< of names that nobody wished for
+
+std::string numbered(std::string_view stem, uint64_t number) {
+  return std::string(stem) + std::to_string(number);
+}
+
+size_t published_bytes(const MapSnapshotPtr& snapshot) {
+  size_t points = 0;
+  if (snapshot == nullptr) return points;
+  for (const auto& block : snapshot->point_blocks) points += block->patches->points.size();
+  return points * (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
 }
 
 /// FNV-1a of times and trails.
@@ -64,19 +80,87 @@ MapId MapArray::repeatable_id(const wire::MapSeed& seed) {
   return draw_unused(&generator);
 }
 
-bool MapArray::is_free(const std::string& name) const {
-  return std::none_of(maps_.begin(), maps_.end(), [&](const auto& entry) {
-    return entry.second.name == name || entry.second.name_to_be == name || to_hex(entry.first.bytes) == name;
+MapEntry& MapArray::add(MapId map, MapEntry entry) {
+  remove(map);
+  MapEntry& added = maps_.emplace(map, std::move(entry)).first->second;
+  added.bytes_published = published_bytes(added.snapshot);
+  bytes_ += bytes_of(added);
+  take_name(added.name);
+  return added;
+}
+
+void MapArray::remove(MapId map) {
+  const auto known = maps_.find(map);
+  if (known == maps_.end()) return;
+  const MapEntry entry = std::move(known->second);
+  maps_.erase(known);
+  bytes_ -= bytes_of(entry);
+  // Replicas have it, and another of that id would begin in an epoch that this one may have had.
+  if (entry.snapshot != nullptr) reserve(map);
+  give_back_name(entry.name);
+  if (!entry.name_to_be.empty()) give_back_name(entry.name_to_be);
+}
+
+void MapArray::show(MapEntry* entry, MapSnapshotPtr snapshot, MapStatistics statistics) {
+  change(entry, [&] {
+    entry->snapshot = std::move(snapshot);
+    entry->statistics = std::move(statistics);
+    entry->bytes_published = published_bytes(entry->snapshot);
   });
+}
+
+void MapArray::measured(MapEntry* entry, MapStatistics statistics) {
+  change(entry, [&] { entry->statistics = std::move(statistics); });
+}
+
+void MapArray::begin_offer(MapEntry* entry) {
+  change(entry, [&] { ++entry->offers_in_work; });
+}
+
+void MapArray::end_offer(MapEntry* entry) {
+  change(entry, [&] { --entry->offers_in_work; });
+}
+
+void MapArray::begin_renaming(MapEntry* entry, const std::string& name) {
+  take_name(name);
+  entry->name_to_be = name;
+}
+
+void MapArray::end_renaming(MapEntry* entry, bool kept) {
+  if (kept) std::swap(entry->name, entry->name_to_be);
+  give_back_name(std::exchange(entry->name_to_be, {}));
+}
+
+void MapArray::take_name(const std::string& name) {
+  taken_.insert(name);
+  while (taken_.contains(numbered(kStem, first_number_))) ++first_number_;
+}
+
+void MapArray::give_back_name(const std::string& name) {
+  const auto taken = taken_.find(name);
+  if (taken != taken_.end()) taken_.erase(taken);
+  if (!name.starts_with(kStem)) return;
+  uint64_t number = 0;
+  const auto [end, problem] = std::from_chars(name.data() + kStem.size(), name.data() + name.size(), number);
+  const bool is_number = problem == std::errc() && end == name.data() + name.size();
+  if (is_number && number > 0 && number < first_number_ && is_free(numbered(kStem, number)))
+    first_number_ = number;
+}
+
+bool MapArray::is_free(const std::string& name) const {
+  if (taken_.contains(name)) return false;
+  const auto id = from_hex(name);
+  return !id || !maps_.contains(MapId{*id});
 }
 
 std::string MapArray::free_name(const std::string& wish) const {
   const bool wished = is_valid_name(wish);
-  if (wished && is_free(wish)) return wish;
-  const std::string stem = (wished ? wish.substr(0, 24) : "map") + "-";
-  // Someone's map-2 may stand among ours: count up until a name is free.
-  for (uint64_t number = wished ? 2 : 1;; ++number) {
-    std::string name = stem + std::to_string(number);
+  if (!wished) return numbered(kStem, first_number_);
+  if (is_free(wish)) return wish;
+  const std::string stem = wish.substr(0, 24) + "-";
+  // Someone's desk-2 may stand among ours: count up until a name is free.
+  for (uint64_t number = 2;; ++number) {
+    std::string name = numbered(stem, number);
     if (is_free(name)) return name;
   }
 }
@@ -96,12 +180,6 @@ size_t MapArray::resting_count() const {
       std::count_if(maps_.begin(), maps_.end(), [](const auto& entry) { return is_at_rest(entry.second); }));
 }
 
-size_t MapArray::bytes() const {
-  size_t sum = 0;
-  for (const auto& [map, entry] : maps_) sum += bytes_of(entry);
-  return sum;
-}
-
 bool is_at_rest(const MapEntry& entry) {
   return entry.statistics.without_images > 0;
 }
@@ -110,11 +188,7 @@ size_t bytes_of(const MapEntry& entry) {
   size_t sum =
       entry.statistics.bytes + bytes_indexed(entry.statistics.keyframes, entry.statistics.measurements);
   if (entry.offers_in_work > 0) sum += entry.statistics.bytes_let_go;
-  if (entry.snapshot == nullptr) return sum;
-  for (const auto& block : entry.snapshot->point_blocks)
-    sum += block->patches->points.size() *
-           (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
-  return sum;
+  return sum + entry.bytes_published;
 }
 
 size_t bytes_to_wake(const MapEntry& entry) {

@@ -15,7 +15,8 @@
 
 namespace cairn {
 
-/// One map of the server as its I/O thread sees it.
+/// One map of the server as its I/O thread sees it. What MapArray sums up (name, snapshot, statistics,
+/// offers_in_work, name_to_be) is changed by its methods only.
 struct MapEntry {
   std::string name;
   std::shared_ptr<MapRunner> runner;  ///< null: fed from outside, takes no keyframes
@@ -30,6 +31,7 @@ struct MapEntry {
   int offers_in_work = 0;                     ///< each may wake it
   std::string name_to_be = {};                ///< while it is being kept: taken already
   bool leaving = false;                       ///< it is being deleted
+  size_t bytes_published = 0;                 ///< of the snapshot's points
 };
 
 /// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
@@ -58,10 +60,19 @@ class MapArray {
   /// Whether no map is called so, or has it for its id: also of those that are being made.
   [[nodiscard]] bool is_free(const std::string& name) const;
 
-  MapEntry& add(MapId map, MapEntry entry) {
-    return maps_.insert_or_assign(map, std::move(entry)).first->second;
-  }
-  void remove(MapId map) { maps_.erase(map); }
+  /// In place of the one that has the id.
+  MapEntry& add(MapId map, MapEntry entry);
+  /// The id of one that has been shown is not given to another.
+  void remove(MapId map);
+  /// Its newest revision.
+  void show(MapEntry* entry, MapSnapshotPtr snapshot, MapStatistics statistics);
+  void measured(MapEntry* entry, MapStatistics statistics);
+  void begin_offer(MapEntry* entry);
+  void end_offer(MapEntry* entry);
+  /// It is about to be called so, and nobody else is; end_renaming() must follow.
+  void begin_renaming(MapEntry* entry, const std::string& name);
+  /// `kept`: it is called so from now on; else as before.
+  void end_renaming(MapEntry* entry, bool kept);
   /// The id of a map that was deleted and may come back is not given to another.
   void reserve(MapId map) { reserved_.insert(map); }
   [[nodiscard]] MapEntry* find(MapId map);
@@ -69,16 +80,27 @@ class MapArray {
   /// Those that have been made.
   [[nodiscard]] size_t live_count() const;
   [[nodiscard]] size_t resting_count() const;
-  /// Memory of all maps, as they were last published.
-  [[nodiscard]] size_t bytes() const;
+  /// Memory of all maps, as they were last published. Costs nothing.
+  [[nodiscard]] size_t bytes() const { return bytes_; }
 
  private:
+  template <typename Change>
+  void change(MapEntry* entry, Change make) {
+    bytes_ -= bytes_of(*entry);
+    make();
+    bytes_ += bytes_of(*entry);
+  }
+  void take_name(const std::string& name);
+  void give_back_name(const std::string& name);
   [[nodiscard]] MapId draw_unused(std::mt19937_64* generator) const;
 
   const bool seeded_;
   std::mt19937_64 random_;
   std::map<MapId, MapEntry> maps_;
   std::set<MapId> reserved_;
+  size_t bytes_ = 0;                  ///< bytes_of() all entries
+  std::multiset<std::string> taken_;  ///< names and names to be
+  uint64_t first_number_ = 1;         ///< of the maps that are map-1, map-2, ...: all before are taken
 };
 
 /// What clients are told of a map that has been made.

@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
 #include <set>
+#include <string>
 
 #include "server/service/client.h"
 
@@ -94,14 +96,108 @@ TEST(MapArray, ARefusedSeedGivesItsNameBack) {
 TEST(MapArray, ARestingMapThatIsOfferedAKeyframeCountsAsAwake) {
   MapArray maps(1);
   MapEntry& entry = maps.add(maps.next_id(), MapEntry{"desk", {}, {}, {}, {}});
-  entry.statistics.bytes = 1000;
-  entry.statistics.bytes_let_go = 5000;
+  MapStatistics statistics;
+  statistics.bytes = 1000;
+  statistics.bytes_let_go = 5000;
+  maps.measured(&entry, statistics);
   const size_t indexed = bytes_indexed(0, 0);
   EXPECT_EQ(maps.bytes(), 1000U + indexed);
   EXPECT_EQ(bytes_to_wake(entry), 5000U);
-  ++entry.offers_in_work;
+  maps.begin_offer(&entry);
   EXPECT_EQ(maps.bytes(), 6000U + indexed);
   EXPECT_EQ(bytes_to_wake(entry), 0U) << "they count already";
+}
+
+MapSnapshotPtr snapshot_of(size_t points) {
+  auto patches = std::make_shared<PatchBlock>();
+  patches->points.resize(points);
+  auto made = std::make_shared<MapSnapshot>();
+  auto block = std::make_shared<PointBlock>();
+  block->patches = std::move(patches);
+  made->point_blocks.push_back(std::move(block));
+  return made;
+}
+
+TEST(MapArray, TheIdOfAMapThatWasShownIsNotGivenToAnother) {
+  wire::MapSeed seed;
+  seed.lockstep = true;
+  seed.trails = {{TrailId{1}, {10, 20}, {11, 20}}};
+  MapArray maps(0);
+  const MapId id = maps.repeatable_id(seed);
+  maps.add(id, MapEntry{"refused", {}, {}, {}, {}});
+  maps.remove(id);
+  EXPECT_EQ(maps.repeatable_id(seed), id) << "nobody has seen it";
+  maps.show(&maps.add(id, MapEntry{"taken-back", {}, {}, {}, {}}), snapshot_of(1), {});
+  maps.remove(id);
+  EXPECT_NE(maps.repeatable_id(seed), id) << "replicas would mix the two";
+}
+
+/// The sum and the names as somebody would find them who goes through all maps.
+class CountedMaps {
+ public:
+  void check(std::mt19937& random) {
+    size_t sum = 0;
+    std::set<std::string> names;
+    for (const auto& [id, entry] : maps_.all()) {
+      MapEntry alone = entry;
+      alone.bytes_published = 0;
+      size_t points = 0;
+      if (entry.snapshot) points = entry.snapshot->point_blocks[0]->patches->points.size();
+      sum += bytes_of(alone) +
+             points * (sizeof(PointSource) + sizeof(Eigen::Vector3f) + sizeof(PointVisibility));
+      names.insert(entry.name);
+      if (!entry.name_to_be.empty()) names.insert(entry.name_to_be);
+    }
+    ASSERT_EQ(maps_.bytes(), sum);
+    uint64_t number = 1;
+    while (names.contains("map-" + std::to_string(number))) ++number;
+    ASSERT_EQ(maps_.free_name(""), "map-" + std::to_string(number));
+    const std::string any = "map-" + std::to_string(random() % 12);
+    ASSERT_EQ(maps_.is_free(any), !names.contains(any)) << any;
+  }
+
+  void change_something(std::mt19937& random) {
+    const MapId id{{static_cast<uint8_t>(random() % 8)}};
+    MapEntry* entry = maps_.find(id);
+    const std::string name = "map-" + std::to_string(random() % 12);
+    MapStatistics statistics;
+    statistics.bytes = random() % 10'000;
+    statistics.bytes_let_go = random() % 10'000;
+    statistics.keyframes = random() % 100;
+    if (entry == nullptr) {
+      maps_.add(id, MapEntry{maps_.free_name(random() % 2 == 0 ? name : ""), {}, {}, {}, {}});
+      return;
+    }
+    switch (random() % 6) {
+      case 0:
+        return maps_.remove(id);
+      case 1:
+        return maps_.show(entry, snapshot_of(random() % 64), statistics);
+      case 2:
+        return maps_.measured(entry, statistics);
+      case 3:
+        return maps_.begin_offer(entry);
+      case 4:
+        if (entry->offers_in_work > 0) maps_.end_offer(entry);
+        return;
+      default:
+        if (!entry->name_to_be.empty()) return maps_.end_renaming(entry, random() % 2 == 0);
+        if (maps_.is_free(name)) maps_.begin_renaming(entry, name);
+    }
+  }
+
+ private:
+  MapArray maps_{1};
+};
+
+TEST(MapArray, WhatIsKeptCountOfIsWhatIsThere) {
+  CountedMaps maps;
+  std::mt19937 random(3);
+  for (int i = 0; i < 5000; ++i) {
+    maps.change_something(random);
+    maps.check(random);
+    if (::testing::Test::HasFatalFailure()) FAIL() << "after " << i << " changes";
+  }
 }
 
 const wire::PeerId kProcess{{1}};
