@@ -19,7 +19,7 @@ namespace {
 using nlohmann::json;
 using std::chrono::steady_clock;
 
-constexpr size_t kMaxOperators = 16;
+constexpr int kMostNested = 8;             ///< of a request: what is written deeper would take the stack
 constexpr size_t kLoggedBytes = 200;       ///< of a request
 constexpr size_t kMostOverlapsTold = 100;  ///< of a map: it must fit into a page
 
@@ -37,6 +37,17 @@ uint64_t number_of(const json& request, const char* key) {
 bool is_set(const json& request, const char* key) {
   const auto it = request.find(key);
   return it != request.end() && it->is_boolean() && it->get<bool>();
+}
+
+/// Not an object (`null`) where the text is none, or is nested without end.
+json parse_request(const std::string& text) {
+  bool is_deep = false;
+  const auto keep = [&is_deep](int depth, json::parse_event_t, json&) {
+    is_deep = is_deep || depth > kMostNested;
+    return depth <= kMostNested;
+  };
+  json request = json::parse(text, keep, false);
+  return is_deep ? json() : request;
 }
 
 /// What it is to an operator that a label is not changed.
@@ -72,19 +83,27 @@ json first_of(const std::vector<Item>& items, Describe describe_one) {
 }  // namespace
 
 void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRequest& message) {
-  Operator* asking = operator_of(operator_name);
-  if (asking == nullptr) return;
-  if (asking->last && asking->last->command == message.command) {
-    report(asking->replies.write(*asking->last), "AdminReply");  // sent again: the answer was lost
-    return;
-  }
-  if (asking->in_work == message.command) return;
-  asking->in_work = message.command;
-  asking->last_heard = steady_clock::now();
-  const auto answer = [this, operator_name, command = message.command](wire::AdminReply reply) {
+  const auto tell = [this, operator_name, command = message.command](wire::AdminReply reply) {
+    reply.operator_id = client_id_from_name(operator_name);
     reply.command = command;
-    on_admin_answered(operator_name, std::move(reply));
+    admin_gate_.answered(operator_name, std::move(reply));
+    repeat_answer(operator_name);
   };
+  const auto answer = [this, operator_name, tell](wire::AdminReply reply) {
+    if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
+    tell(std::move(reply));
+  };
+  const AdminGate::Judgement judged = admin_gate_.admit(operator_name, message.command, steady_clock::now());
+  switch (judged.admission) {
+    case AdminGate::Admission::kNew:
+      break;
+    case AdminGate::Admission::kInWork:
+      return;
+    case AdminGate::Admission::kRepeated:
+      return repeat_answer(operator_name);
+    case AdminGate::Admission::kRefused:
+      return tell(refusal(ErrorCode::kRefused, judged.why));  // not in the log: there may be many
+  }
   try {
     carry_out(operator_name, message, answer);
   } catch (const std::exception& problem) {
@@ -95,7 +114,7 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
 
 void Switchboard::carry_out(const std::string& operator_name, const wire::AdminRequest& message,
                             const AdminAnswer& answer) {
-  const json request = json::parse(message.request, nullptr, false);
+  const json request = parse_request(message.request);
   if (!request.is_object()) return answer(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
   const std::string wanted = text_of(request, "map");
@@ -134,37 +153,17 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   answer(refusal(ErrorCode::kUsage, "this server does not know '" + verb + "'"));
 }
 
-void Switchboard::on_admin_answered(const std::string& operator_name, wire::AdminReply reply) {
-  Operator* asking = operator_of(operator_name);
-  if (asking == nullptr) return;
-  reply.operator_id = client_id_from_name(operator_name);
-  if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
-  report(asking->replies.write(reply), "AdminReply");
-  asking->last = std::move(reply);
-  asking->in_work.reset();
-}
-
-Switchboard::Operator* Switchboard::operator_of(const std::string& name) {
-  const auto known = operators_.find(name);
-  if (known != operators_.end()) return &known->second;
-  while (operators_.size() >= kMaxOperators) {
-    // Each run of cairnctl has a name of its own. A forgotten one that is still at work would have it done
-    // twice.
-    auto idle = operators_.end();
-    for (auto it = operators_.begin(); it != operators_.end(); ++it) {
-      if (!it->second.in_work &&
-          (idle == operators_.end() || it->second.last_heard < idle->second.last_heard))
-        idle = it;
-    }
-    if (idle == operators_.end()) return nullptr;  // it will ask again
-    operators_.erase(idle);
+void Switchboard::repeat_answer(const std::string& operator_name) {
+  const wire::AdminReply* reply = admin_gate_.last(operator_name);
+  if (reply == nullptr) return;
+  std::erase_if(operators_, [this](const auto& known) { return !admin_gate_.knows(known.first); });
+  auto known = operators_.find(operator_name);
+  if (known == operators_.end()) {
+    auto made = wire::Writer<wire::AdminReply>::create(participant_, wire::operator_partition(operator_name));
+    if (!made) return log_->error("operator {} cannot be answered: {}", operator_name, made.error().message);
+    known = operators_.emplace(operator_name, std::move(*made)).first;
   }
-  auto replies = wire::Writer<wire::AdminReply>::create(participant_, wire::operator_partition(name));
-  if (!replies) {
-    log_->error("operator {} cannot be answered: {}", name, replies.error().message);
-    return nullptr;
-  }
-  return &operators_.emplace(name, Operator{std::move(*replies), steady_clock::now(), {}, {}}).first->second;
+  report(known->second.write(*reply), "AdminReply");
 }
 
 std::pair<MapId, MapEntry*> Switchboard::find_map(const std::string& name_or_id) {

@@ -18,6 +18,7 @@
 #include "common/wire/rig_messages.h"
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
+#include "server/service/admin_gate.h"
 #include "server/service/client.h"
 #include "server/service/map_array.h"
 #include "server/service/overlap_list.h"
@@ -110,18 +111,12 @@ class Switchboard {
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
 
   // What operators ask (administration.cpp).
-  struct Operator {
-    wire::Writer<wire::AdminReply> replies;
-    MonotonicTime last_heard;
-    std::optional<wire::AdminReply> last;
-    std::optional<wire::CommandId> in_work;
-  };
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
   void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
   void carry_out(const std::string& operator_name, const wire::AdminRequest& message,
                  const AdminAnswer& answer);
-  void on_admin_answered(const std::string& operator_name, wire::AdminReply reply);
-  [[nodiscard]] Operator* operator_of(const std::string& name);
+  /// The last answer to this operator, once more.
+  void repeat_answer(const std::string& operator_name);
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
   /// Where a page of maps begins: beyond an id, and at numbers of the lists behind them.
@@ -243,7 +238,8 @@ class Switchboard {
   WearerRule wearers_;
   RigList rigs_;
   YoungMaps young_;
-  std::map<std::string, Operator> operators_;
+  AdminGate admin_gate_;
+  std::map<std::string, wire::Writer<wire::AdminReply>> operators_;  ///< those that the gate knows
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
   std::vector<DamagedFile> damaged_;      ///< as they were when last looked for
