@@ -308,14 +308,14 @@ void Switchboard::import_map(const std::string& token, const AdminAnswer& answer
     const auto path = transfers_->find(token, steady_clock::now());
     if (!path) return refuse(path.error());
     if (!full.empty()) return refuse({ErrorCode::kRefused, full});
-    // A map takes more memory than its file: pictures are packed in there.
+    // What is not pictures is about as large in memory; those are packed in there.
     std::error_code problem;
     const uintmax_t bytes = std::filesystem::file_size(*path, problem);
     if (problem) return refuse({ErrorCode::kIo, path->string() + ": cannot be read: " + problem.message()});
     if (bytes > room)
       return refuse(
           {ErrorCode::kRefused, "the archive does not fit into the server's memory (--max-memory)"});
-    const auto imported = store.import_map(*path);
+    const auto imported = store.import_map(*path, room);
     if (!imported) return refuse(imported.error());
     transfers_->end(token);
     take_in(*imported, &Store::undo_import, answer);

@@ -7,6 +7,8 @@
 #include <cstring>
 #include <fstream>
 
+#include "common/image/limits.h"
+#include "common/io/image_header.h"
 #include "common/map/limits.h"
 #include "server/store/database_files.h"
 #include "server/store/entry_codec.h"
@@ -341,7 +343,52 @@ Result<std::vector<ImageRow>> MapFile::read_images(std::span<const KeyframeId> k
   return rows;
 }
 
-StoredMap MapFile::load() {
+Status MapFile::for_each_image(
+    const std::function<bool(KeyframeId keyframe, std::span<const uint8_t> row)>& use) {
+  std::vector<std::string> damage;
+  read_rows(
+      &database_, "images",
+      [&](int64_t id, std::span<const uint8_t> row) {
+        return is_item(id, keyframe_count_) && use(KeyframeId{static_cast<uint64_t>(id)}, row);
+      },
+      &damage);
+  if (!damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + damage.front());
+  return {};
+}
+
+Status MapFile::check_images(uint64_t most_bytes) {
+  constexpr uint64_t kMegabyte = 1'000'000;
+  uint64_t bytes = 0;
+  const Status counted = for_each_image([&bytes](KeyframeId, std::span<const uint8_t> row) {
+    const auto header = read_image_header(row);
+    const bool is_image = header && header->width > 0 && header->width <= kMaxImageSide &&
+                          header->height > 0 && header->height <= kMaxImageSide;
+    if (is_image) bytes += static_cast<uint64_t>(header->width * header->height);
+    return is_image;
+  });
+  if (!counted) return counted;
+  if (bytes > most_bytes)
+    return fail(ErrorCode::kRefused, "its pictures take " +
+                                         std::to_string((bytes + kMegabyte - 1) / kMegabyte) +
+                                         " MB in memory, and the server has room for " +
+                                         std::to_string(most_bytes / kMegabyte) + " MB (--max-memory)");
+  return for_each_image(
+      [](KeyframeId, std::span<const uint8_t> row) { return decode_image_row(row) != nullptr; });
+}
+
+Status MapFile::take_images(MapFile* from) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  Status done;
+  const Status read = from->for_each_image([&](KeyframeId keyframe, std::span<const uint8_t> row) {
+    if (done) done = put("images", static_cast<int64_t>(keyframe.value), row);
+    return true;
+  });
+  if (done) done = read;
+  return done ? transaction->commit() : done;
+}
+
+StoredMap MapFile::load(LoadedImages images) {
   StoredMap map;
   map.header = header_;
   map.record.keyframe_count = keyframe_count_;
@@ -377,11 +424,13 @@ StoredMap MapFile::load() {
   take("keyframes", &r.keyframes, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_keyframe(keyframe_id(id), data, cameras) : std::nullopt;
   });
-  take("images", &r.images, [&](int64_t id, std::span<const uint8_t> data) -> std::optional<ImageRecord> {
-    ImageRecord image{keyframe_id(id), keyframe_id(id) ? decode_image_row(data) : nullptr};
-    if (image.image == nullptr) return std::nullopt;
-    return image;
-  });
+  if (images == LoadedImages::kAll) {
+    take("images", &r.images, [&](int64_t id, std::span<const uint8_t> data) -> std::optional<ImageRecord> {
+      ImageRecord image{keyframe_id(id), keyframe_id(id) ? decode_image_row(data) : nullptr};
+      if (image.image == nullptr) return std::nullopt;
+      return image;
+    });
+  }
   take("measurements", &r.measurements, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_measurements(keyframe_id(id), data) : std::nullopt;
   });

@@ -90,6 +90,10 @@ struct ImageRow {
   std::vector<uint8_t> data;
 };
 
+/// Whether the images are among what is loaded: they are most of a map, and many times larger than their
+/// rows.
+enum class LoadedImages : uint8_t { kAll, kNone };
+
 /// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
 
@@ -117,7 +121,13 @@ class MapFile {
   /// Persists a new epoch, later than all before it.
   Status begin_epoch(Epoch epoch);
   /// Reads everything; what is damaged is named and left out.
-  [[nodiscard]] StoredMap load();
+  [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
+  /// Decodes each image, one after another. Errors: kRefused (together they take more than `most_bytes`, one
+  /// for each pixel; none is decoded then), kDamaged (the first row that is).
+  [[nodiscard]] Status check_images(uint64_t most_bytes);
+  /// Takes over the images of another file as they stand there, one after another; they are durable with the
+  /// next write_back().
+  Status take_images(MapFile* from);
   /// The images of some keyframes, in their order, until there are `enough_bytes`; one at least. Error
   /// kDamaged: the first row that is missing or damaged.
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes,
@@ -140,6 +150,10 @@ class MapFile {
   [[nodiscard]] Result<std::vector<uint8_t>> read_row(std::string_view table, int64_t id);
   [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
   [[nodiscard]] Status learn_cameras();
+  /// Shows each image's keyframe and row to `use`, which says whether it is one. Error kDamaged: the first
+  /// that is not.
+  [[nodiscard]] Status for_each_image(
+      const std::function<bool(KeyframeId keyframe, std::span<const uint8_t> row)>& use);
   /// By their row in the file.
   [[nodiscard]] std::map<int64_t, CameraPtr> load_cameras(std::vector<std::string>* damage);
   [[nodiscard]] Result<sqlite::Statement*> statement(std::string_view sql);

@@ -87,11 +87,14 @@ bool is_half_made(const fs::path& path) {
 }
 
 /// A map's file, durable and whole in one file, or nothing.
-Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate& content) {
+Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate& content,
+                 MapFile* images = nullptr) {
   remove_database(path);
   const auto make = [&]() -> Status {
     auto file = MapFile::create(path, header, content);
-    return file ? file->write_back() : tl::unexpected(file.error());
+    if (!file) return tl::unexpected(file.error());
+    const Status taken = images != nullptr ? file->take_images(images) : Status();
+    return taken ? file->write_back() : taken;
   };
   Status made = make();
   if (!made) remove_database(path);
@@ -405,9 +408,9 @@ Status Store::create(const MapHeader& header, const MapUpdate& whole) {
 }
 
 /// In its place the file is whole from the first moment, so that one which is not is known to be damaged.
-Status Store::make(const MapHeader& header, const MapUpdate& whole) const {
+Status Store::make(const MapHeader& header, const MapUpdate& whole, MapFile* images) const {
   const fs::path fresh = fresh_path_of(header.id);
-  if (Status made = make_file(fresh, header, whole); !made) return made;
+  if (Status made = make_file(fresh, header, whole, images); !made) return made;
   Status moved = put_in_place(fresh, path_of(header.id));
   if (!moved) remove_database(fresh);
   return moved;
@@ -510,7 +513,7 @@ Status Store::export_map(MapId map, const fs::path& path) const {
   return file ? file->copy_to(path) : tl::unexpected(file.error());
 }
 
-Result<MapId> Store::import_map(const fs::path& archive) const {
+Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_bytes) const {
   const fs::path copy = folder_ / "incoming";
   remove_database(copy);
   if (Status copied = copy_bytes(archive, copy); !copied) {
@@ -518,19 +521,29 @@ Result<MapId> Store::import_map(const fs::path& archive) const {
     return fail(ErrorCode::kIo, "it cannot be copied into the store: " + copied.error().message +
                                     "; free space there, or see to owner and mount");
   }
-  auto read = read_archive(copy);
+  Result<MapId> taken = fail(ErrorCode::kInternal, "not opened");
+  {
+    auto file = MapFile::open(copy, FileOrigin::kElsewhere);
+    taken = file ? take_in(&*file, most_image_bytes) : tl::unexpected(file.error());
+  }
   remove_database(copy);
-  if (!read) return fail(read.error().code, without_path(read.error().message, copy));
-  if (!read->damage.empty()) return fail(ErrorCode::kDamaged, without_path(read->damage.front(), copy));
-  const MapId map = read->header.id;
-  if (read->header.epoch.value > kLatestEpoch)
-    return fail(ErrorCode::kDamaged, "its epoch, " + std::to_string(read->header.epoch.value) +
+  if (!taken) return fail(taken.error().code, without_path(taken.error().message, copy));
+  return taken;
+}
+
+Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const {
+  StoredMap read = archive->load(LoadedImages::kNone);
+  if (!read.damage.empty()) return fail(ErrorCode::kDamaged, read.damage.front());
+  if (Status sound = archive->check_images(most_image_bytes); !sound) return tl::unexpected(sound.error());
+  const MapId map = read.header.id;
+  if (read.header.epoch.value > kLatestEpoch)
+    return fail(ErrorCode::kDamaged, "its epoch, " + std::to_string(read.header.epoch.value) +
                                          ", is none that a server has given");
-  if (const Status is_free = check_is_free(read->header); !is_free) return tl::unexpected(is_free.error());
+  if (const Status is_free = check_is_free(read.header); !is_free) return tl::unexpected(is_free.error());
   // Clients of the same names here are others, with other cameras and sessions.
-  for (FoundCameraRecord& found : read->record.found_cameras) found.camera.version.client = {};
-  const MapUpdate whole{read->record, {}, read->labels, {}};
-  if (Status made = make(read->header, whole); !made) return tl::unexpected(made.error());
+  for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
+  const MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}};
+  if (Status made = make(read.header, whole, archive); !made) return tl::unexpected(made.error());
   return map;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <list>
 #include <memory>
 #include <mutex>
@@ -123,10 +124,13 @@ class Store {
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
-  /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. kRefused when
-  /// that is in use (it says by which file), kDamaged when anything in it is damaged; what it says of the
+  /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. Its images are
+  /// decoded one after another. kRefused when the id is in use (it says by which file) or the images take
+  /// more than `most_image_bytes` as decoded, kDamaged when anything in it is damaged; what it says of the
   /// archive names no path of ours. Beside the thread that writes maps.
-  [[nodiscard]] Result<MapId> import_map(const std::filesystem::path& archive) const;
+  [[nodiscard]] Result<MapId> import_map(
+      const std::filesystem::path& archive,
+      uint64_t most_image_bytes = std::numeric_limits<uint64_t>::max()) const;
 
   /// Housekeeping of the open files; some ten milliseconds when there is any.
   void tidy();
@@ -161,7 +165,9 @@ class Store {
   [[nodiscard]] std::filesystem::path saved_path_of(MapId map) const;
   /// Error kRefused: it is in use; by which file.
   [[nodiscard]] Status check_is_free(const MapHeader& header) const;
-  [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole) const;
+  [[nodiscard]] Result<MapId> take_in(MapFile* archive, uint64_t most_image_bytes) const;
+  /// `images`: of another file, beside those of `whole`.
+  [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole, MapFile* images = nullptr) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
   void keep_open(MapId map, MapFile file);
   void close(MapId map);

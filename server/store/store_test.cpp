@@ -439,6 +439,30 @@ TEST_F(StoreTest, AnImportedMapTakesNoLogThatLiesInItsPlace) {
   EXPECT_THAT(store->damaged_files(), SizeIs(1));
 }
 
+TEST_F(StoreTest, AnArchiveIsJudgedByWhatItsPicturesTakeAsDecoded) {
+  const auto store = open();
+  keep(store.get());
+  const std::filesystem::path archive = folder_ / "desk.cairnmap";
+  ASSERT_TRUE(store->export_map(header_.id, archive));
+  ASSERT_TRUE(store->remove(header_.id));
+  ASSERT_TRUE(store->purge(header_.id));
+  const auto read = read_archive(archive);
+  ASSERT_TRUE(read);
+  const std::vector<uint8_t> before = bytes_of(read->record);
+  uint64_t pixels = 0;
+  for (const ImageRecord& r : read->record.images)
+    pixels += static_cast<uint64_t>(r.image->width()) * static_cast<uint64_t>(r.image->height());
+  const auto refused = store->import_map(archive, pixels - 1);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(refused.error().message, HasSubstr("its pictures take"));
+  EXPECT_THAT(refused.error().message, HasSubstr("(--max-memory)"));
+  EXPECT_THAT(files_in("maps"), IsEmpty());
+  const auto imported = store->import_map(archive, pixels);
+  ASSERT_TRUE(imported) << imported.error().message;
+  EXPECT_TRUE(bytes_of(store->load(*imported)->record) == before);
+}
+
 TEST_F(StoreTest, WhatLiesInAMapsPlaceIsNotOverwritten) {
   const auto store = open();
   keep(store.get());
