@@ -253,6 +253,26 @@ TEST(SearchPlan, LooksEverywhereWithinReachOnceAndNowhereElse) {
   EXPECT_FALSE(nowhere.next(kAhead, [](const Vector3d&) { return false; }));
 }
 
+/// A map behind who has turned away is soon seen: axes at 180 deg/s take 3.3 s for it.
+TEST(SearchPlan, GoesAroundAtTheSameHeightBeforeItLooksUpAndDown) {
+  const auto reach = [](const Vector3d& direction) {
+    const PanTilt angles = look_along(direction);
+    return std::abs(angles.pan) < 155 * kDegree && std::abs(angles.tilt) < 35 * kDegree;
+  };
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {}}, kAhead);
+  const auto looked = looks(plan, reach);
+  double way = 0;
+  double widest = 0;
+  size_t level = 0;
+  for (; level < looked.size() && std::abs(look_along(looked[level]).tilt) < 0.01; ++level) {
+    if (level > 0) way += std::abs(look_along(looked[level]).pan - look_along(looked[level - 1]).pan);
+    widest = std::max(widest, std::abs(look_along(looked[level]).pan));
+  }
+  EXPECT_GT(widest, 140 * kDegree);
+  EXPECT_LT(way, 600 * kDegree);        // 24 steps of 36 degrees to and fro
+  EXPECT_GT(looked.size(), 2 * level);  // then the others
+}
+
 TEST(SearchPlan, BeginsWhereTheMapMayBe) {
   const auto everywhere = [](const Vector3d&) { return true; };
   const std::vector<Vector3d> ranked = {optical_axis({-2, 0.5}), optical_axis({1.5, -0.4})};

@@ -35,7 +35,9 @@ SearchPlan::SearchPlan(const pointing::Search& search, const Eigen::Vector3d& be
       const double pan = middle.pan + 2 * std::numbers::pi * column / columns;
       const int aside = std::min(column, columns - column);
       const int above = std::abs(row - static_cast<int>(std::lround(middle.tilt / step_)));
-      places_.push_back({optical_axis({pan, tilt}), row, std::max(aside, above)});
+      // Who turns away does so about the vertical: what was there is as high as it was. Beyond its neighbours
+      // one side is looked at after the other, for to and fro is most of the way.
+      places_.push_back({optical_axis({pan, tilt}), row, 3 * above + std::min(aside, 2)});
     }
   }
   rank(search.ranked);

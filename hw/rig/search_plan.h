@@ -12,8 +12,8 @@
 namespace cairn {
 
 /// Where to look next: the world's directions as places a view apart, of which those within reach are looked
-/// at, each once before any twice, ranked ones first, the others in a spiral around where it began or in
-/// rows. Pure.
+/// at, each once before any twice: ranked ones first; then, as a spiral, those beside where it began, all
+/// that are as high, and those above and below; or in rows. Pure.
 class SearchPlan {
  public:
   using Reach = std::function<bool(const Eigen::Vector3d&)>;
@@ -38,7 +38,7 @@ class SearchPlan {
   struct Place {
     Eigen::Vector3d direction;
     int row;
-    int ring;  ///< around where it began
+    int ring;  ///< the further out, the later
     bool looked = false;
     int rank = 0;
   };
