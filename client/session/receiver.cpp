@@ -191,7 +191,7 @@ void Receiver::act_on(const wire::OfferVerdict& verdict) {
                                    [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
   const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
   if (refusal != state_.refusal) {
-    if (!refusal.empty()) log_->warn("the server refuses us until the name is free: {}", refusal);
+    if (!refusal.empty()) log_->warn("the server does not serve us: {}", refusal);
     state_.refusal = refusal;
     state_.seed.resend();  // what went unheard while we were refused
     state_.spool.resend_all();

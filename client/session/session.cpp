@@ -267,7 +267,9 @@ bool Session::wait_for_map(std::chrono::milliseconds timeout) {
 bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
   SessionState& shared = state_->shared;
   std::unique_lock lock(shared.mutex);
-  const auto is_lost = [&] { return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known(); };
+  const auto is_lost = [&] {
+    return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known() || !shared.refusal.empty();
+  };
   const auto is_settled = [&] {
     return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() &&
            shared.requests.size() == 0 && shared.is_current();

@@ -19,6 +19,13 @@ Result<ClientWriters> ClientWriters::create(const wire::Participant& participant
                        std::move(places), std::move(cameras), std::move(replies)};
 }
 
+wire::OfferOutcome notice_to_process(const std::string& reason) {
+  wire::OfferOutcome notice;
+  notice.decision = wire::OfferDecision::kNoRight;
+  notice.reason = reason;
+  return notice;
+}
+
 std::optional<CameraDoubt> AnnouncedCamera::doubt_of(const CameraVersion& version) const {
   if (!doubt) return std::nullopt;
   return CameraDoubt{version, {doubt->focal_sigma, doubt->k1_sigma}};

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/rate_limit.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/camera_guess.h"
 #include "common/wire/participant.h"
@@ -63,13 +64,13 @@ class CameraList {
   std::optional<wire::PeerId> holder_;
 };
 
-/// What the server keeps of one client name. The gates outlive the connection: the same process may come back
 /// Why a process is not served at all: an outcome of sequence 0, which no offer has.
 [[nodiscard]] wire::OfferOutcome notice_to_process(const std::string& reason);
 
 /// Names remembered; those present are never forgotten.
 inline constexpr size_t kMaxClients = 256;
 
+/// What the server keeps of one client name. The gates outlive the connection: the same process may come back
 /// with commands that were decided long ago.
 struct Client {
   std::string name;
@@ -91,8 +92,10 @@ struct Client {
   MonotonicTime left_at;                        ///< when the last reader went
   std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
   std::optional<MonotonicTime> intruder_told_at;
-  SessionId intruder;            ///< the latest: logged once, told again and again
-  bool repeat_verdicts = false;  ///< an intruder's notice may have replaced ours
+  SessionId intruder;             ///< the latest: logged once, told again and again
+  bool repeat_verdicts = false;   ///< an intruder's notice may have replaced ours
+  RateLimit camera_warning{};     ///< a peer may announce what is refused as often as it likes
+  bool lockstep_refused = false;  ///< its session asked for it here, where there is none
 };
 
 }  // namespace cairn

@@ -14,6 +14,10 @@ using std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kCameraGrace{3};  ///< commands and cameras are not in order with each other
 
+constexpr const char* kNoLockstep =
+    "this server does not work in lockstep, since that holds up all others; leave out --pace lockstep, or "
+    "start cairn-server with --lockstep allow";
+
 /// Whether a command whose camera is not known should be left until it is sent again.
 bool may_yet_come(Client& client) {
   const MonotonicTime now = steady_clock::now();
@@ -41,8 +45,19 @@ std::string unknown_camera(uint32_t camera, uint32_t version) {
 
 }  // namespace
 
+/// In lockstep all work of a map, whole adjustments included, holds up who else waits for a worker.
+bool Switchboard::refuses_lockstep(Client& client, bool lockstep) {
+  if (!lockstep || options_.lockstep) return false;
+  if (!std::exchange(client.lockstep_refused, true)) {
+    log_->warn("{}: refused: {}", client.name, kNoLockstep);
+    write_verdicts(client);
+  }
+  return true;
+}
+
 void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
+  if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (client.seed_in_work || (camera == nullptr && may_yet_come(client))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
@@ -126,6 +141,7 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
 
 void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   if (!presence_.holds(client.name, message.command.session)) return;
+  if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (camera == nullptr && may_yet_come(client)) return;
   wire::OfferOutcome outcome;
@@ -218,6 +234,7 @@ CameraPtr Switchboard::best_known(const Client& client, uint32_t camera,
 
 void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
+  if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
   if (announced == nullptr && may_yet_come(client)) return;  // it will be asked again
   if (announced == nullptr) {
@@ -409,7 +426,9 @@ std::string Switchboard::why_full() const {
 
 void Switchboard::write_verdicts(Client& client) {
   if (!client.writers || !client.offer_gate.session()) return;
-  report(client.writers->offers.write(client.offer_gate.verdict(client.id)), "OfferVerdict");
+  wire::OfferVerdict offers = client.offer_gate.verdict(client.id);
+  if (client.lockstep_refused) offers.recent = {notice_to_process(kNoLockstep)};
+  report(client.writers->offers.write(offers), "OfferVerdict");
   if (client.seed_gate.verdict().command.seq != 0) {
     report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
   }

@@ -61,6 +61,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.store = options.store;
   service.rest_after = options.rest_after;
   service.drop_after = options.drop_after;
+  service.lockstep = options.lockstep;
   service.wearers.policy = options.wearer_policy;
   service.wearers.registered = std::move(wearers);
   service.workers = static_cast<int>(std::max(2U, std::thread::hardware_concurrency()));

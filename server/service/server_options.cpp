@@ -71,6 +71,11 @@ constexpr OptionRow kOptions[] = {
      "maker "
      "has been elsewhere for so long; 0: never [10]",
      true},
+    {"lockstep", "allow|refuse",
+     "whether trackers may run with --pace lockstep, in which the server finishes all work of a map before "
+     "it "
+     "answers: for repeatable runs, at the cost of all others [allow with profile loopback, else refuse]",
+     true},
     {"wearer-rule", "first|only",
      "where one camera of a wearer is tracked, the wearer's others are looked for first, or there only "
      "[first]",
@@ -165,6 +170,9 @@ Result<ServerOptions> translate(const Words& words) {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");
       (name == "rest-after" ? options.rest_after : options.drop_after) = std::chrono::seconds(*seconds);
+    } else if (name == "lockstep") {
+      if (value != "allow" && value != "refuse") return refuse("expected allow or refuse");
+      options.lockstep = value == "allow";
     } else if (name == "wearer-rule") {
       if (value != "first" && value != "only") return refuse("expected first or only");
       options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;
@@ -180,6 +188,7 @@ Result<ServerOptions> translate(const Words& words) {
       options.profile = value;
     }
   }
+  if (!words.contains("lockstep")) options.lockstep = options.profile == "loopback";
   return options;
 }
 

@@ -30,6 +30,7 @@ struct ServerOptions {
   std::string store;                             ///< folder; empty: nothing is kept
   std::chrono::seconds rest_after{60};           ///< ServiceOptions::rest_after
   std::chrono::seconds drop_after{10};           ///< ServiceOptions::drop_after
+  bool lockstep = true;                          ///< ServiceOptions::lockstep
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
   std::string stats;    ///< file; empty: none
   std::string wearers;  ///< file; empty: as clients claim

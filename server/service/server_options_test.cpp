@@ -92,6 +92,18 @@ TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
   for (const char* none : {"-1", "soon"}) EXPECT_EQ(refused({"--drop-after", none}).code, 2);
 }
 
+TEST_F(ServerOptionsTest, LockstepIsForOneMachineUnlessToldOtherwise) {
+  EXPECT_TRUE(accepted({}).lockstep);
+  EXPECT_FALSE(accepted({"--profile", "wifi"}).lockstep);
+  EXPECT_FALSE(accepted({"--profile", "mine.xml"}).lockstep);
+  EXPECT_TRUE(accepted({"--profile", "wifi", "--lockstep", "allow"}).lockstep);
+  EXPECT_FALSE(accepted({"--lockstep=refuse"}).lockstep);
+  const auto path = configuration("profile: wifi\n");
+  EXPECT_FALSE(accepted({"--config", path}).lockstep);
+  EXPECT_TRUE(accepted({"--config", path, "--profile", "loopback"}).lockstep);
+  EXPECT_THAT(refused({"--lockstep", "yes"}).text, HasSubstr("allow or refuse"));
+}
+
 TEST_F(ServerOptionsTest, TheRuleForWearersIsChosen) {
   EXPECT_EQ(accepted({}).wearer_policy, WearerPolicy::kFirst);
   const ServerOptions options = accepted({"--wearer-rule", "only", "--wearers", "who.yaml"});
@@ -154,9 +166,10 @@ TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
 TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* word : {"Examples:", "--config", "--store", "--domain", "--listen", "--profile",
-                           "--security", "--http", "--seed", "--max-maps", "--max-memory", "--relocalizer",
-                           "--rest-after", "--drop-after", "--wearer-rule", "--wearers", "--stats"}) {
+  for (const char* word :
+       {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
+        "--seed", "--max-maps", "--max-memory", "--relocalizer", "--rest-after", "--drop-after",
+        "--wearer-rule", "--wearers", "--stats", "--lockstep"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -37,6 +37,7 @@ struct ServiceOptions {
   /// A map that its maker lost at once (YoungMaps) is deleted when that has been elsewhere for so long; 0:
   /// never. What is made in lockstep stays, since a replay does not go by this clock.
   std::chrono::seconds drop_after{0};
+  bool lockstep = true;  ///< whether clients may ask for it; who does is not served otherwise
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;

@@ -195,7 +195,7 @@ void Switchboard::take_messages() {
     if (client == nullptr || !sample.message || !process) return;
     const Status taken = client->cameras.put(*process, *sample.message);
     if (taken) client->camera_missed_at.reset();
-    if (!taken)
+    if (!taken && client->camera_warning.due())
       log_->warn("{}: camera {} refused: {}", client->name, sample.message->camera, taken.error().message);
   });
   wire::take_all(readers_.states, [this](const auto& sample) {
@@ -423,6 +423,7 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
       client.seed_gate.enter_session(message.session);
       client.request_gate.enter_session(message.session);
       client.camera_missed_at.reset();
+      client.lockstep_refused = false;
       write_verdicts(client);
       break;
     case Presence::Standing::kHolder:
@@ -454,10 +455,8 @@ void Switchboard::tell_intruder(Client& client, SessionId session, MonotonicTime
   if (std::exchange(client.intruder, session) != session)
     log_->warn("{}: a second process under this name is refused", client.name);
   if (!client.writers) return;
-  wire::OfferOutcome notice;  // sequence 0: on the process, not on an offer
-  notice.decision = wire::OfferDecision::kNoRight;
-  notice.reason = reason;
-  report(client.writers->offers.write({client.id, session, 0, 0, {notice}}), "OfferVerdict");
+  report(client.writers->offers.write({client.id, session, 0, 0, {notice_to_process(reason)}}),
+         "OfferVerdict");
   client.repeat_verdicts = true;
 }
 

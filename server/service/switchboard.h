@@ -109,6 +109,8 @@ class Switchboard {
                 const wire::TrackerStateMessage& message);
   void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
+  /// Whether this server does not serve the client since it works in lockstep; then it is told.
+  [[nodiscard]] bool refuses_lockstep(Client& client, bool lockstep);
 
   // What operators ask (administration.cpp).
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread

@@ -509,6 +509,11 @@ class Faults(OnTheDesk):
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("ends without a map", done.stderr.splitlines()[-1])
 
+    def test_lockstep_at_a_server_that_refuses_it_ends_with_the_remedy(self):
+        with ServerProcess("--lockstep", "refuse") as server:
+            _, said = self.track(server, "refused", "--pace", "lockstep", code=5)
+            self.assertIn("--lockstep allow", said.splitlines()[-1])
+
     def test_a_recording_that_is_mostly_damaged_is_no_success(self):
         damaged = self.folder / "damaged"
         (damaged / "rgb").mkdir(parents=True)

@@ -323,6 +323,54 @@ TEST_F(FullServerTest, RefusesMapsAndKeyframesWithItsReason) {
   EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("1 maps (--max-maps)"));
 }
 
+class NoLockstepTest : public ProtocolTest {
+ protected:
+  static ServiceOptions refusing() {
+    ServiceOptions options;
+    options.lockstep = false;
+    return options;
+  }
+  NoLockstepTest() : ProtocolTest(refusing()) {}
+  /// Writes it until the server has said that it does not serve this process.
+  template <typename Write>
+  [[nodiscard]] bool is_refused(const Write& write) {
+    client_.session = SessionId{client_.session.value + 1};  // another process, which has been told nothing
+    client_.offer_verdict.reset();
+    return eventually([&] {
+      client_.spin();
+      write();
+      if (!client_.offer_verdict || client_.offer_verdict->session != client_.session) return false;
+      const auto& recent = client_.offer_verdict->recent;
+      return recent.size() == 1 && recent[0].seq == 0 &&
+             recent[0].reason.find("--lockstep allow") != std::string::npos;
+    });
+  }
+};
+
+TEST_F(NoLockstepTest, WhoAsksForItIsToldAndNotServedAndTheOthersAre) {
+  EXPECT_TRUE(is_refused([&] { (void)client_.seeds.write(make_seed(1)); }));
+  EXPECT_TRUE(service_->maps().empty());
+  client_.session = SessionId{2001};
+  wire::MapSeed seed = make_seed(1);
+  seed.lockstep = false;
+  ASSERT_TRUE(client_.seed_until_decided(seed));
+  ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
+  const size_t before = keyframes();
+  EXPECT_TRUE(is_refused([&] { (void)client_.offers.write(make_offer(1, 4)); }));
+  EXPECT_EQ(keyframes(), before);
+  client_.session = SessionId{3001};
+  wire::KeyframeOffer offer = make_offer(1, 4);
+  offer.lockstep = false;
+  ASSERT_TRUE(eventually([&] {
+    client_.spin();
+    (void)client_.offers.write(offer);
+    return client_.offer_verdict && client_.offer_verdict->session == client_.session &&
+           client_.offer_verdict->last_decided == 1;
+  }));
+  EXPECT_EQ(client_.offer_verdict->recent.back().decision, wire::OfferDecision::kAccepted)
+      << client_.offer_verdict->recent.back().reason;
+}
+
 TEST_F(ProtocolTest, AMapThatIsFedFromOutsideTakesNoKeyframes) {
   ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
   auto foreign = std::make_shared<MapSnapshot>(*service_->maps().at(0));
