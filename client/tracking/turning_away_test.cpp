@@ -106,32 +106,6 @@ TEST(TurningAway, AGyroCarriesTheRotationWhereNothingShows) {
   EXPECT_GT(BlankTurn::lost(false, &worst), 30) << "without one it is lost";
 }
 
-/// The pose that its trails have, or else its second keyframe, is that of the frame itself: the turn since
-/// the frame before, which shows nothing of the map, is in it already.
-TEST(TurningAway, TheTurnBeforeAMapsFirstFrameIsNotCountedTwice) {
-  const CameraPtr camera =
-      *make_camera({CameraModel::kPinholeRadtan, 320, 240, {262, 262, 159.5, 119.5, -0.1, 0.02}});
-  const test::RoundRoom room(3, camera, 2);
-  const MapSnapshotPtr map = room.map_of(SE3());
-  Tracker tracker(camera, {});
-  tracker.use_imu(ImuMount{});
-  SeedAnswer answer;
-  answer.map = map->map;
-  answer.second_keyframe = KeyframeId{1};
-  tracker.seed_accepted(answer);
-  constexpr double kAway = 90 * M_PI / 180;
-  const std::array<ImuSample, 2> samples = {
-      {{{0}, {0, kAway / (kFrameTime * 1e-9), 0}, {0, -9.8, 0}},
-       {{kFrameTime}, {0, kAway / (kFrameTime * 1e-9), 0}, {0, -9.8, 0}}}};
-  tracker.add_samples(samples);
-  const SE3 away(so3_exp({0, kAway, 0}), Eigen::Vector3d::Zero());
-  (void)tracker.track(room.render(away, 2, 0), {0}, nullptr);
-  const FrameResult& result = tracker.track(room.render(SE3(), 2, 1), {kFrameTime}, map);
-  EXPECT_EQ(result.imu, ImuUse::kUsed);
-  EXPECT_GT(result.found, 50);
-  EXPECT_LT(result.camera_from_map.log().norm(), 0.02);
-}
-
 /// Each frame is exposed all the time: the picture is smeared by up to 16 px, and no corners are left.
 TEST(TurningAway, AQuickSmearedTurnIsHeld) {
   const CameraPtr camera =
