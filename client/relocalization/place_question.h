@@ -37,6 +37,7 @@ class PlaceQuestion {
     suggestion_.reset();
     refuted_.forget();
     shows_much_ = is_elsewhere_ = false;  // an answer that is still to come is about before
+    under_way_ = false;                   // and nobody waits for it any more
   }
   void drop_suggestion() { suggestion_.reset(); }
   /// As new, but for the places refuted: who starts over must not be led to them again.

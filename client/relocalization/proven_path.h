@@ -37,6 +37,8 @@ class ProvenPath {
   [[nodiscard]] std::optional<ReachableRegion> reachable(const MapSnapshot& map, Timestamp time) const;
   /// The pose proven last.
   [[nodiscard]] std::optional<SE3> last(const MapSnapshot& map) const;
+  /// Whether it is of a frame of this time.
+  [[nodiscard]] bool ends_at(Timestamp time) const { return count_ > 0 && entry(0).time == time; }
 
  private:
   struct Entry {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace cairn {
 namespace {
@@ -28,6 +29,7 @@ void Recovery::start_over(bool insists) {
 void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp time) {
   path_.clear();
   path_.add(pose, time);
+  last_sight_ = {};
   proven_time_ = time;
   if (is_tracked) {
     state_ = Tracking{};
@@ -76,7 +78,8 @@ void Recovery::turn_away() {
 
 void Recovery::lose_sight(const FrameImages& before) {
   const Tracking* tracking = as<Tracking>();
-  if (tracking != nullptr && tracking->failed_frames == 0) last_sight_ = place_image(before);
+  if (as<Turned>() == nullptr && (tracking == nullptr || tracking->failed_frames > 0)) return;
+  last_sight_ = path_.ends_at(before_) ? place_image(before) : TinyImage();
 }
 
 void Recovery::fail(bool is_cut, Timestamp time) {
@@ -99,6 +102,7 @@ void Recovery::remember(const FrameImages& frame, const MapSnapshot& map, const 
 }
 
 void Recovery::begin_frame(const MapSnapshot& map, double near_depth, Timestamp time) {
+  before_ = std::exchange(now_, time);
   described_.reset();
   suggested_.reset();
   keyframes_tried_ = 0;

@@ -130,7 +130,7 @@ class Recovery {
   [[nodiscard]] bool confirm(float quality, const AnchoredPose& pose, Timestamp time, bool is_leap = false);
   /// It does not, but how the camera has turned since it was tracked is known.
   void turn_away();
-  /// It does not, and the `frame` before did if none has failed since.
+  /// It does not; `before` is the frame before, which may have.
   void lose_sight(const FrameImages& before);
   /// It does not. `is_cut`: it has nothing in common with the frame before.
   void fail(bool is_cut, Timestamp time);
@@ -222,7 +222,9 @@ class Recovery {
   KeyframeRounds rounds_;
   ProvenPath path_;        ///< the last poses published,
   Timestamp proven_time_;  ///< and when the latest was
-  TinyImage last_sight_;   ///< of its frame, once the next has failed
+  TinyImage last_sight_;   ///< of its frame, once the next has failed; empty: another frame came between
+  Timestamp now_;          ///< of the present frame
+  Timestamp before_;       ///< of the one before
   // Of the present frame:
   std::optional<PlaceView> described_;
   std::optional<ReachableRegion> region_;  ///< where the camera can be, as far as is known

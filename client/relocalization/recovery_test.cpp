@@ -103,6 +103,19 @@ TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
   EXPECT_NE(recovery.as<Tracking>(), nullptr);
 }
 
+TEST_F(RecoveryTest, AQuestionThatWasOpenWhenItFoundItselfSaysNothingOfTheServerLater) {
+  lose();
+  ASSERT_NE(recovery.ask(frame, at(100), true), nullptr);
+  recovery.begin_verifying({home, PoseStart::Reach::kNear, 0.25F, false}, at(110));
+  for (const int64_t t : {110, 133, 166}) static_cast<void>(recovery.confirm(0.5F, here, at(t)));
+  ASSERT_NE(recovery.as<Tracking>(), nullptr);
+  lose();
+  ASSERT_NE(recovery.ask(frame, at(60'000), true), nullptr);
+  EXPECT_FALSE(recovery.question().nobody_answers());
+  EXPECT_NE(recovery.ask(frame, at(60'600), true), nullptr);
+  EXPECT_TRUE(recovery.question().nobody_answers()) << "this one was not";
+}
+
 TEST_F(RecoveryTest, WhatFailsWhileItIsVerifiedIsLostAtOnce) {
   lose();
   recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(100));
@@ -190,6 +203,28 @@ TEST_F(RecoveryOnTheWay, ALeapSaysNothingOfHowTheCameraMoves) {
   recovery.begin_frame(*map, 1.0, at(33 * 36));
   EXPECT_TRUE(recovery.is_reachable(went_on_to));
   EXPECT_FALSE(recovery.is_reachable(astray));
+}
+
+/// How the camera turned since it was tracked, the small images then and now say: an image of another frame
+/// than the one that the pose is of has no part in it.
+TEST_F(RecoveryOnTheWay, TheImageOfAnotherFrameDoesNotSayHowItTurned) {
+  for (const bool is_held_between : {false, true}) {
+    recovery.start_over(false);
+    for (int i = 0; i <= 30; ++i) {
+      recovery.begin_frame(*map, 1.0, at(33 * i));
+      const SE3 pose = looking_down(0.02 * i, i % 2 == 0 ? 0.001 : 0);
+      EXPECT_TRUE(recovery.confirm(0.6F, {map->map, here.reference, pose * home.inverse()}, at(33 * i)));
+    }
+    int t = 33 * 31;
+    for (int i = 0; is_held_between && i < 2; ++i, t += 33) {
+      recovery.begin_frame(*map, 1.0, at(t));
+      recovery.turn_away();
+    }
+    recovery.begin_frame(*map, 1.0, at(t));
+    recovery.lose_sight(frame);
+    for (int i = 0; i < kFailuresToLose; ++i) recovery.fail(false, at(t));
+    EXPECT_EQ(starts(at(t)).size(), is_held_between ? 2U : 3U) << "gone on, turned, the last pose";
+  }
 }
 
 TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoWitness) {

@@ -4,13 +4,6 @@
 #include <utility>
 
 namespace cairn {
-namespace {
-
-// [rad] Three times as much is what the coarse search reaches: 30 px at a focal length of 525.
-constexpr double kMostBlindSigma = 0.019;
-
-}  // namespace
-
 void GyroPrior::use(const std::optional<ImuMount>& mount) {
   if (!mount) {
     sensor_.reset();
@@ -56,10 +49,10 @@ void GyroPrior::tracked(const SE3& now_from_before) {
   if (sensor_ && was_sharp_) sensor_->tracked(*before_, *now_, now_from_before.rotation());
 }
 
-bool GyroPrior::carries() {
+bool GyroPrior::carries(double reach) {
   if (!turn_ || !turn_sigma_) return false;
   blind_sigma_ += *turn_sigma_;  // most of it is the bias, which is the same in all
-  return blind_sigma_ <= kMostBlindSigma;
+  return 3 * blind_sigma_ <= reach;
 }
 
 }  // namespace cairn

@@ -43,9 +43,9 @@ class GyroPrior {
   void tracked(const SE3& now_from_before);
   /// The frame was tracked, or its bearings were followed.
   void seen() { blind_sigma_ = 0; }
-  /// Nothing in this frame says how the camera turned but the gyro. False when its errors have added up to
-  /// more than a search about it can make good.
-  [[nodiscard]] bool carries();
+  /// Nothing in this frame says how the camera turned but the gyro. False when three sigma of its errors,
+  /// which add up, are more than `reach` [rad], what a search about it can make good.
+  [[nodiscard]] bool carries(double reach);
   /// [rad], per axis: of the turns that the gyro alone has told since something was seen.
   [[nodiscard]] double blind_sigma() const { return blind_sigma_; }
 

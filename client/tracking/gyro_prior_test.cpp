@@ -9,6 +9,7 @@ namespace cairn {
 namespace {
 
 constexpr int64_t kFrameTime = 33'333'333;  // [ns]
+constexpr double kReach = 30.0 / 525;       // [rad]
 
 /// Frames of a camera at rest, whose gyro has a bias; how many it is carried blindly.
 int frames_carried(int frames_before, double bias) {
@@ -21,7 +22,7 @@ int frames_carried(int frames_before, double bias) {
     if (i < frames_before) {
       gyro.tracked(SE3());
       gyro.seen();
-    } else if (!gyro.carries()) {
+    } else if (!gyro.carries(kReach)) {
       return i - frames_before;
     }
   }
@@ -42,7 +43,7 @@ TEST(GyroPrior, SaysWhatItIsUsedFor) {
   gyro.next_frame({0});
   gyro.next_frame({kFrameTime});
   EXPECT_EQ(gyro.use(), ImuUse::kNone);
-  EXPECT_FALSE(gyro.turn() || gyro.carries());
+  EXPECT_FALSE(gyro.turn() || gyro.carries(kReach));
   gyro.use(ImuMount{});
   gyro.next_frame({2 * kFrameTime});
   EXPECT_EQ(gyro.use(), ImuUse::kMissing);

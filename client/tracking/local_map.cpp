@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <utility>
+#include <vector>
 
 namespace cairn {
 namespace {
@@ -12,6 +14,8 @@ namespace {
 constexpr std::chrono::milliseconds kAnswerAwaited{300};
 // The server's map shows a keyframe before it has its new points.
 constexpr std::chrono::milliseconds kTakenOver{1000};
+// An adjustment changes the size of a whole map by less than drift does, which is some hundredths.
+constexpr double kSameScale = 0.1;
 // What has not been seen in the server's map by then was removed from it again.
 constexpr std::chrono::milliseconds kOvertaken{10000};
 constexpr std::chrono::milliseconds kSpacing{250};
@@ -42,7 +46,38 @@ PointVisibility visibility_of(const Eigen::Vector3d& to_one, const Eigen::Vector
   return seen;
 }
 
+/// How far apart the keyframes that both maps have are in each [map units, RMS about their mean].
+std::pair<double, double> extents(const MapSnapshot& one, const MapSnapshot& other) {
+  std::vector<Eigen::Vector3d> in_one, in_other;
+  for (const auto& block : one.keyframe_blocks) {
+    for (const KeyframePose& k : block->keyframes) {
+      const KeyframePose* same = other.find(k.id);
+      if (same == nullptr || one.find(k.id) == nullptr) continue;
+      in_one.push_back(k.camera_from_map.center());
+      in_other.push_back(same->camera_from_map.center());
+    }
+  }
+  const auto extent = [](const std::vector<Eigen::Vector3d>& centres) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const Eigen::Vector3d& c : centres) mean += c / static_cast<double>(centres.size());
+    double sum = 0;
+    for (const Eigen::Vector3d& c : centres) sum += (c - mean).squaredNorm();
+    return std::sqrt(sum / static_cast<double>(std::max<size_t>(1, centres.size())));
+  };
+  return {extent(in_one), extent(in_other)};
+}
+
+/// Whether an epoch goes on with the other's lengths.
+bool has_same_scale(const MapSnapshot& before, const MapSnapshot& now) {
+  const auto [was, is] = extents(before, now);
+  return was > 0 && std::abs(is / was - 1) < kSameScale;
+}
+
 }  // namespace
+
+void LocalMap::settle_in(MapId map) {
+  if (base_ && base_->map != map) clear();
+}
 
 void LocalMap::clear() {
   keyframes_.clear();
@@ -204,7 +239,9 @@ void LocalMap::put_points(MapSnapshot* map) const {
 }
 
 MapSnapshotPtr LocalMap::extend(const MapSnapshotPtr& map) {
-  if (base_ && (base_->map != map->map || base_->epoch != map->epoch)) clear();
+  if (keyframes_.empty()) base_.reset();
+  if (base_ && base_->map != map->map) return map;
+  if (base_ && base_->epoch != map->epoch && !has_same_scale(*base_, *map)) clear();
   if (base_ != map) extended_.reset();
   base_ = map;
   if (extended_) return extended_;

@@ -61,6 +61,9 @@ class LocalMap {
   static constexpr size_t kMostMeasured = 16;
 
   void clear();
+  /// The camera is known in this map: what hangs on another is forgotten. Until then it stays, for a map that
+  /// was only tried is left again.
+  void settle_in(MapId map);
 
   /// A frame was proposed as a keyframe: these points are known in it, some of them maybe already from an
   /// earlier one.
@@ -76,8 +79,9 @@ class LocalMap {
 
   /// Lets time pass until a frame. The numbers of the points that have come to count are appended.
   void advance(Timestamp time, std::vector<uint64_t>* counted);
-  /// The server's map together with what counts; the server's own where nothing does. The same revision
-  /// and the same keyframes give the same object.
+  /// The server's map together with what counts; the server's own where nothing does, or where it is another
+  /// map. In another epoch (the server was started anew) what hangs on keyframes that are still there stays,
+  /// unless lengths mean something else in it. The same revision and the same keyframes give the same object.
   [[nodiscard]] MapSnapshotPtr extend(const MapSnapshotPtr& map);
 
   /// Whether answers are overdue.

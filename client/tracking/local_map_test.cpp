@@ -111,6 +111,36 @@ TEST_F(LocalMapTest, AChainRidesOnAdjustmentsAndHandsOverToTheServersMap) {
   EXPECT_EQ(local_.keyframe_count(), 0U);
 }
 
+/// The server's map of two keyframes, as long as it says.
+MapSnapshotPtr map_of_epoch(uint64_t epoch, double length) {
+  auto map = std::make_shared<MapSnapshot>(
+      *map_with({{KeyframeId{1}, SE3(), 1}, {KeyframeId{2}, shifted(-length), 1}}));
+  map->epoch = Epoch{epoch};
+  return map;
+}
+
+TEST_F(LocalMapTest, AServerThatStartsAnewTakesNothingAwayUnlessLengthsAreOthers) {
+  (void)local_.extend(map_of_epoch(1, 1));
+  local_.propose(proposal(1, KeyframeId{2}, shifted(-0.1)), shifted(-1.1), 2, at(0), {}, {});
+  advance(1000);
+  EXPECT_NE(local_.extend(map_of_epoch(1, 1))->find(kFirst), nullptr);
+  EXPECT_NE(local_.extend(map_of_epoch(2, 1.02))->find(kFirst), nullptr);
+  EXPECT_EQ(local_.extend(map_of_epoch(3, 2))->find(kFirst), nullptr);
+}
+
+TEST_F(LocalMapTest, AMapThatIsTriedTakesNothingAwayBeforeTheCameraIsKnownInIt) {
+  local_.propose(proposal(1, KeyframeId{1}, shifted(-0.1)), shifted(-0.1), 2, at(0), {}, {});
+  (void)local_.extend(map_);
+  advance(1000);
+  auto other = std::make_shared<MapSnapshot>(*map_);
+  other->map.bytes[0] ^= 1;
+  EXPECT_EQ(local_.extend(other), other);
+  local_.settle_in(map_->map);
+  EXPECT_NE(local_.extend(map_)->find(kFirst), nullptr);
+  local_.settle_in(other->map);
+  EXPECT_EQ(local_.extend(map_)->find(kFirst), nullptr);
+}
+
 TEST_F(LocalMapTest, IsBounded) {
   uint64_t points_made = 0;
   for (uint64_t number = 1; number <= 2 * LocalMap::kMostKeyframes; ++number) {
@@ -204,8 +234,12 @@ TEST_F(LocalAdjustment, WhatTheServerHasTakenInStays) {
   const KeyframeId taken{kLocalBit | kKeyframes};
   const auto grown = map_with({{KeyframeId{1}, SE3(), 1}, {KeyframeId{2}, shifted(-1), 1}});
   (void)local_.extend(grown);
+  const auto moves = local_.adjust(camera_);
   local_.answered(kKeyframes, KeyframeId{2});
-  (void)local_.adjust(camera_);
+  (void)local_.extend(grown);
+  const auto stays = local_.adjust(camera_);
+  ASSERT_TRUE(moves && stays);
+  EXPECT_EQ(stays->translation(), moves->translation()) << "though it was measured elsewhere";
   EXPECT_EQ(local_.extend(grown)->find(taken)->camera_from_map.translation(), shifted(-1).translation());
 }
 

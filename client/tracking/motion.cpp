@@ -12,8 +12,9 @@ namespace {
 
 constexpr double kDecay = 0.9;        // PTAM r114, per frame
 constexpr double kLongestStep = 0.2;  // [s] a velocity is not believed for longer
-// [mean depths / s^2]: 3 g half a metre away. Of poor frames in hand-held recordings at 30 Hz the most is 21,
-// with the hand six times as fast a twentieth has more than 42; of those before a loss 85 to 800.
+// [near depths / s^2]: 3 g half a metre away. Found with mean depths, of scenes where these hardly differ. Of
+// poor frames in hand-held recordings at 30 Hz the most is 21, with the hand six times as fast a twentieth
+// has more than 42; of those before a loss 85 to 800.
 constexpr double kMostAcceleration = 60;
 constexpr double kShortestStep = 1.0 / 30;  // [s]: below, the noise of poses counts, whatever the frame rate
 
@@ -34,10 +35,10 @@ SE3 MotionModel::predicted_step(Timestamp time, const SE3& turn) const {
 }
 
 bool MotionModel::is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
-                          double mean_depth) const {
+                          double near_depth) const {
   const double seconds = std::max(kShortestStep, seconds_between(time, time_));
   const double apart = (camera_from_map.center() - predicted.center()).norm();
-  return apart > kMostAcceleration * seconds * seconds * mean_depth;
+  return apart > kMostAcceleration * seconds * seconds * near_depth;
 }
 
 void MotionModel::measured(const SE3& camera_from_map, Timestamp time) {

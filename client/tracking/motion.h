@@ -19,9 +19,9 @@ class MotionModel {
   /// The same with a turn that is known (of the camera, now from before) and not foretold.
   [[nodiscard]] SE3 predicted_step(Timestamp time, const SE3& turn) const;
   /// Whether the camera is farther from where it was predicted to be at `time` than a hand can have moved it
-  /// since the last pose. `mean_depth` [map unit] of what it looks at.
+  /// since the last pose. `near_depth` [map unit] of what is nearest of what it looks at.
   [[nodiscard]] bool is_leap(const SE3& camera_from_map, const SE3& predicted, Timestamp time,
-                             double mean_depth) const;
+                             double near_depth) const;
   /// A measured pose: velocity becomes 0.9 * (half of the newest step's + half of the old one).
   void measured(const SE3& camera_from_map, Timestamp time);
   /// A frame without a measurement: the velocity decays, and the camera turned by `turn` since the frame

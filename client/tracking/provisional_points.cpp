@@ -79,7 +79,9 @@ ProvisionalPoints::Followed ProvisionalPoints::at(size_t i) const {
 
 void ProvisionalPoints::known(std::vector<LocalPoint>* out) const {
   for (const Point& p : points_) {
-    if (!p.found || p.variance > kPointDepth * kPointDepth * p.inverse_depth * p.inverse_depth) continue;
+    if (!p.found || p.refused > 0 ||
+        p.variance > kPointDepth * kPointDepth * p.inverse_depth * p.inverse_depth)
+      continue;
     const SE3 map_from_anchor = anchors_[p.anchor].anchor_from_map.inverse();
     const double distance = 1 / p.inverse_depth;
     LocalPoint& point = out->emplace_back();

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 
@@ -263,17 +262,6 @@ TEST(JudgePose, SaysWhatIsDetermined) {
   information(0, 4) = information(4, 0) = 0.99999 * 1e6;
   EXPECT_EQ(judge_pose(information, 20).support, PoseSupport::kRotation);
   EXPECT_EQ(judge_pose(Matrix6d::Zero(), 1).support, PoseSupport::kNone);
-}
-
-/// Printed, not judged: the machine is not ours alone.
-TEST_F(ProvisionalPointsTest, CostOfFollowing) {
-  for (int i = 0; i < 30; ++i) with_map(looking(0, {0.002 * i, 0, 0}));
-  constexpr int kRounds = 20;
-  const auto begin = std::chrono::steady_clock::now();
-  for (int i = 0; i < kRounds; ++i) points_.follow(now(), last_, *map_);
-  const std::chrono::duration<double, std::milli> taken = std::chrono::steady_clock::now() - begin;
-  std::printf("following %zu points takes %.3f ms\n", points_.size(), taken.count() / kRounds);
-  EXPECT_GT(points_.observations().size(), 100U);
 }
 
 }  // namespace

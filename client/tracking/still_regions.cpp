@@ -32,7 +32,7 @@ constexpr int kMostWatched = 16;     // [grey levels] of a border that has been 
 constexpr int kLeastChange = 15;     // of most of the image, for that to mean anything
 
 // What a cell of the border is: of one brightness, or the rim beside it.
-constexpr uint8_t kDark = 1;
+constexpr uint8_t kUnchanging = 1;
 constexpr uint8_t kRim = 2;
 
 size_t at(int x, int y, int width) {
@@ -177,7 +177,7 @@ bool StillRegions::watch(const GrayImage& level3) {
     const uint8_t* row = level3.row(y);
     for (int x = 0; x < width_; ++x) {
       const size_t i = at(x, y, width_);
-      if (border_[i] != kDark) continue;
+      if (border_[i] != kUnchanging) continue;
       border_dark_[i] = std::min(border_dark_[i], row[x]);
       border_bright_[i] = std::max(border_bright_[i], row[x]);
       if (border_bright_[i] - border_dark_[i] <= kMostWatched) continue;
@@ -216,12 +216,12 @@ void StillRegions::find_border() {
   if (*middle < kLeastChange) return;
 
   std::vector<uint8_t> visited(change.size(), 0);
-  const auto is_dark = [&](size_t i) { return change[i] <= kMostChange; };
+  const auto is_unchanging = [&](size_t i) { return change[i] <= kMostChange; };
   for (int y = 0; y < height_; ++y) {
     const int step = y == 0 || y == height_ - 1 ? 1 : std::max(1, width_ - 1);
     for (int x = 0; x < width_; x += step) {
       const size_t start = at(x, y, width_);
-      if (visited[start] == 0 && is_dark(start)) add_if_framed(start, is_dark, &visited);
+      if (visited[start] == 0 && is_unchanging(start)) add_if_framed(start, is_unchanging, &visited);
     }
   }
 }
@@ -262,13 +262,13 @@ std::vector<size_t> StillRegions::region_from(size_t start, const Passes& passes
 
 /// A region of one brightness is a border if a rim frames it: the edge of a wall or a monitor moves.
 template <typename Passes>
-void StillRegions::add_if_framed(size_t start, const Passes& is_dark, std::vector<uint8_t>* visited) {
+void StillRegions::add_if_framed(size_t start, const Passes& is_unchanging, std::vector<uint8_t>* visited) {
   std::vector<size_t> around;
-  const std::vector<size_t> region = region_from(start, is_dark, visited, &around);
+  const std::vector<size_t> region = region_from(start, is_unchanging, visited, &around);
   const auto rim_of = [this](size_t i) { return is_rim(i); };
   const auto framed = static_cast<size_t>(std::count_if(around.begin(), around.end(), rim_of));
   if (framed < kFewestFramed || framed * 2 < around.size()) return;
-  for (const size_t i : region) border_[i] = kDark;
+  for (const size_t i : region) border_[i] = kUnchanging;
   for (const size_t i : around) {
     if ((*visited)[i] != 0 || !is_rim(i)) continue;
     for (const size_t j : region_from(i, rim_of, visited, nullptr)) border_[j] = kRim;

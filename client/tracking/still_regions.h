@@ -42,7 +42,7 @@ class StillRegions {
                                                 std::vector<uint8_t>* visited,
                                                 std::vector<size_t>* around) const;
   template <typename Passes>
-  void add_if_framed(size_t start, const Passes& is_dark, std::vector<uint8_t>* visited);
+  void add_if_framed(size_t start, const Passes& is_unchanging, std::vector<uint8_t>* visited);
   [[nodiscard]] StillMaskPtr make_mask() const;
 
   StillMaskPtr mask_;

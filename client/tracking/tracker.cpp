@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "client/relocalization/recovery.h"
+#include "client/tracking/dead_reckoning.h"
 #include "client/tracking/evidence.h"
 #include "client/tracking/exposure.h"
 #include "client/tracking/flow_prior.h"
@@ -31,14 +32,6 @@ constexpr float kSameView = 0.5F;
 // While it tracks: what stands still is learnt from every so many frames, since their corners cost a
 // millisecond.
 constexpr int kLearnEvery = 8;
-// Frames without the map: what is provisional alone holds the rotation for so long, and the position, whose
-// errors add up from frame to frame.
-constexpr int kRotationHeld = 150;
-constexpr int kPositionHeld = 15;
-// Frames in a row in which nothing is followed: the small images err by some hundredths of the turn.
-constexpr int kBlind = 3;
-constexpr double kBlindSigma = 0.003;  // [rad], and over the depth
-constexpr float kSameTurn = 0.9F;      // correlation of small images that say so
 
 }  // namespace
 
@@ -60,9 +53,8 @@ struct Tracker::State {
   PoseFinder finder;
   FlowPrior flow;
   ProvisionalPoints provisional;
-  int in_sight = 0;      ///< points of the map that the frame should show, from where it is expected
-  int frames_held = 0;   ///< by what is provisional alone, since the map was seen last
-  int frames_blind = 0;  ///< by the small images alone, since something was followed
+  DeadReckoning reckoning{&provisional};
+  int in_sight = 0;  ///< points of the map that the frame should show, from where it is expected
   KeyframePolicy keyframes;
   LocalMap local;
   std::vector<LocalPoint> known;               ///< of the frame, as
@@ -129,6 +121,7 @@ struct Tracker::State {
   void look_for_camera(Timestamp time);
   [[nodiscard]] bool hold(Timestamp time);
   [[nodiscard]] bool hold_blindly();
+  void claim_held(bool is_position_known);
   void measured(const SE3& camera_from_map, Timestamp time);
   void accept(const Attempt& found, Timestamp time);
   void miss(Timestamp time, std::string why);
@@ -152,11 +145,13 @@ void Tracker::State::begin_frame(const GrayImagePtr& image, Timestamp time, Stag
   const ScopedStage stage(probe, Stage::kPrior);
   now().build_tiny();
   seen = has_previous ? align_tiny(previous().tiny, now().tiny) : TinyMotion{};
-  if (has_previous) exposure.next_frame(seen, seconds_between(time, frame_time), &now());
-  frame_time = time;
-  gyro.next_frame(time);
   likeness = has_previous ? tiny_correlation(previous().tiny, now().tiny, seen) : -1;
   is_cut = has_previous && !(likeness >= kSameView);
+  // What two images without anything in common are aligned by is no motion.
+  if (has_previous)
+    exposure.next_frame(is_cut ? TinyMotion{} : seen, seconds_between(time, frame_time), &now());
+  frame_time = time;
+  gyro.next_frame(time);
 }
 
 void Tracker::State::clear_result() {
@@ -229,7 +224,7 @@ void Tracker::State::adopt_revision(const MapSnapshotPtr& server_map, Timestamp 
     recovery.enter_map();
     keyframes.enter_map();
     flow.missed();
-    frames_held = frames_blind = 0;
+    reckoning.seen();
     latest = {};
   }
   map = snapshot;
@@ -378,56 +373,50 @@ void Tracker::State::miss(Timestamp time, std::string why) {
   result.note = std::move(why);
 }
 
-/// The camera has turned away from what the map shows: corners that were followed with known poses say where
-/// to. That is no measurement by the map, and who is held is not lost.
+/// The camera has turned away from what the map shows: what it followed until then says where to. That is no
+/// measurement by the map, and who is held is not lost.
 bool Tracker::State::hold(Timestamp time) {
   const bool was_tracked = recovery.as<Tracking>() != nullptr || recovery.as<Turned>() != nullptr;
-  if (!was_tracked || frames_held >= kRotationHeld) return false;
+  if (!was_tracked || reckoning.is_over()) return false;
   const SE3 expected = turned() * model.last();
-  provisional.follow(now(), expected, *map);
   // What a search found somewhere else does not show where the camera is.
   const bool is_here = finder.located() && !model.is_leap(*finder.located(), expected, time, near_depth);
-  const auto held = provisional.locate(
-      expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{}, mean_depth);
-  if (!held) return hold_blindly();
+  const auto reckoned = reckoning.by_corners(
+      now(), expected, is_here ? std::span(finder.points()) : std::span<const VisiblePoint>{},
+      {mean_depth, near_depth}, *map);
+  if (!reckoned) return hold_blindly();
   if (!is_here) finder.clear();
-  frames_blind = 0;
   gyro.seen();
-  ++frames_held;
-  measured(held->camera_from_map, time);
-  flow.missed();
-  provisional.update(now(), {held->camera_from_map, held->covariance, held->judgement.support, mean_depth},
-                     *map, {});
-  // It may be known well enough to turn about, and not to stand still beside what is near.
-  const bool stands_still = held->judgement.support == PoseSupport::kPosition &&
-                            held->judgement.position_sigma * mean_depth < kKnownPosition * near_depth;
-  const bool is_known = stands_still && frames_held <= kPositionHeld;
-  if (!is_known) recovery.turn_away();
-  result.state = is_known ? TrackingState::kPoor : TrackingState::kRotation;
-  result.pose_measured = is_known;
-  result.mean_depth = mean_depth;
-  if (is_known && local.is_overdue()) propose_keyframe(time);
-  result.note = is_known ? "" : "turned away from what the map shows";
+  measured(reckoned->camera_from_map, time);
+  claim_held(reckoned->is_position_known);
+  if (result.pose_measured && local.is_overdue()) propose_keyframe(time);
   return true;
 }
 
 /// Smeared by a quick turn, or blank, the frame shows nothing that could be followed; how far it turned, the
 /// gyro says, or else the small images.
 bool Tracker::State::hold_blindly() {
-  const bool is_carried = in_sight < options.scarce_points && gyro.carries();
-  if (!is_carried && (frames_held == 0 || likeness < kSameTurn || frames_blind >= kBlind)) return false;
-  ++frames_blind;
-  ++frames_held;
+  const bool is_carried =
+      in_sight < options.scarce_points && gyro.carries(options.coarse_radius / camera->focal_length());
+  const SE3 expected = (is_carried ? *gyro.turn() : turned()) * model.last();
+  if (is_carried) {
+    reckoning.follow_turn(now(), expected, gyro.blind_sigma(), mean_depth, *map);
+  } else if (!reckoning.follow_small_images(now(), expected, likeness, mean_depth, *map)) {
+    return false;
+  }
+  finder.clear();  // what it found last is no part of this pose
   model.missed(is_carried ? *gyro.turn() : turned());
-  flow.missed();
-  const double sigma = is_carried ? gyro.blind_sigma() : kBlindSigma;
-  const Matrix6d covariance = sigma * sigma * Matrix6d::Identity();
-  provisional.update(now(), {model.last(), covariance, PoseSupport::kRotation, mean_depth}, *map, {});
-  recovery.turn_away();
-  result.state = TrackingState::kRotation;
-  result.mean_depth = mean_depth;
-  result.note = "turned away from what the map shows";
+  claim_held(false);
   return true;
+}
+
+void Tracker::State::claim_held(bool is_position_known) {
+  flow.missed();
+  if (!is_position_known) recovery.turn_away();
+  result.state = is_position_known ? TrackingState::kPoor : TrackingState::kRotation;
+  result.pose_measured = is_position_known;
+  result.mean_depth = mean_depth;
+  result.note = is_position_known ? "" : "turned away from what the map shows";
 }
 
 void Tracker::State::measured(const SE3& camera_from_map, Timestamp time) {
@@ -442,8 +431,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
     gyro.tracked(*found.pose * model.last().inverse());
   gyro.seen();
   measured(*found.pose, time);
-  frames_held = 0;
-  frames_blind = 0;
+  reckoning.seen();
   flow.tracked(finder.points());
   mean_depth = finder.mean_depth().value_or(mean_depth);
   near_depth = finder.near_depth().value_or(near_depth);
@@ -461,6 +449,7 @@ void Tracker::State::publish(const Attempt& found, Timestamp time) {
   result.note.clear();
   result.pose_measured = true;
   result.mean_depth = mean_depth;
+  local.settle_in(map->map);
   exposure.learn(now(), finder.points(), *map);
   provisional.follow(now(), *found.pose, *map);
   provisional.update(now(), {*found.pose, finder.covariance(), PoseSupport::kPosition, mean_depth}, *map,

@@ -125,15 +125,24 @@ def align(poses):
     return best
 
 
+def frozen_of(poses):
+    """Frames of poses that fit no similarity, where the camera went away from where it was first."""
+    placed = [p for p in poses if not p.turns_only]
+    return [p.frame for p in placed if math.hypot(*subtract(p.true_place, placed[0].true_place)) > WRONG_SHARE * p.depth]
+
+
 def judge_poses(poses_by_map, jump_m=None):
     """Counts wrong poses. jump_m: of a long way, on which any map drifts, a pose is wrong once the error has jumped by as much from one
-    pose to the next, until it jumps back."""
+    pose to the next, until it jumps back. Poses that stand still while the camera moves are wrong; `unaligned` are those of maps with too
+    few to be judged."""
     told = {"judged": 0, "wrong": 0, "wrong_frames": [], "unaligned": 0}
     degrees, offs = [], []
     for poses in poses_by_map.values():
         similarity = align(poses)
         if similarity is None:
-            told["unaligned"] += len(poses)
+            frozen = frozen_of(poses)
+            told["wrong_frames"] += frozen
+            told["unaligned"] += len(poses) - len(frozen)
             continue
         jumped, last = (0.0, 0.0, 0.0), None
         for pose in poses:
@@ -153,7 +162,7 @@ def judge_poses(poses_by_map, jump_m=None):
                     last = error
             if wrong:
                 told["wrong_frames"].append(pose.frame)
-    told["judged"] = len(degrees)
+    told["judged"] = sum(len(poses) for poses in poses_by_map.values()) - told["unaligned"]
     told["wrong"] = len(told["wrong_frames"])
     if degrees:
         told["rotation_p95"] = round(percentile(degrees, 0.95), 2)

@@ -47,6 +47,14 @@ class Alignment(unittest.TestCase):
         told = holding.judge_poses({"a": walk(), "b": walk(moved=lambda i: (9.0, 0.0, 0.0))})
         self.assertEqual(told["wrong"], 0)
 
+    def test_a_pose_that_stands_still_while_the_camera_moves_is_wrong(self):
+        poses = walk(count=60)
+        for pose in poses:
+            pose.place = (1.0, 2.0, 3.0)
+        told = holding.judge_poses({"m": poses, "young": walk(count=2)})
+        self.assertEqual((told["judged"] + told["unaligned"], told["unaligned"]), (62, 2 + 60 - told["wrong"]))
+        self.assertGreater(told["wrong"], 50)
+
     def test_on_a_long_way_drift_is_right_and_a_bay_is_not_until_it_is_taken_back(self):
         def moved(i):
             return (0.0, 0.004 * i + (1.5 if 100 <= i < 130 else 0.0), 0.0)

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "client/tracking/point_search.h"
+#include "client/tracking/provisional_points.h"
+#include "common/geometry/se3.h"
+#include "common/image/frame_images.h"
+#include "common/map/snapshot.h"
+
+namespace cairn {
+
+/// Where a camera is while its map is out of sight: by the corners that it followed when it knew where it
+/// was (Pirchheim, Schmalstieg and Reitmayr, ISMAR 2013), and for a few frames by the turn alone that the
+/// gyro or the small images tell. Errors add up, so how long it is believed is bounded. Pure; one thread.
+class DeadReckoning {
+ public:
+  /// The corners are followed for longer than they are needed here: the owner's.
+  explicit DeadReckoning(ProvisionalPoints* corners) : corners_(*corners) {}
+
+  /// The map was seen, or is another.
+  void seen() { frames_ = blind_frames_ = 0; }
+  /// It has gone on for as long as it may.
+  [[nodiscard]] bool is_over() const { return frames_ >= kRotationHeld; }
+
+  /// [map unit] of what the camera looked at when the map was seen last.
+  struct Depths {
+    double mean = 1;
+    double near = 1;
+  };
+  struct Reckoned {
+    SE3 camera_from_map;
+    bool is_position_known = false;  ///< else only the rotation is
+  };
+  /// By the corners found again in the frame and by `map_points`, those of the map that were found where it
+  /// looks. Nothing where they do not say how it turned.
+  [[nodiscard]] std::optional<Reckoned> by_corners(const FrameImages& now, const SE3& expected,
+                                                   std::span<const VisiblePoint> map_points,
+                                                   const Depths& depths, const MapSnapshot& map);
+
+  /// A turn by the gyro alone, from a pose reckoned before or measured; `sigma` [rad], and over the depth.
+  void follow_turn(const FrameImages& now, const SE3& camera_from_map, double sigma, double mean_depth,
+                   const MapSnapshot& map);
+  /// The same by the small images, whose likeness, the motion undone, is `likeness`. False when they may not
+  /// be believed any longer.
+  [[nodiscard]] bool follow_small_images(const FrameImages& now, const SE3& camera_from_map, float likeness,
+                                         double mean_depth, const MapSnapshot& map);
+
+ private:
+  // Frames without the map: corners hold the rotation for so long, and the position, whose errors add up
+  // from frame to frame.
+  static constexpr int kRotationHeld = 150;
+  static constexpr int kPositionHeld = 15;
+  // Frames in a row in which nothing is followed: the small images err by some hundredths of the turn.
+  static constexpr int kBlind = 3;
+  static constexpr double kBlindSigma = 0.003;  // [rad], and over the depth
+  static constexpr float kSameTurn = 0.9F;      // correlation of small images that say so
+
+  ProvisionalPoints& corners_;
+  int frames_ = 0;        ///< since the map was seen
+  int blind_frames_ = 0;  ///< since a corner was followed
+};
+
+}  // namespace cairn
