@@ -66,7 +66,7 @@ TEST(GyroPrior, EncodersTellWhatNoGyroDoesAndCarryNothing) {
   ASSERT_TRUE(gyro.turn());
   EXPECT_NEAR(so3_log(gyro.turn()->rotation()).z(), -0.2, 1e-9);
   EXPECT_EQ(gyro.use(), ImuUse::kNone);
-  EXPECT_FALSE(gyro.carries()) << "what carries the rig may have turned";
+  EXPECT_FALSE(gyro.carries(kReach)) << "what carries the rig may have turned";
   GyroPrior both;
   both.use(ImuMount{});
   const std::array<ImuSample, 2> still = {
