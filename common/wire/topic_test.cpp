@@ -338,6 +338,14 @@ TEST_F(WireTest, WhatIsLargerThanAnyMessageIsNotPutTogetherAndHoldsUpNothing) {
   ASSERT_EQ(samples.size(), 1U);
   EXPECT_TRUE(testing::same(*samples[0].message, small));
   EXPECT_EQ(received.invalid(), 0U) << "it was put together first";
+  auto unfit = small;
+  unfit.data.assign(kMaxAdminData + 1, 1);
+  const auto unfit_sample = internal::encode(unfit, &scratch);
+  ASSERT_EQ(dds_write(requests, &unfit_sample), DDS_RETCODE_OK);
+  EXPECT_TRUE(eventually([&] {
+    (void)received.take();
+    return received.invalid() == 1;
+  })) << "what is put together, and no message, is counted";
 }
 
 TEST_F(WireTest, WaiterWakesForDataForCallsAndForTime) {
