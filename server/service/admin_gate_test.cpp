@@ -62,7 +62,9 @@ TEST_F(AdminGateTest, FewAreUnderWayAtATimeHoweverManyAsk) {
   for (uint64_t seq = 1; seq < 5'000; ++seq) {
     const std::string name = "op-" + std::to_string(random() % 200);
     const auto judged = ask(name, seq);
-    if (judged.admission == Admission::kNew) EXPECT_TRUE(at_work.emplace(name, seq).second);
+    if (judged.admission == Admission::kNew) {
+      EXPECT_TRUE(at_work.emplace(name, seq).second);
+    }
     if (judged.admission == Admission::kRefused) {
       EXPECT_TRUE(at_work.contains(name) || at_work.size() == AdminGate::kMostInWork) << judged.why;
       answer(name, seq);
