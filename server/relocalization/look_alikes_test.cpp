@@ -27,9 +27,10 @@ struct LookAlikes : ::testing::Test {
     return {.scene = &scene, .steps = {2, 4, 6}, .advance = kAdvance, .aside = aside};
   }
   static SE3 asked_from(int step) { return pose_at(step, kAdvance); }
-  static PlaceAnswer ask(const PlaceIndex& index, const Scene& scene, int step) {
+  static PlaceAnswer ask(const PlaceIndex& index, const Scene& scene, int step,
+                         const SearchScope& scope = {}) {
     const auto image = scene.render(asked_from(step), 200 + static_cast<uint64_t>(step));
-    return relocalize(index, *scene.camera(), describe_image(image->view()));
+    return relocalize(index, *scene.camera(), describe_image(image->view()), {}, scope);
   }
   /// Of the unmapped place the empty one explains all it has, and so does the full one in part: it is
   /// neither.
@@ -59,6 +60,25 @@ TEST_F(LookAlikes, WhatPlacesHaveInCommonSpeaksForNoneOfThem) {
     const PlaceAnswer right = ask(both, empty, step);
     ASSERT_EQ(right.verdict, PlaceVerdict::kConfirmed) << right.reason;
     EXPECT_EQ(right.candidates.front().map, empty_map.snapshot()->map);
+  }
+}
+
+TEST_F(LookAlikes, AMapOutOfScopeIsNobodysRival) {
+  const ExactMap empty_map(1, {mapped(empty)});
+  PlaceIndex alone;
+  alone.put(empty_map.index());
+  PlaceIndex both = alone;
+  both.put(ExactMap(2, {mapped(full)}).index());
+  const SearchScope scope{.maps = MapSet({empty_map.snapshot()->map})};
+  for (const int step : {3, 5}) {
+    SCOPED_TRACE(step);
+    EXPECT_EQ(ask(both, unmapped, step).verdict, PlaceVerdict::kNotKnown);
+    const PlaceAnswer bounded = ask(both, unmapped, step, scope);
+    const PlaceAnswer told = ask(alone, unmapped, step);
+    ASSERT_EQ(bounded.verdict, PlaceVerdict::kConfirmed) << bounded.reason;
+    ASSERT_EQ(bounded.candidates.size(), told.candidates.size()) << "as if the other were not there";
+    EXPECT_EQ(bounded.candidates.front().keyframe, told.candidates.front().keyframe);
+    EXPECT_EQ(bounded.candidates.front().inliers, told.candidates.front().inliers);
   }
 }
 

@@ -190,12 +190,16 @@ const IndexedMap* PlaceIndex::find(const MapId& map) const {
   return at != maps_.end() && (*at)->snapshot->map == map ? at->get() : nullptr;
 }
 
-PlaceIndex PlaceIndex::only(std::span<const MapId> maps) const {
+PlaceIndex PlaceIndex::only(const MapSet& maps) const {
   PlaceIndex those;
   for (const IndexedMapPtr& m : maps_) {
-    if (std::find(maps.begin(), maps.end(), m->snapshot->map) != maps.end()) those.put(m);
+    if (maps.contains(m->snapshot->map)) those.put(m);
   }
   return those;
+}
+
+bool PlaceIndex::is_within(const MapSet& maps) const {
+  return std::ranges::all_of(maps_, [&](const IndexedMapPtr& m) { return maps.contains(m->snapshot->map); });
 }
 
 PictureForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {

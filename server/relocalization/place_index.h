@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "common/map/map_set.h"
 #include "common/map/snapshot.h"
 #include "server/relocalization/compact.h"
 #include "server/relocalization/indexed_keyframe.h"
@@ -69,7 +70,9 @@ class PlaceIndex {
   [[nodiscard]] const std::vector<IndexedMapPtr>& maps() const { return maps_; }
   [[nodiscard]] const IndexedMap* find(const MapId& map) const;
   /// Those of `maps` that are here.
-  [[nodiscard]] PlaceIndex only(std::span<const MapId> maps) const;
+  [[nodiscard]] PlaceIndex only(const MapSet& maps) const;
+  /// Whether only() would be the same.
+  [[nodiscard]] bool is_within(const MapSet& maps) const;
   [[nodiscard]] size_t keyframe_count() const { return keyframe_count_; }
   /// Keyframes that show a word.
   [[nodiscard]] uint32_t shown(WordId word) const { return shown_[word]; }

@@ -347,13 +347,15 @@ PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const
 
 PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const PlaceView& view,
                        const RelocOptions& options, const SearchScope& scope) {
+  // From here on there are no other maps.
+  if (!index.is_within(scope.maps))
+    return relocalize(index.only(scope.maps), camera, view, options, {MapSet::all(), scope.first});
   const bool has_first = !scope.first.empty();
-  if (scope.only && has_first) return relocalize(index.only(scope.first), camera, view, options);
   const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
   if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, picture.tiny);
   PlaceAnswer result;
   Inquiry inquiry(camera, view, options);
-  if (!has_first || !inquiry.search(index.only(scope.first), picture)) inquiry.search(index, picture);
+  if (!has_first || !inquiry.search(index.only(MapSet(scope.first)), picture)) inquiry.search(index, picture);
   const bool is_any_confirmed = inquiry.is_any_confirmed();
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {

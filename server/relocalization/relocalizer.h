@@ -6,6 +6,7 @@
 
 #include "common/geometry/camera.h"
 #include "common/image/place.h"
+#include "common/map/map_set.h"
 #include "common/map/place_answer.h"
 #include "server/relocalization/confirm.h"
 #include "server/relocalization/picture_search.h"
@@ -40,11 +41,13 @@ struct RelocOptions {
   double least_margin = 1.25;
 };
 
-/// Which maps a question is put to. The paper's method, which has one answer and nothing that confirms it,
-/// knows `only`.
+/// Which maps a question is put to.
 struct SearchScope {
-  std::vector<MapId> first;  ///< before the others; empty: all at once
-  bool only = false;  ///< `first`, unless that is empty, and no others; else these, unless a place is clear
+  /// Those that may be looked at. No others are searched, named in the answer, or rivals of what is.
+  MapSet maps = MapSet::all();
+  /// Of these, the ones that are searched before the others, which follow unless a place is clear; empty: all
+  /// at once. The paper's method, which has one answer and nothing that confirms it, goes by `maps` alone.
+  std::vector<MapId> first = {};
 };
 
 /// PlaceCandidate::score is the mean squared difference of the tiny images (kPaper) or their correlation, 1 =

@@ -336,23 +336,38 @@ TEST_F(RelocalizerTest, OnlyWhatIsInScopeIsSearched) {
   const auto ask = [&](const Scene& scene, const SearchScope& scope, const RelocOptions& options = {}) {
     return relocalize(index_, *scene.camera(), view_of(scene), options, scope);
   };
-  const PlaceAnswer clear = ask(scene(), {{here}, false});
+  const PlaceAnswer clear = ask(scene(), {.first = {here}});
   ASSERT_EQ(clear.verdict, PlaceVerdict::kConfirmed) << clear.reason;
   for (const PlaceCandidate& c : clear.candidates) EXPECT_EQ(c.map, here) << "clear: no other is tried";
-  const PlaceAnswer other = ask(places_->other_scene, {{here}, false});
+  const PlaceAnswer other = ask(places_->other_scene, {.first = {here}});
   ASSERT_EQ(other.verdict, PlaceVerdict::kConfirmed) << "the others follow";
   EXPECT_EQ(other.candidates.front().map, there);
   EXPECT_LE(other.candidates.size(), static_cast<size_t>(RelocOptions{}.shortlist));
 
-  EXPECT_EQ(ask(scene(), {{here}, true}).verdict, PlaceVerdict::kConfirmed);
-  EXPECT_EQ(ask(places_->other_scene, {{here}, true}).verdict, PlaceVerdict::kNotKnown);
-  EXPECT_EQ(ask(places_->other_scene, {{here, there}, true}).candidates.front().map, there);
-  EXPECT_EQ(ask(scene(), {{MapId{{77}}}, true}).verdict, PlaceVerdict::kNotKnown) << "a map that has gone";
-  EXPECT_EQ(ask(scene(), {{}, true}).verdict, PlaceVerdict::kConfirmed) << "no scope: all maps";
+  const auto within = [](std::vector<MapId> maps) { return SearchScope{.maps = MapSet(std::move(maps))}; };
+  EXPECT_EQ(ask(scene(), within({here})).verdict, PlaceVerdict::kConfirmed);
+  EXPECT_EQ(ask(places_->other_scene, within({here})).verdict, PlaceVerdict::kNotKnown);
+  EXPECT_EQ(ask(places_->other_scene, within({there, here})).candidates.front().map, there);
+  EXPECT_EQ(ask(scene(), within({MapId{{77}}})).verdict, PlaceVerdict::kNotKnown) << "a map that has gone";
+  const PlaceAnswer first_is_out = ask(places_->other_scene, {MapSet({here}), {there}});
+  EXPECT_EQ(first_is_out.verdict, PlaceVerdict::kNotKnown) << "what is first must be in the set all the same";
+  EXPECT_EQ(ask(scene(), {MapSet({here}), {there}}).verdict, PlaceVerdict::kConfirmed);
   RelocOptions paper;
   paper.method = RelocMethod::kPaper;
-  EXPECT_EQ(ask(places_->other_scene, {{here}, true}, paper).candidates.front().map, here);
-  EXPECT_EQ(ask(places_->other_scene, {{here}, false}, paper).candidates.front().map, there);
+  EXPECT_EQ(ask(places_->other_scene, within({here}), paper).candidates.front().map, here);
+  EXPECT_EQ(ask(places_->other_scene, {.first = {here}}, paper).candidates.front().map, there);
+}
+
+TEST_F(RelocalizerTest, TheEmptyScopeIsNoMap) {
+  const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
+  RelocOptions paper;
+  paper.method = RelocMethod::kPaper;
+  for (const RelocOptions& options : {RelocOptions{}, paper}) {
+    const PlaceAnswer answer =
+        relocalize(index_, *scene().camera(), view, options, {.maps = MapSet(std::vector<MapId>())});
+    EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);
+    EXPECT_TRUE(answer.candidates.empty());
+  }
 }
 
 TEST_F(RelocalizerTest, LightDoesNotMatter) {

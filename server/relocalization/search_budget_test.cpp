@@ -89,7 +89,7 @@ TEST_F(SearchBudgetTest, NotOfOneThatIsRefuted) {
 
 TEST_F(SearchBudgetTest, WhatIsLeftOfTheMapsSearchedFirstTakesNoLookFromTheOthers) {
   options_.least_margin = options_.least_peculiar = kAlways;
-  const PlaceAnswer answer = ask({decoys_, right_from_afar_}, {{decoys_->snapshot->map}, false});
+  const PlaceAnswer answer = ask({decoys_, right_from_afar_}, {.first = {decoys_->snapshot->map}});
   ASSERT_EQ(answer.verdict, PlaceVerdict::kConfirmed) << answer.reason;
   EXPECT_EQ(answer.candidates.front().map.bytes[0], kRightMap);
   EXPECT_EQ(ask({decoys_, right_from_afar_}).verdict, PlaceVerdict::kNotKnown)

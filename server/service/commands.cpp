@@ -243,12 +243,12 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   }
   client.camera_missed_at.reset();
   client.query_in_work = true;
-  const SearchScope scope = wearers_.scope(client.name, steady_clock::now());
+  const WearerRule::Search search = wearers_.search(client.name, MapSet::all(), steady_clock::now());
   lanes_.questions.submit([this, name = client.name, camera = best_known(client, message.camera, *announced),
-                           message = std::move(message), scope]() mutable {
+                           message = std::move(message), search]() mutable {
     const wire::CommandId command = message.command;
     try {
-      look_up(name, camera, std::move(message), scope);
+      look_up(name, camera, std::move(message), search);
     } catch (const std::exception& problem) {  // memory, a library
       post([this, name, command, why = std::string("internal error: ") + problem.what()] {
         on_query_answered(name, command, {PlaceVerdict::kNotThere, {}, why});
@@ -258,11 +258,12 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
 }
 
 void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
-                          const SearchScope& scope) {
-  const auto done = [this, client, command = message.command, scope](PlaceAnswer answer) {
-    post([this, client, command, scope, answer = std::move(answer)]() mutable {
+                          const WearerRule::Search& search) {
+  const auto done = [this, client, command = message.command, in_part = search.in_part](PlaceAnswer answer) {
+    post([this, client, command, in_part, answer = std::move(answer)]() mutable {
       const MonotonicTime now = steady_clock::now();
-      on_query_answered(client, command, wearers_.narrow(client, scope, std::move(answer), now));
+      on_query_answered(client, command,
+                        wearers_.narrow(client, MapSet::all(), in_part, std::move(answer), now));
     });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);
@@ -271,7 +272,7 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
   query.camera = camera;
   query.view.small.assign(**small);
   query.view.corners = std::move(message.corners);
-  query.scope = scope;
+  query.scope = search.scope;
   query.lockstep = message.lockstep;
   places_->ask(std::move(query), done);
 }

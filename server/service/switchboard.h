@@ -193,7 +193,7 @@ class Switchboard {
                                      const AnnouncedCamera& announced) const;
   /// On a worker of the questions.
   void look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
-               const SearchScope& scope);
+               const WearerRule::Search& search);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   // Labels (requests.cpp).
   void on_request(Client& client, const wire::ClientRequest& request);

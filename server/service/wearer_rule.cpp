@@ -52,7 +52,8 @@ std::string WearerRule::wearer_of(const std::string& client) const {
   return camera == cameras_.end() ? std::string() : camera->second.wearer;
 }
 
-std::vector<MapId> WearerRule::maps_of_others(const std::string& client, MonotonicTime now) const {
+std::vector<MapId> WearerRule::maps_of_others(const std::string& client, const MapSet& findable,
+                                              MonotonicTime now) const {
   std::vector<MapId> maps;
   const std::string wearer = wearer_of(client);
   if (wearer.empty()) return maps;
@@ -62,11 +63,14 @@ std::vector<MapId> WearerRule::maps_of_others(const std::string& client, Monoton
   }
   std::sort(maps.begin(), maps.end());
   maps.erase(std::unique(maps.begin(), maps.end()), maps.end());
-  return maps;
+  return findable.among(maps);
 }
 
-SearchScope WearerRule::scope(const std::string& client, MonotonicTime now) const {
-  return {maps_of_others(client, now), options_.policy == WearerPolicy::kOnly};
+WearerRule::Search WearerRule::search(const std::string& client, const MapSet& findable,
+                                      MonotonicTime now) const {
+  std::vector<MapId> maps = maps_of_others(client, findable, now);
+  if (!maps.empty() && options_.policy == WearerPolicy::kOnly) return {{MapSet(std::move(maps)), {}}, true};
+  return {{findable, std::move(maps)}, false};
 }
 
 int WearerRule::count_miss(const std::string& client, const std::vector<MapId>& maps, bool confirmed) {
@@ -77,12 +81,11 @@ int WearerRule::count_miss(const std::string& client, const std::vector<MapId>& 
   return camera.missed;
 }
 
-PlaceAnswer WearerRule::narrow(const std::string& client, const SearchScope& searched, PlaceAnswer found,
-                               MonotonicTime now) {
-  const std::vector<MapId> maps = maps_of_others(client, now);
+PlaceAnswer WearerRule::narrow(const std::string& client, const MapSet& findable, bool in_part,
+                               PlaceAnswer found, MonotonicTime now) {
+  const std::vector<MapId> maps = maps_of_others(client, findable, now);
   if (maps.empty()) {
-    const bool part_searched = searched.only && !searched.first.empty();
-    const bool is_open = part_searched && found.verdict == PlaceVerdict::kNotKnown;
+    const bool is_open = in_part && found.verdict == PlaceVerdict::kNotKnown;
     return is_open ? left_open(std::move(found)) : found;
   }
   // A guess names the one keyframe that is nearest in all that was searched: there is nothing to weigh.

@@ -60,12 +60,18 @@ class WearerRule {
   /// Empty: nobody in particular.
   [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
-  /// In which maps this client's question is answered, and in which first.
-  [[nodiscard]] SearchScope scope(const std::string& client, MonotonicTime now) const;
+  /// Where a client's question is looked into.
+  struct Search {
+    SearchScope scope;
+    bool in_part = false;  ///< not in all of the maps that the client may find itself in
+  };
+  /// `findable`: the maps in which the client may find itself. Of others it is told nothing, not even by
+  /// where it is looked for first.
+  [[nodiscard]] Search search(const std::string& client, const MapSet& findable, MonotonicTime now) const;
   /// What of the answer found counts for the client, as its wearer's other cameras are tracked by now.
-  /// `searched`: for what scope it was found. To be called once for each question.
-  [[nodiscard]] PlaceAnswer narrow(const std::string& client, const SearchScope& searched, PlaceAnswer found,
-                                   MonotonicTime now);
+  /// `in_part`: as it was searched. To be called once for each question.
+  [[nodiscard]] PlaceAnswer narrow(const std::string& client, const MapSet& findable, bool in_part,
+                                   PlaceAnswer found, MonotonicTime now);
 
  private:
   struct Camera {
@@ -76,7 +82,8 @@ class WearerRule {
     std::vector<MapId> missed_in;  ///< maps of the others in which it was not confirmed
     int missed = 0;                ///< questions in a row
   };
-  [[nodiscard]] std::vector<MapId> maps_of_others(const std::string& client, MonotonicTime now) const;
+  [[nodiscard]] std::vector<MapId> maps_of_others(const std::string& client, const MapSet& findable,
+                                                  MonotonicTime now) const;
   /// Counts the questions in a row that were not confirmed in `maps`; those until now.
   [[nodiscard]] int count_miss(const std::string& client, const std::vector<MapId>& maps, bool confirmed);
 

@@ -54,24 +54,29 @@ class WearerRuleTest : public ::testing::Test {
     see("hand", "anna", {});
   }
   PlaceAnswer told(PlaceAnswer found, const std::string& client = "hand") {
-    return rule_.narrow(client, rule_.scope(client, now_), std::move(found), now_);
+    const bool in_part = rule_.search(client, findable_, now_).in_part;
+    return rule_.narrow(client, findable_, in_part, std::move(found), now_);
+  }
+  std::vector<MapId> first(const std::string& client) const {
+    return rule_.search(client, findable_, now_).scope.first;
   }
   void use(WearerOptions options) { rule_ = WearerRule(std::move(options)); }
 
   WearerRule rule_{{}};
+  MapSet findable_ = MapSet::all();
   MonotonicTime now_{1h};
   int64_t frame_ = 0;
 };
 
 TEST_F(WearerRuleTest, TheMapOfAWearersOtherCameraIsSearchedFirst) {
   wear();
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk));
-  EXPECT_FALSE(rule_.scope("hand", now_).only);
-  EXPECT_THAT(rule_.scope("shoulder", now_).first, IsEmpty()) << "its own map says nothing new";
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk));
+  EXPECT_EQ(rule_.search("hand", findable_, now_).scope.maps, MapSet::all());
+  EXPECT_THAT(first("shoulder"), IsEmpty()) << "its own map says nothing new";
   see("head", "anna", kBench);
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk, kBench));
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk, kBench));
   see("head", "anna", kDesk);
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk)) << "each once";
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk)) << "each once";
 }
 
 TEST_F(WearerRuleTest, OthersAndWhoIsNobodysAreNotNarrowed) {
@@ -80,7 +85,7 @@ TEST_F(WearerRuleTest, OthersAndWhoIsNobodysAreNotNarrowed) {
   see("stray", "", {});
   see("other-stray", "", kDesk);
   for (const char* client : {"visitor", "stray", "never-heard-of"}) {
-    EXPECT_THAT(rule_.scope(client, now_).first, IsEmpty()) << client;
+    EXPECT_THAT(first(client), IsEmpty()) << client;
     EXPECT_THAT(maps_in(told(answer({place(kBench, 50)}), client)), ElementsAre(kBench)) << client;
   }
 }
@@ -88,15 +93,15 @@ TEST_F(WearerRuleTest, OthersAndWhoIsNobodysAreNotNarrowed) {
 TEST_F(WearerRuleTest, AProofCountsForHalfASecondAndOnlyWithANewPicture) {
   wear();
   now_ += WearerRule::kFresh;
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk));
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk));
   rule_.heard("shoulder", {"anna", kDesk, Timestamp{1}}, now_);  // the picture of half a second ago
   now_ += 1ms;
-  EXPECT_THAT(rule_.scope("hand", now_).first, IsEmpty()) << "its camera stands still, or is gone";
+  EXPECT_THAT(first("hand"), IsEmpty()) << "its camera stands still, or is gone";
   see("shoulder", "anna", kDesk);
   see("shoulder", "anna", {});
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk)) << "just lost: still the place";
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk)) << "just lost: still the place";
   rule_.left("shoulder");
-  EXPECT_THAT(rule_.scope("hand", now_).first, IsEmpty());
+  EXPECT_THAT(first("hand"), IsEmpty());
 }
 
 TEST_F(WearerRuleTest, AConfirmedPlaceInThatMapHidesLookAlikes) {
@@ -160,30 +165,45 @@ TEST_F(WearerRuleTest, NotKnownAnywhereIsSaidAtOnce) {
 TEST_F(WearerRuleTest, TheFirstToRecoverNarrowsAnswersThatAreOnTheirWay) {
   see("shoulder", "anna", {});
   see("hand", "anna", {});
-  const SearchScope asked = rule_.scope("hand", now_);
-  EXPECT_THAT(asked.first, IsEmpty());
+  EXPECT_THAT(first("hand"), IsEmpty());
   EXPECT_THAT(maps_in(told(answer({place(kBench, 50), place(kDesk, 40)}))), ElementsAre(kBench, kDesk));
   see("shoulder", "anna", kDesk);
-  EXPECT_THAT(maps_in(rule_.narrow("hand", asked, answer({place(kBench, 50), place(kDesk, 40)}), now_)),
-              ElementsAre(kDesk));
+  EXPECT_THAT(maps_in(told(answer({place(kBench, 50), place(kDesk, 40)}))), ElementsAre(kDesk));
 }
 
 TEST_F(WearerRuleTest, ThePapersRuleNeverLooksElsewhere) {
   use({WearerPolicy::kOnly, {}});
   see("hand", "anna", {});
-  EXPECT_THAT(rule_.scope("hand", now_).first, IsEmpty()) << "with all cameras lost, all maps";
+  EXPECT_THAT(first("hand"), IsEmpty());
+  EXPECT_EQ(rule_.search("hand", findable_, now_).scope.maps, MapSet::all()) << "with all cameras lost";
   wear();
-  const SearchScope asked = rule_.scope("hand", now_);
-  EXPECT_TRUE(asked.only);
+  const WearerRule::Search asked = rule_.search("hand", findable_, now_);
+  EXPECT_EQ(asked.scope.maps, MapSet({kDesk}));
+  EXPECT_TRUE(asked.in_part);
   for (int question = 0; question < 5; ++question) {
     EXPECT_EQ(told(answer({place(kDesk, 25, false)})).verdict, PlaceVerdict::kNotThere);
     EXPECT_THAT(maps_in(told(answer({place(kBench, 900), place(kDesk, 40)}))), ElementsAre(kDesk));
   }
   now_ += WearerRule::kFresh + 1ms;
-  EXPECT_EQ(rule_.narrow("hand", asked, answer({place(kDesk, 25, false)}), now_).verdict,
+  EXPECT_EQ(rule_.narrow("hand", findable_, asked.in_part, answer({place(kDesk, 25, false)}), now_).verdict,
             PlaceVerdict::kNotThere)
       << "only a part was searched";
   EXPECT_EQ(told(answer({place(kBench, 25, false)})).verdict, PlaceVerdict::kNotKnown);
+}
+
+TEST_F(WearerRuleTest, AMapThatAClientMayNotFindItselfInNarrowsNothing) {
+  for (const WearerPolicy policy : {WearerPolicy::kFirst, WearerPolicy::kOnly}) {
+    use({policy, {}});
+    wear(kRobot);
+    findable_ = MapSet({kDesk, kBench});
+    const WearerRule::Search search = rule_.search("hand", findable_, now_);
+    EXPECT_THAT(search.scope.first, IsEmpty()) << "the order would tell where the other camera is";
+    EXPECT_EQ(search.scope.maps, findable_);
+    EXPECT_FALSE(search.in_part);
+    EXPECT_THAT(maps_in(told(answer({place(kBench, 50)}))), ElementsAre(kBench));
+    see("shoulder", "anna", kDesk);
+    EXPECT_THAT(maps_in(told(answer({place(kBench, 50), place(kDesk, 40)}))), ElementsAre(kDesk));
+  }
 }
 
 TEST_F(WearerRuleTest, AGuessOfThePapersMethodIsLeftAsItIs) {
@@ -200,8 +220,8 @@ TEST_F(WearerRuleTest, WhereTheOperatorHasRegisteredClaimsDoNotCount) {
   see("shoulder", "", kDesk);
   see("hand", "", {});
   see("spy", "anna", {});
-  EXPECT_THAT(rule_.scope("hand", now_).first, ElementsAre(kDesk));
-  EXPECT_THAT(rule_.scope("spy", now_).first, IsEmpty());
+  EXPECT_THAT(first("hand"), ElementsAre(kDesk));
+  EXPECT_THAT(first("spy"), IsEmpty());
   EXPECT_EQ(rule_.wearer_of("hand"), "anna");
   EXPECT_EQ(rule_.wearer_of("spy"), "");
 }
