@@ -15,6 +15,7 @@
 #include "client/app/frame_loop.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
+#include "client/app/pictures/picture_link.h"
 #include "client/app/rig_link.h"
 #include "client/app/rig_pilot.h"
 #include "client/app/run_outputs.h"
@@ -230,7 +231,7 @@ Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const Fra
                                        " is no camera that a rig can move; a live one is, v4l2:, or "
                                        "sim:shoulder?rig=PATH");
   }
-  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log});
+  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log, options.rig_search});
 }
 
 void press(RigCommander& commander, RigKey key) {
@@ -252,26 +253,47 @@ void press(RigCommander& commander, RigKey key) {
   }
 }
 
+/// Null for who is nobody's. A camera without it is tracked all the same.
+std::unique_ptr<PictureLink> open_pictures(const TrackOptions& options, const CameraPtr& camera,
+                                           const Logger& log) {
+  if (options.wearer.empty()) return nullptr;
+  auto pictures = PictureLink::open({options.wearer, options.name, options.domain}, camera, log);
+  if (pictures) return *std::move(pictures);
+  log->warn("no pictures go between the cameras of wearer {}: {}", options.wearer, pictures.error().message);
+  return nullptr;
+}
+
+void show_others(ViewerLink& link, PictureLink& pictures) {
+  link.cameras = [&pictures] { return pictures.cameras(); };
+  link.choose_camera = [&pictures](const std::string& camera) { pictures.choose(camera); };
+  link.other = [&pictures] { return pictures.view(); };
+}
+
 ViewerLink viewer_link(Session& session, RigLink* rig = nullptr) {
   return {[&session](MapId map) { return session.labels(map); },
           [&session](wire::ClientRequest request) { session.send_request(std::move(request)); },
           [&session] { return session.take_request_replies(); },
           [rig](RigKey key) {
-            if (rig != nullptr) rig->with([key](RigCommander& commander) { press(commander, key); });
+            if (rig == nullptr) return;
+            if (key == RigKey::kStop) return rig->stop();
+            rig->with([key](RigCommander& commander) { press(commander, key); });
           }};
 }
 
 /// A window where there is a display and one is wanted; else null, and said why.
 std::unique_ptr<Viewer> open_viewer(const TrackOptions& options, const CameraPtr& camera, Session& session,
-                                    RigLink* rig, const Logger& log) {
+                                    RigLink* rig, PictureLink* pictures, const Logger& log) {
   if (options.headless) return nullptr;
   if (const std::string why = why_no_window(); !why.empty()) {
     log->info("no window: {}; running headless (--video shows the same)", why);
     return nullptr;
   }
-  return std::make_unique<Viewer>(camera, "cairn-track " + options.name,
-                                  ViewerOptions{!options.reader, rig != nullptr, options.makes_maps()},
-                                  viewer_link(session, rig), log);
+  ViewerLink link = viewer_link(session, rig);
+  if (pictures != nullptr) show_others(link, *pictures);
+  return std::make_unique<Viewer>(
+      camera, "cairn-track " + options.name,
+      ViewerOptions{!options.reader, rig != nullptr, options.makes_maps(), options.wearer}, std::move(link),
+      log);
 }
 
 /// All that is open while frames are tracked.
@@ -284,9 +306,10 @@ struct Run {
   bool keeps_camera;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
-  std::unique_ptr<RigLink> rig;    ///< may be null
-  std::unique_ptr<Viewer> viewer;  ///< may be null
-  std::vector<TimedLabel> labels;  ///< to be placed on the way
+  std::unique_ptr<RigLink> rig;           ///< may be null
+  std::unique_ptr<PictureLink> pictures;  ///< may be null
+  std::unique_ptr<Viewer> viewer;         ///< may be null
+  std::vector<TimedLabel> labels;         ///< to be placed on the way
 
   [[nodiscard]] bool stop_requested() const {
     return signals.stop_requested() || (viewer && viewer->quit_requested());
@@ -326,7 +349,8 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   auto rig = open_rig(options, **source, log);
   if (!rig) return tl::unexpected(rig.error());
   auto ahead = decode_ahead(std::move(*source), options, *camera, log, signals.stop_requested);
-  auto viewer = open_viewer(options, camera, **session, rig->get(), log);
+  auto pictures = open_pictures(options, camera, log);
+  auto viewer = open_viewer(options, camera, **session, rig->get(), pictures.get(), log);
   return Run{options,
              log,
              signals,
@@ -336,6 +360,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              std::move(ahead),
              std::move(*session),
              *std::move(rig),
+             std::move(pictures),
              std::move(viewer),
              std::move(*labels)};
 }
@@ -391,6 +416,7 @@ int track(Run& run) {
   std::vector<FrameObserver*> observers = {&stats};
   for (FrameObserver* output : outputs->observers()) observers.push_back(output);
   if (run.viewer) observers.push_back(run.viewer.get());
+  if (run.pictures) observers.push_back(run.pictures.get());
   std::optional<LabelPlacer> placer;
   if (run.options.labels)
     observers.push_back(&placer.emplace(run.labels, run.camera, viewer_link(*run.session), run.log));
@@ -434,6 +460,10 @@ int track(Run& run) {
     stats.note_rig(
         {run.options.rig, run.rig->describe(), counts.searches, counts.candidates, pilot->fixated()});
     run.rig->close();
+  }
+  if (run.pictures) {
+    run.pictures->close();
+    stats.note_pictures(run.pictures->summary());
   }
   if (placer) placer->finish();
   const Status kept = keeper ? keeper->finish(stop) : Status();

@@ -51,7 +51,7 @@ RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,
       poses_(std::move(poses)),
       states_(std::move(states)),
       waiter_(std::move(waiter)),
-      commander_(options.rig, options.name, random_session(), options.aim) {
+      commander_(options.rig, options.name, random_session(), options.aim, options.search) {
   pose_.client = client_id_from_name(options.name);
   pose_.session = random_session();
   thread_ = std::thread([this] { run(); });
@@ -70,6 +70,11 @@ void RigLink::on_frame(const FrameReport& report) {
   last_frame_ = steady_clock::now();
 }
 
+void RigLink::stop() {
+  with([](RigCommander& commander) { commander.stop(); });
+  waiter_.wake();
+}
+
 void RigLink::close() {
   if (!thread_.joinable()) return;
   with([](RigCommander& commander) { commander.close(); });
@@ -84,10 +89,13 @@ void RigLink::run() {
     turn();
 }
 
-/// States come faster than orders go.
+/// States come faster than orders go. A stop does not wait until one is due.
 void RigLink::turn() {
   const auto end = steady_clock::now() + kPeriod;
-  for (auto left = kPeriod; left > left.zero();
+  const auto is_urgent = [this] {
+    return with([](RigCommander& commander) { return commander.is_urgent(); });
+  };
+  for (auto left = kPeriod; left > left.zero() && !is_urgent();
        left = std::chrono::ceil<milliseconds>(end - steady_clock::now())) {
     (void)waiter_.wait(left);
     wire::take_all(states_, [this](wire::Sample<wire::RigState>& sample) {

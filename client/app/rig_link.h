@@ -26,6 +26,7 @@ struct RigLinkOptions {
   int domain = 0;
   RigAim aim = RigAim::kFollow;
   Logger log = null_logger();
+  wire::RigSearchPattern search = wire::RigSearchPattern::kSpiral;
 };
 
 /// The line to the rig of this host, with a thread of its own: orders are said 50 times a second, whatever
@@ -50,6 +51,8 @@ class RigLink final : public FrameObserver {
     const std::lock_guard lock(mutex_);
     return task(commander_);
   }
+  /// Emergency stop: said at once, not when an order is due.
+  void stop();
   [[nodiscard]] std::string describe();
   /// Of the IMU that sits with the camera on the rig's head.
   [[nodiscard]] ImuStream& imu() { return imu_; }

@@ -83,5 +83,57 @@ TEST_F(RigLinkTest, SamplesOfTheRigAreForTheTrackerOnceItKnowsHowTheImuSits) {
   EXPECT_THAT(said_.str(), HasSubstr("its gyro is used"));
 }
 
+TEST_F(RigLinkTest, AStopIsSaidAtOnceAndOrdersOnlyToWhoIsThere) {
+  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::rig_partition("shoulder")).value();
+  std::vector<wire::RigCommand> heard;
+  const auto hear = [&] {
+    for (const auto& sample : orders.take()) {
+      if (sample.message) heard.push_back(*sample.message);
+    }
+    return !heard.empty();
+  };
+  link_->stop();
+  EXPECT_FALSE(link_->with([](RigCommander& commander) { return commander.aim() != RigAim::kFollow; }));
+  for (const auto deadline = steady_clock::now() + 60s; !hear() && steady_clock::now() < deadline;)
+    std::this_thread::sleep_for(1ms);
+  ASSERT_FALSE(heard.empty()) << "also to a rig that is not heard";
+  EXPECT_EQ(heard.front().mode, wire::RigMode::kStop);
+  EXPECT_EQ(heard.front().commander, "tracker");
+  heard.clear();
+  state_.stopped = true;
+  ASSERT_TRUE(until([&] { return hear() && heard.back().mode == wire::RigMode::kIdle; })) << "it is obeyed";
+}
+
+TEST_F(RigLinkTest, ATrackerWithoutFramesIsNoCommanderAndOneThatClosesLetsTheDrivesGo) {
+  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::rig_partition("shoulder")).value();
+  std::optional<wire::RigCommand> last;
+  int heard = 0;
+  const auto hear = [&] {
+    for (const auto& sample : orders.take()) {
+      if (!sample.message) continue;
+      last = *sample.message;
+      ++heard;
+    }
+    return last && last->mode == wire::RigMode::kFollow;
+  };
+  for (auto& axis : state_.axes) axis.condition = wire::RigAxisCondition::kActive;
+  ASSERT_TRUE(until(hear));
+  const Frame frame;
+  const FrameResult result;
+  const MapSnapshotPtr snapshot;
+  const LabelListPtr labels;
+  link_->on_frame({0, frame, result, FrameState::kLost, snapshot, labels, {}, {}, {}, {}, {}, {}});
+  auto silent_since = steady_clock::now();
+  ASSERT_TRUE(until([&] {
+    const int before = heard;
+    (void)hear();
+    if (heard != before) silent_since = steady_clock::now();
+    return steady_clock::now() - silent_since > 500ms;
+  })) << "two seconds without a frame";
+  link_->close();
+  (void)hear();
+  EXPECT_EQ(last->mode, wire::RigMode::kIdle);
+}
+
 }  // namespace
 }  // namespace cairn

@@ -2,9 +2,8 @@
 #include "client/app/rig_pilot.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
-
-#include "client/app/label_view.h"
 
 namespace cairn {
 
@@ -17,36 +16,47 @@ void RigPilot::on_frame(const FrameReport& report) {
     wants = commander.wants();
   });
   if (std::exchange(wants_, wants) != wants || aim != RigAim::kFixate ||
-      (tracked && report.result.map != map_))
+      (tracked && report.result.map != map_)) {
     point_.reset();
-  if (aim == RigAim::kFixate && tracked && !point_) {
-    point_ = choose(report);
-    map_ = report.result.map;
+    chosen_.reset();
   }
-  RigSight sight{report.frame.time, tracked, report.state == FrameState::kLost, report.result.on_trial, {}};
+  if (aim == RigAim::kFixate && tracked) {
+    map_ = report.result.map;
+    if (!chosen_) choose(report);
+    follow(report);
+  }
+  RigSight sight{report.frame.time,      tracked, report.state == FrameState::kLost,
+                 report.result.on_trial, {},      {}};
+  sight.map = report.result.map;
   sight.lost = sight.lost || (report.state == FrameState::kStarting && !options_.makes_maps);
   if (tracked && point_) sight.target = report.result.camera_from_map * *point_;
   with_([&sight](RigCommander& commander) { commander.see(sight); });
 }
 
-/// In the map: the label's place, or the point that was found nearest to the middle of the picture.
-std::optional<Eigen::Vector3d> RigPilot::choose(const FrameReport& report) const {
+/// The point that was found nearest to the middle of the picture.
+void RigPilot::choose(const FrameReport& report) {
+  if (!options_.label.empty() || !report.snapshot || report.snapshot->map != report.result.map) return;
+  const Eigen::Vector2d middle(0.5 * (camera_->width() - 1), 0.5 * (camera_->height() - 1));
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const TrackedPoint& point : report.result.points) {
+    const double off = (point.pixel.cast<double>() - middle).squaredNorm();
+    if (!point.found || off >= nearest || !report.snapshot->find(point.id)) continue;
+    nearest = off;
+    chosen_ = point.id;
+  }
+}
+
+/// Adjustments of the map move both points and labels. What has gone from the map is still where it was.
+void RigPilot::follow(const FrameReport& report) {
   if (!options_.label.empty()) {
-    if (!report.labels) return std::nullopt;
+    if (!report.labels) return;
     const auto found = std::find_if(report.labels->begin(), report.labels->end(),
                                     [this](const Label& label) { return label.text == options_.label; });
-    if (found == report.labels->end()) return std::nullopt;
-    return found->map_from_label.translation();
+    if (found != report.labels->end()) point_ = found->map_from_label.translation();
+  } else if (chosen_ && report.snapshot && report.snapshot->map == report.result.map) {
+    if (const auto slot = report.snapshot->find(*chosen_))
+      point_ = report.snapshot->point_blocks[static_cast<size_t>(slot->block)]->position(slot->slot);
   }
-  if (!report.snapshot || report.snapshot->map != report.result.map) return std::nullopt;
-  const SE3& camera_from_map = report.result.camera_from_map;
-  const auto seen = seen_points(report.result.points, *report.snapshot, camera_from_map);
-  const Eigen::Vector2d middle(0.5 * (camera_->width() - 1), 0.5 * (camera_->height() - 1));
-  const auto off = [&](const SeenPoint& point) { return (point.pixel - middle).squaredNorm(); };
-  const auto nearest = std::min_element(
-      seen.begin(), seen.end(), [&](const SeenPoint& a, const SeenPoint& b) { return off(a) < off(b); });
-  if (nearest == seen.end()) return std::nullopt;
-  return camera_from_map.inverse() * nearest->position;
 }
 
 void RigPilot::on_place_answer(const PlaceReport& report) {

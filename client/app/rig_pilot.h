@@ -34,12 +34,14 @@ class RigPilot final : public FrameObserver {
   [[nodiscard]] const std::optional<Eigen::Vector3d>& fixated() const { return point_; }
 
  private:
-  [[nodiscard]] std::optional<Eigen::Vector3d> choose(const FrameReport& report) const;
+  void choose(const FrameReport& report);
+  void follow(const FrameReport& report);
 
   CameraPtr camera_;
   RigPilotOptions options_;
   With with_;
-  std::optional<Eigen::Vector3d> point_;  ///< of map_
+  std::optional<PointId> chosen_;         ///< of map_, unless a label is fixated
+  std::optional<Eigen::Vector3d> point_;  ///< of map_, where its newest revision has it
   MapId map_;
   int wants_ = 0;  ///< point_ is of that one
 };

@@ -207,6 +207,12 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
                    {"candidates", rig_->candidates}};
     if (const auto& point = rig_->fixated) json["rig"]["fixated"] = {point->x(), point->y(), point->z()};
   }
+  if (pictures_) {
+    json["pictures"] = {{"sent", pictures_->sent},
+                        {"received", pictures_->received},
+                        {"asked_s", std::chrono::duration<double>(pictures_->asked).count()},
+                        {"cpu_ms", std::chrono::duration<double, std::milli>(pictures_->cpu).count()}};
+  }
   json["summary"] = {
       {"tracked_share", tracked_share()},
       {"on_time_share", on_time_share()},

@@ -66,6 +66,7 @@ struct Words {
   std::string video;
   std::string labels;
   std::string rig_mode;
+  std::string rig_search;
   std::string imu;
   std::optional<double> imu_time_offset;
   bool verbose = false;
@@ -131,7 +132,7 @@ void declare(CLI::App& app, Words& words) {
       ->type_name("NAME");
   app.add_option("--wearer", options.wearer,
                  "who wears the camera: where another of the wearer's cameras is tracked, this one is looked "
-                 "for first")
+                 "for first; on one host the window shows the others' pictures too (key o)")
       ->check(check_name)
       ->type_name("NAME");
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
@@ -172,6 +173,11 @@ void declare(CLI::App& app, Words& words) {
          "neutral: ahead, as the wearer points it, no search; follow: level, slowly with the wearer; "
          "lock: the direction it has; fixate: the map point in the middle of the picture; search [follow]")
       ->check(CLI::IsMember({"neutral", "follow", "lock", "fixate", "search"}));
+  app.add_option("--rig-search", words.rig_search,
+                 "how the rig of a lost camera searches after the directions where maps were tracked last: "
+                 "spiral around where it began, or raster, in rows [spiral]")
+      ->check(CLI::IsMember({"spiral", "raster"}))
+      ->type_name("PATTERN");
   app.add_option("--fixate", options.fixated_label, "with --rig-mode fixate: the label of that text")
       ->type_name("LABEL");
   app.add_flag("-v,--verbose", words.verbose, "more words");
@@ -192,6 +198,7 @@ std::optional<std::string> misuse_of_rig(const Words& words) {
   const TrackOptions& options = words.options;
   if (options.rig.empty()) {
     if (!words.rig_mode.empty()) return "--rig-mode: only with --rig NAME, whose mode it is";
+    if (!words.rig_search.empty()) return "--rig-search: only with --rig NAME, which searches";
     if (!options.fixated_label.empty()) return "--fixate: only with --rig NAME, which is to look there";
     return std::nullopt;
   }
@@ -238,6 +245,7 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
     options.imu.clock_offset = std::chrono::nanoseconds(std::llround(1e9 * *words.imu_time_offset));
   options.pace = kPaces.at(words.pace);
   if (!words.rig_mode.empty()) options.rig_aim = kRigAims.at(words.rig_mode);
+  options.rig_search = wire::parse_rig_search(words.rig_search).value_or(options.rig_search);
   options.trajectory = path_or_nothing(words.trajectory);
   options.stats = path_or_nothing(words.stats);
   options.video = path_or_nothing(words.video);

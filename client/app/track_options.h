@@ -43,6 +43,7 @@ struct TrackOptions {
   std::optional<std::filesystem::path> labels;  ///< to be placed at given times, without a window
   std::string rig;                              ///< name of the rig that carries the camera; empty: none
   RigAim rig_aim = RigAim::kFollow;
+  wire::RigSearchPattern rig_search = wire::RigSearchPattern::kSpiral;
   std::string fixated_label;  ///< text; empty: what is in the middle of the picture
   ImuRequest imu;
   int verbosity = 0;  ///< as make_logger()

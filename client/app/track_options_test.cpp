@@ -55,6 +55,10 @@ TEST(TrackOptions, ARigIsCommandedInRealTime) {
   EXPECT_EQ(options.rig_aim, RigAim::kFixate);
   EXPECT_EQ(options.fixated_label, "kettle");
   EXPECT_EQ(good({"--rig", "shoulder"}).rig_aim, RigAim::kFollow);
+  EXPECT_EQ(good({"--rig", "shoulder"}).rig_search, wire::RigSearchPattern::kSpiral);
+  EXPECT_EQ(good({"--rig", "shoulder", "--rig-search", "raster"}).rig_search,
+            wire::RigSearchPattern::kRaster);
+  EXPECT_THAT(wrong({"--rig", "shoulder", "--rig-search", "zigzag"}), HasSubstr("zigzag"));
   EXPECT_THAT(wrong({"--rig", "shoulder", "--pace", "lockstep"}), HasSubstr("realtime"));
   EXPECT_THAT(wrong({"--rig", "Shoulder!"}), HasSubstr("Shoulder!"));
   EXPECT_THAT(wrong({"--rig-mode", "lock"}), HasSubstr("--rig-mode: only with --rig"));

@@ -18,8 +18,10 @@ constexpr milliseconds kCandidateTime{400};  // to be verified, from when its pi
 constexpr milliseconds kKept{3000};          // directions
 constexpr milliseconds kNear{50};            // between stamps of a frame and of a direction
 constexpr milliseconds kAnew{1000};          // until an order that was refused or given up is given again
-constexpr milliseconds kGone{1000};          // of silence
-constexpr milliseconds kTurned{3000};        // after homing, to look ahead
+constexpr milliseconds kGone{1000};          // of silence,
+constexpr int kMissedStates = 10;            // and no fewer states than that, of a rig whose clock is slowed
+constexpr std::chrono::seconds kLongestGap{1};  // between two of them
+constexpr milliseconds kTurned{3000};           // after homing, to look ahead
 constexpr int kPercent = 100;
 
 RigMode mode_of(RigAim aim) {
@@ -39,8 +41,9 @@ std::string_view to_string(RigAim aim) {
   return wire::name_of(mode_of(aim));
 }
 
-RigCommander::RigCommander(std::string rig, std::string name, SessionId session, RigAim aim)
-    : rig_(std::move(rig)), name_(std::move(name)), aim_(aim) {
+RigCommander::RigCommander(std::string rig, std::string name, SessionId session, RigAim aim,
+                           wire::RigSearchPattern pattern)
+    : rig_(std::move(rig)), name_(std::move(name)), aim_(aim), pattern_(pattern) {
   order_.order.session = session;
 }
 
@@ -69,14 +72,19 @@ void RigCommander::close() {
 }
 
 void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
+  if (state_) gaps_ = {gaps_[1], now - heard_};
+  if (state_ && state.time < state_->time) {  // the host's clock was set back
+    ordered_ = std::min(ordered_, state.time);
+    if (turns_ahead_until_) turns_ahead_until_ = state.time + kTurned;
+  }
   state_ = state;
   heard_ = now;
   rests_ = rests_ || state.stopped;
   if (clear_asked_ && !state.stopped && !is_faulted()) clear_asked_ = false;
   if (is_any(RigAxisCondition::kUnknown) || is_any(RigAxisCondition::kHoming)) {
-    turns_ahead_until_ = now + kTurned;
+    turns_ahead_until_ = state.time + kTurned;
   } else if (state.mode == RigMode::kNeutral && state.on_target) {
-    turns_ahead_until_ = {};
+    turns_ahead_until_.reset();
   }
   if (!state.has_imu || !state.imu.attitude_known) return;
   if (!views_.empty() && state.imu.time < views_.back().time)
@@ -97,12 +105,24 @@ std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp time) const 
   return after->direction;
 }
 
+void RigCommander::remember(MapId map, const Eigen::Vector3d& direction) {
+  const auto known = std::find_if(seen_at_.begin(), seen_at_.end(),
+                                  [map](const Heading& heading) { return heading.map == map; });
+  if (known != seen_at_.end()) {
+    known->direction = direction;
+    std::rotate(seen_at_.begin(), known, known + 1);
+    return;
+  }
+  seen_at_.insert(seen_at_.begin(), {map, direction});
+  if (seen_at_.size() > wire::kMaxFurtherDirections + 1) seen_at_.pop_back();
+}
+
 void RigCommander::see(const RigSight& sight) {
   if (sight.target) sighting_ = sight;
   if (sight.tracked) {
     lost_since_.reset();
     looking_ = Looking::kNot;
-    if (const auto direction = direction_at(sight.time)) seen_at_ = direction;
+    if (const auto direction = direction_at(sight.time)) remember(sight.map, *direction);
     return;
   }
   if (!sight.lost) {
@@ -143,7 +163,8 @@ bool RigCommander::is_any(RigAxisCondition condition) const {
 }
 
 bool RigCommander::is_heard(MonotonicTime now) const {
-  return state_ && now - heard_ <= kGone;
+  const auto gap = std::min<std::chrono::nanoseconds>(std::min(gaps_[0], gaps_[1]), kLongestGap);
+  return state_ && now - heard_ <= std::max<std::chrono::nanoseconds>(kGone, kMissedStates * gap);
 }
 
 wire::RigCommand RigCommander::aimed() const {
@@ -154,9 +175,13 @@ wire::RigCommand RigCommander::aimed() const {
     order.target = candidate_at_;
   } else if (looking_ == Looking::kSearching || aim_ == RigAim::kSearch) {
     // Who is found is not led away.
-    const bool is_found = !lost_since_ && seen_at_;
+    const bool is_found = !lost_since_ && !seen_at_.empty();
     order.mode = is_found ? RigMode::kLock : RigMode::kSearch;
-    if (seen_at_ && !is_found) order.target = *seen_at_;
+    order.pattern = pattern_;
+    if (is_found || seen_at_.empty()) return order;
+    order.target = seen_at_.front().direction;
+    for (auto heading = seen_at_.begin() + 1; heading != seen_at_.end(); ++heading)
+      order.further.push_back(heading->direction);
   } else if (aim_ == RigAim::kFixate && sighting_) {
     order.target = *sighting_->target;
     order.seen = sighting_->time;
@@ -174,7 +199,7 @@ wire::RigCommand RigCommander::wanted() const {
     order.mode = RigMode::kIdle;
   } else if (is_any(RigAxisCondition::kUnknown) || is_any(RigAxisCondition::kHoming)) {
     order.mode = RigMode::kHome;
-  } else if (heard_ < turns_ahead_until_) {  // homing ends where the stops are
+  } else if (turns_ahead_until_ && state_->time < *turns_ahead_until_) {  // homing ends where the stops are
     order.mode = RigMode::kNeutral;
   } else {
     order = aimed();
@@ -183,8 +208,8 @@ wire::RigCommand RigCommander::wanted() const {
 }
 
 /// An order that was refused, or of which nothing is done any more. An axis with a fault waits for a person.
-bool RigCommander::is_due_again(const wire::RigCommand& order, MonotonicTime now) const {
-  if (now - ordered_ < kAnew || !state_) return false;
+bool RigCommander::is_due_again(const wire::RigCommand& order) const {
+  if (!state_ || state_->time - ordered_ < kAnew) return false;
   const bool is_judged = state_->order == order_.order;
   if (!is_judged && state_->order.session == order_.order.session) return false;  // it will be
   if (is_judged && !state_->refusal.empty()) return true;
@@ -202,12 +227,13 @@ std::optional<wire::RigCommand> RigCommander::command(MonotonicTime now) {
   // A search begins where it is told to; what moves then is no other order. Nor is a sighting.
   const bool is_other_target = order.mode == RigMode::kLock && order.target != order_.target;
   const bool is_new =
-      order_.order.seq == 0 || order.mode != order_.mode || is_other_target || is_due_again(order, now);
+      order_.order.seq == 0 || order.mode != order_.mode || is_other_target || is_due_again(order);
   if (is_new) {
     ++order.order.seq;
-    ordered_ = now;
+    ordered_ = state_ ? state_->time : Timestamp();
   } else if (order.mode == RigMode::kSearch) {
     order.target = order_.target;
+    order.further = order_.further;
   }
   order_ = order;
   return order;

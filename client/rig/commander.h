@@ -2,13 +2,17 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
+#include <chrono>
 #include <cstdint>
 #include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/base/time.h"
+#include "common/map/ids.h"
 #include "common/wire/rig_messages.h"
 
 namespace cairn {
@@ -23,18 +27,21 @@ struct RigSight {
   bool tracked = false;                   ///< its pose is known
   bool lost = false;                      ///< it is not, and the camera is looked for in maps
   bool on_trial = false;                  ///< a pose is being verified
+  MapId map;                              ///< that it is tracked in
   std::optional<Eigen::Vector3d> target;  ///< to be fixated, as the camera saw it
 };
 
 /// The tracker of a rig's camera as the rig's commander: what it says of frames and what a person wants go
 /// in, an order comes out, to be said again as long as it holds. A rig that is not homed is homed first.
-/// While the camera is lost the rig searches, first where the camera looked when it was tracked last; it
-/// looks at a place that is being verified, goes on if that fails, and when the camera is found it is as it
-/// was. Only *neutral* leaves the camera where the wearer points it. Pure; one thread.
+/// While the camera is lost the rig searches, first where the camera looked when it was tracked last, then
+/// where it was tracked last in each map before that; it looks at a place that is being verified, goes on if
+/// that fails, and when the camera is found it is as it was. Only *neutral* leaves the camera where the
+/// wearer points it. Pure; one thread.
 class RigCommander {
  public:
   /// Names of rig and commander; `session` is this process's.
-  RigCommander(std::string rig, std::string name, SessionId session, RigAim aim);
+  RigCommander(std::string rig, std::string name, SessionId session, RigAim aim,
+               wire::RigSearchPattern pattern = wire::RigSearchPattern::kSpiral);
 
   void want(RigAim aim);
   /// Emergency stop, whoever commands the rig, until clear(). After a stop, whoever asked for it, nothing
@@ -52,6 +59,8 @@ class RigCommander {
 
   /// What is to be said now, 20 times a second or more; nothing while there is nobody to hear it.
   [[nodiscard]] std::optional<wire::RigCommand> command(MonotonicTime now);
+  /// A stop was asked for that was not said yet.
+  [[nodiscard]] bool is_urgent() const { return stop_asked_ && order_.mode != wire::RigMode::kStop; }
   /// For a person: what the rig does, or what keeps it from that.
   [[nodiscard]] std::string describe(MonotonicTime now) const;
   /// After close(): whether nothing is left to be said.
@@ -72,10 +81,16 @@ class RigCommander {
     Eigen::Vector3d direction;  ///< in the rig's world
   };
 
+  struct Heading {
+    MapId map;
+    Eigen::Vector3d direction;  ///< in the rig's world
+  };
+
+  void remember(MapId map, const Eigen::Vector3d& direction);
   [[nodiscard]] wire::RigCommand wanted() const;
   [[nodiscard]] wire::RigCommand aimed() const;
   [[nodiscard]] std::optional<Eigen::Vector3d> direction_at(Timestamp time) const;
-  [[nodiscard]] bool is_due_again(const wire::RigCommand& order, MonotonicTime now) const;
+  [[nodiscard]] bool is_due_again(const wire::RigCommand& order) const;
   [[nodiscard]] bool is_faulted() const;
   [[nodiscard]] bool is_any(wire::RigAxisCondition condition) const;  ///< of the axes
   [[nodiscard]] bool is_heard(MonotonicTime now) const;
@@ -83,6 +98,7 @@ class RigCommander {
   std::string rig_;
   std::string name_;
   RigAim aim_;
+  wire::RigSearchPattern pattern_;
   Looking looking_ = Looking::kNot;
   bool stop_asked_ = false;
   bool clear_asked_ = false;
@@ -90,15 +106,16 @@ class RigCommander {
   bool rests_ = false;  ///< was stopped: a person begins anew
   std::optional<Timestamp> lost_since_;
   std::optional<Timestamp> candidate_since_;
-  std::optional<Eigen::Vector3d> seen_at_;  ///< where the camera looked when it was tracked last
+  std::vector<Heading> seen_at_;  ///< where the camera looked when it was tracked last in a map, newest first
   Eigen::Vector3d candidate_at_ = Eigen::Vector3d::Zero();
   std::optional<RigSight> sighting_;  ///< the newest that has the target
   std::deque<View> views_;            ///< of the last seconds
   std::optional<wire::RigState> state_;
   MonotonicTime heard_;
-  MonotonicTime turns_ahead_until_;  ///< homed just now
-  wire::RigCommand order_;           ///< said last; of number 0: none
-  MonotonicTime ordered_;            ///< when it was said first
+  std::array<std::chrono::nanoseconds, 2> gaps_{};  ///< between the last states, by our clock
+  std::optional<Timestamp> turns_ahead_until_;      ///< homed just now; by the rig's clock
+  wire::RigCommand order_;                          ///< said last; of number 0: none
+  Timestamp ordered_;  ///< when it was said first, by the rig's clock, which may be a slowed one
   Counts counts_;
   int wants_ = 0;
 };

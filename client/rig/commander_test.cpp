@@ -11,6 +11,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using Eigen::Vector3d;
+using ::testing::DoubleNear;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using wire::RigAxisCondition;
 using wire::RigMode;
@@ -24,8 +26,9 @@ class Commander : public ::testing::Test {
   }
   /// What the rig hears.
   std::optional<wire::RigCommand> step(RigCommander& commander) {
-    now_ += 10ms;
-    rig_.time = rig_.imu.time = {now_.time_since_epoch().count()};
+    now_ += slower_ * 10ms;
+    host_ = host_ + 10ms;
+    rig_.time = rig_.imu.time = host_;
     rig_.has_imu = rig_.imu.attitude_known = true;
     rig_.imu.world_from_head = Eigen::AngleAxisd(heading_, Vector3d::UnitZ());
     if (is_there_) commander.hear(rig_, now_);
@@ -45,7 +48,7 @@ class Commander : public ::testing::Test {
     std::optional<wire::RigCommand> order;
     for (; time > 0ms; time -= 10ms) {
       order = step(commander);
-      sight.time = {now_.time_since_epoch().count()};
+      sight.time = host_;
       commander.see(sight);
     }
     order = step(commander);
@@ -53,7 +56,7 @@ class Commander : public ::testing::Test {
     return order.value_or(wire::RigCommand());
   }
   [[nodiscard]] RigCommander make(RigAim aim) const { return {"shoulder", "eye", {7}, aim}; }
-  [[nodiscard]] Timestamp time() const { return {now_.time_since_epoch().count()}; }
+  [[nodiscard]] Timestamp time() const { return host_; }
 
   const RigSight tracked_ = [] {
     RigSight sight;
@@ -66,6 +69,8 @@ class Commander : public ::testing::Test {
     return sight;
   }();
   MonotonicTime now_{std::chrono::hours(1)};
+  Timestamp host_{int64_t{3'600'000'000'000}};  ///< of frames and the rig
+  int slower_ = 1;                              ///< than now_ it goes
   wire::RigState rig_;
   double heading_ = 0;
   bool is_there_ = true;
@@ -129,6 +134,33 @@ TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThen
   EXPECT_EQ(commander.counts().candidates, 2);
 }
 
+TEST_F(Commander, ASearchGoesOnWhereEachMapWasSeenLastTheNewestFirst) {
+  RigCommander commander("shoulder", "eye", {7}, RigAim::kFollow, wire::RigSearchPattern::kRaster);
+  const auto tracked_in = [&](uint8_t map, double heading) {
+    RigSight sight = tracked_;
+    sight.map.bytes[0] = map;
+    heading_ = heading;
+    (void)after(commander, sight, 100ms);
+  };
+  tracked_in(1, 0.1);
+  tracked_in(2, 0.2);
+  tracked_in(1, 0.3);
+  const auto headings = [](const wire::RigCommand& order) {
+    std::vector<double> all = {std::atan2(order.target.y(), order.target.x())};
+    for (const Vector3d& direction : order.further) all.push_back(std::atan2(direction.y(), direction.x()));
+    return all;
+  };
+  const auto search = after(commander, lost_, 400ms);
+  EXPECT_EQ(search.mode, RigMode::kSearch);
+  EXPECT_EQ(search.pattern, wire::RigSearchPattern::kRaster);
+  EXPECT_THAT(headings(search), ElementsAre(DoubleNear(0.3, 1e-9), DoubleNear(0.2, 1e-9)));
+  for (uint8_t map = 1; map <= 20; ++map) tracked_in(map, 0.1 * map);
+  const auto bounded = headings(after(commander, lost_, 400ms));
+  ASSERT_EQ(bounded.size(), wire::kMaxFurtherDirections + 1);
+  EXPECT_NEAR(bounded.front(), 2.0, 1e-9);
+  EXPECT_NEAR(bounded.back(), 1.3, 1e-9);
+}
+
 TEST_F(Commander, NeutralLeavesTheCameraToTheWearerAndSearchHoldsWhatItFinds) {
   RigCommander neutral = make(RigAim::kNeutral);
   EXPECT_EQ(after(neutral, lost_, 1000ms).mode, RigMode::kNeutral);
@@ -149,7 +181,7 @@ TEST_F(Commander, ASightingIsToldWithTheStampOfItsPictureAndIsNoNewOrder) {
   sight.target = Vector3d(0.1, 0, 2);
   const auto order = after(commander, sight, 200ms);
   EXPECT_EQ(order.target, *sight.target);
-  EXPECT_EQ(order.seen.nanoseconds, (now_ - 10ms).time_since_epoch().count());
+  EXPECT_EQ(order.seen.nanoseconds, host_.nanoseconds - 10'000'000);
   EXPECT_EQ(orders_, 0);
 }
 
@@ -191,6 +223,39 @@ TEST_F(Commander, WhatIsRefusedIsToldAndTriedAgainAndAFaultWaitsForAPerson) {
   EXPECT_THAT(commander.describe(now_), HasSubstr("pan does not follow"));
 }
 
+TEST_F(Commander, TimesAreThoseOfTheRigsClockAlsoWhereThatIsSlowed) {
+  slower_ = 50;  // half a second between states
+  RigCommander commander = make(RigAim::kLock);
+  set(RigAxisCondition::kHoming);
+  (void)after(commander, tracked_, 100ms);
+  set(RigAxisCondition::kIdle);
+  EXPECT_EQ(after(commander, tracked_, 2900ms).mode, RigMode::kNeutral) << "it looks ahead for three seconds";
+  EXPECT_EQ(after(commander, tracked_, 200ms).mode, RigMode::kLock);
+  rig_.refusal = "the rig is commanded by operator-1";
+  orders_ = 0;
+  (void)after(commander, tracked_, 3000ms);
+  EXPECT_GE(orders_, 2) << "once a second";
+  EXPECT_LE(orders_, 4);
+  now_ += 4s;
+  EXPECT_TRUE(commander.command(now_)) << "eight states are late";
+  now_ += 10s;
+  EXPECT_THAT(commander.describe(now_), HasSubstr("silent"));
+  slower_ = 1;
+  (void)after(commander, tracked_, 100ms);
+  now_ += 1500ms;
+  EXPECT_THAT(commander.describe(now_), HasSubstr("silent")) << "after states that came fast again";
+}
+
+TEST_F(Commander, AClockThatWasSetBackHoldsUpNoOrder) {
+  RigCommander commander = make(RigAim::kLock);
+  (void)after(commander, tracked_, 100ms);
+  rig_.refusal = "no";
+  host_ = host_ + -30min;
+  orders_ = 0;
+  (void)after(commander, tracked_, 2500ms);
+  EXPECT_GE(orders_, 2);
+}
+
 TEST_F(Commander, AStopIsSaidToARigThatIsNotHeard) {
   RigCommander commander = make(RigAim::kLock);
   is_there_ = false;
@@ -212,7 +277,7 @@ TEST_F(Commander, WhatHaltedAfterTheOrderOfAnotherIsOrderedAgain) {
 TEST_F(Commander, DirectionsOfAClockThatWasSetBackAreForgotten) {
   RigCommander commander = make(RigAim::kFollow);
   (void)after(commander, tracked_, 500ms);
-  now_ -= 10s;
+  host_ = host_ + -10s;
   heading_ = 1;
   (void)after(commander, tracked_, 100ms);
   const auto order = after(commander, lost_, 600ms);

@@ -58,6 +58,18 @@ TEST(Configuration, NoProfileHasPeersSayHowMuchIsPutTogether) {
   }
 }
 
+TEST(Configuration, TheCamerasOfAWearerArePeersOfEachOtherAndOfNobodyElse) {
+  ParticipantOptions options = client_of(7);
+  options.role = Role::kWearerCamera;
+  const std::string xml = make_configuration(options, kOnThisHost, 2).value();
+  EXPECT_THAT(xml, HasSubstr("<ParticipantIndex>62</ParticipantIndex>"));
+  for (const char* port : {"9280", "9284", "9294"})
+    EXPECT_THAT(xml, HasSubstr("<Peer address=\"127.0.0.1:" + std::string(port) + "\" />"));
+  EXPECT_THAT(xml, Not(HasSubstr(":9160\"")));
+  EXPECT_THAT(xml, Not(HasSubstr(":9260\"")));
+  EXPECT_LT(wearer_port(7, kMaxWearerCameras - 1) + 1, server_port(8) - 10) << "of the next domain";
+}
+
 /// Only what is woken by no packet, and waits for none, ends when the address is gone.
 TEST(Configuration, ClosingNeedsNoAddressOfOurs) {
   const std::string xml = make_configuration(client_of(0), kOnThisHost).value();

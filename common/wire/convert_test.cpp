@@ -28,11 +28,11 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 template <typename Message>
 class RoundTrip : public ::testing::Test {};
-using AllMessages =
-    ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus, MapInfo,
-                     PointPatches, PointPositions, KeyframePoses, MapCommit, SeedVerdict, OfferVerdict,
-                     RelocQuery, RelocAnswer, CameraEstimate, ClientRequest, ClientReply, LabelMessage,
-                     AdminRequest, AdminReply, RigCommand, RigState>;
+using AllMessages = ::testing::Types<CameraMessage, MapSeed, KeyframeOffer, TrackerStateMessage, ServerStatus,
+                                     MapInfo, PointPatches, PointPositions, KeyframePoses, MapCommit,
+                                     SeedVerdict, OfferVerdict, RelocQuery, RelocAnswer, CameraEstimate,
+                                     ClientRequest, ClientReply, LabelMessage, AdminRequest, AdminReply,
+                                     RigCommand, RigState, WearerCamera, PictureRequest, CameraPicture>;
 TYPED_TEST_SUITE(RoundTrip, AllMessages);
 
 TYPED_TEST(RoundTrip, KeepsEveryMember) {
@@ -232,6 +232,9 @@ TEST(Validation, RigCommand) {
   command.refuses("NaN angle", [](auto& m) { m.angles[0] = kNan; });
   command.refuses("many turns", [](auto& m) { m.angles[1] = 1e3; });
   command.refuses("infinite rate", [](auto& m) { m.rates[1] = -kInfinity; });
+  command.refuses("unknown pattern", [](auto& m) { m.pattern = static_cast<RigSearchPattern>(2); });
+  command.refuses("too many directions", [](auto& m) { m.further.assign(8, Eigen::Vector3d::UnitX()); });
+  command.refuses("NaN direction", [](auto& m) { m.further.assign(2, {1, kNan, 0}); });
 }
 
 TEST(RigMode, EveryOneHasAWord) {
@@ -434,6 +437,42 @@ TEST(Sizes, TheLargestLegalMessageIsSentAndTaken) {
   EXPECT_LT(internal::payload_bytes<MapSeed>(sample) * 21 / 20, internal::kMaxSampleBytes);
   seed.first_image.bytes.push_back(0);
   EXPECT_FALSE(decode<MapSeed>(encode(seed, &scratch)).has_value()) << "it was not the largest";
+}
+
+TEST(Validation, WearersCameras) {
+  const Spoiler<WearerCamera> camera;
+  camera.refuses("no name", [](auto& m) { m.name.clear(); });
+  camera.refuses("no pixels", [](auto& m) { m.height = 0; });
+  camera.refuses("huge", [](auto& m) { m.width = 4097; });
+  const Spoiler<PictureRequest> request;
+  request.refuses("nobody", [](auto& m) { m.name.clear(); });
+  request.refuses("of every camera", [](auto& m) { m.camera = "*"; });
+  const Spoiler<CameraPicture> picture;
+  picture.refuses("no name", [](auto& m) { m.name = "Anna B."; });
+  picture.refuses("time of no clock", [](auto& m) { m.time = kNoTime; });
+  picture.refuses("unknown state", [](auto& m) { m.state = static_cast<TrackingState>(5); });
+  picture.refuses("name too long", [](auto& m) { m.map.assign(129, 'x'); });
+  picture.refuses("control character", [](auto& m) { m.note = "a\nb"; });
+  picture.refuses("no JPEG", [](auto& m) {
+    m.picture = {ImageEncoding::kRaw, 2, 2, std::vector<uint8_t>(4)};
+  });
+  picture.refuses("empty", [](auto& m) { m.picture.bytes.clear(); });
+  picture.refuses("wide", [](auto& m) { m.picture.width = kMaxPictureSide + 1; });
+  picture.refuses("more than a datagram", [](auto& m) {
+    m.picture.width = m.picture.height = kMaxPictureSide;
+    m.picture.bytes.resize(kMaxPictureBytes + 1);
+  });
+}
+
+TEST(Sizes, APictureIsOneDatagramOfTheLoopbackProfile) {
+  CameraPicture picture;
+  picture.name.assign(32, 'x');
+  picture.map.assign(internal::kMaxNameBytes, 'x');
+  picture.note.assign(kMaxPictureNote, 'x');
+  picture.picture = {ImageEncoding::kJpeg, kMaxPictureSide, kMaxPictureSide,
+                     std::vector<uint8_t>(kMaxPictureBytes)};
+  Scratch scratch;
+  EXPECT_LT(internal::payload_bytes<CameraPicture>(encode(picture, &scratch)), 64'000U);
 }
 
 TEST(Sizes, StateSamplesStayBelow64kB) {

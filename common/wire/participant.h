@@ -13,8 +13,9 @@ namespace cairn::wire {
 
 /// The network is a star: the server stands at a known port and has no peers; clients have the server as
 /// their only peer. A rig stands at a known port of its own, is a client of the server, and has clients too:
-/// those who command it.
-enum class Role : uint8_t { kServer, kClient, kRig, kRigClient };
+/// those who command it. The cameras of one wearer on one host are peers of each other, on the loopback
+/// interface, and of nobody else.
+enum class Role : uint8_t { kServer, kClient, kRig, kRigClient, kWearerCamera };
 
 constexpr uint32_t kMaxDomain = 230;  ///< ports are 7400 + 250 * domain + ...; 16 bits end there
 
@@ -41,6 +42,14 @@ struct ParticipantOptions {
 constexpr uint16_t kRigIndex = 50;  ///< above those that ROS 2's programs take
 [[nodiscard]] constexpr uint16_t rig_port(uint32_t domain) {
   return static_cast<uint16_t>(server_port(domain) + 2 * kRigIndex);
+}
+
+/// UDP ports at which the cameras of wearers listen to those of the same wearer; each takes the first free
+/// one of its host.
+constexpr uint16_t kFirstWearerIndex = 60;
+constexpr uint16_t kMaxWearerCameras = 8;  ///< on a host, in a domain
+[[nodiscard]] constexpr uint16_t wearer_port(uint32_t domain, uint16_t place) {
+  return static_cast<uint16_t>(server_port(domain) + 2 * (kFirstWearerIndex + place));
 }
 
 /// Between which addresses a participant speaks; as they are in use, or would be.
@@ -71,7 +80,7 @@ class Participant {
  public:
   /// Joins the domain with a configuration of its own making; the environment (CYCLONEDDS_URI) has no say.
   /// The other end need not be there. Errors: those of find_path(), kRefused (role server and its port in
-  /// this domain is taken).
+  /// this domain is taken; role wearer's camera and all places are).
   [[nodiscard]] static Result<Participant> create(const ParticipantOptions& options);
 
   [[nodiscard]] Traffic traffic() const;

@@ -75,6 +75,33 @@ TEST_F(WireTest, ClientsDoNotDiscoverEachOther) {
   EXPECT_EQ(seen.size(), 2U) << "the server's two readers, and none of bob's";
 }
 
+TEST_F(WireTest, TheCamerasOfAWearerHearEachOtherAndNoOtherWearers) {
+  const Participant server = this->server();  // of a domain of our own
+  const auto camera_of = [&](const std::string& wearer) {
+    ParticipantOptions options;
+    options.role = Role::kWearerCamera;
+    options.domain = domain_;
+    options.tag = "wearer." + wearer;
+    return Participant::create(options).value();
+  };
+  const Participant hand = camera_of("ada");
+  const Participant shoulder = camera_of("ada");
+  const Participant other = camera_of("bob");
+  auto picture = random_.make<CameraPicture>();
+  picture.picture.bytes.resize(kMaxPictureBytes / 16, 7);
+  auto pictures = writer<CameraPicture>(shoulder, wearer_partition("ada"));
+  auto seen = reader<CameraPicture>(hand, wearer_partition("ada"));
+  auto overheard = reader<CameraPicture>(other, "*");
+  auto at_server = reader<CameraPicture>(server, "*");
+  ASSERT_TRUE(eventually([&] { return pictures.matched() == 1 && seen.matched() == 1; }));
+  ASSERT_TRUE(pictures.write(picture));
+  const auto samples = collect(&seen, 1);
+  ASSERT_EQ(samples.size(), 1U);
+  EXPECT_TRUE(testing::same(*samples[0].message, picture));
+  EXPECT_FALSE(eventually(
+      [&] { return pictures.matched() > 1 || overheard.matched() + at_server.matched() > 0; }, 1200ms));
+}
+
 TEST_F(WireTest, EitherMayStartFirst) {
   { const Participant reserve = this->server(); }  // finds a free domain
   const Participant client = this->client();

@@ -7,6 +7,7 @@ namespace {
 constexpr std::string_view kClientPrefix = "client.";
 constexpr std::string_view kOperatorPrefix = "operator.";
 constexpr std::string_view kRigPrefix = "rig.";
+constexpr std::string_view kWearerPrefix = "wearer.";
 constexpr std::string_view kMapInfix = ".map.";
 
 }  // namespace
@@ -21,6 +22,10 @@ std::string operator_partition(std::string_view name) {
 
 std::string rig_partition(std::string_view name) {
   return std::string(kRigPrefix).append(name);
+}
+
+std::string wearer_partition(std::string_view name) {
+  return std::string(kWearerPrefix).append(name);
 }
 
 std::optional<std::string> parse_operator_partition(std::string_view partition) {

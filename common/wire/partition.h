@@ -27,6 +27,9 @@ constexpr std::string_view kEveryOperator = "operator.*";
 constexpr std::string_view kEveryRig = "rig.*";
 [[nodiscard]] std::string rig_partition(std::string_view name);
 
+/// Where the cameras of one wearer on one host speak and listen: `wearer.<name>`.
+[[nodiscard]] std::string wearer_partition(std::string_view name);
+
 /// `client.<name>.map.<map>`.
 [[nodiscard]] std::string map_partition(std::string_view name, const MapId& map);
 

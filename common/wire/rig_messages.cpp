@@ -23,4 +23,10 @@ std::optional<RigMode> parse_rig_mode(std::string_view name) {
   return static_cast<RigMode>(found - kNames.begin());
 }
 
+std::optional<RigSearchPattern> parse_rig_search(std::string_view name) {
+  if (name == "spiral") return RigSearchPattern::kSpiral;
+  if (name == "raster") return RigSearchPattern::kRaster;
+  return std::nullopt;
+}
+
 }  // namespace cairn::wire

@@ -38,6 +38,16 @@ inline constexpr RigMode kLastRigMode = RigMode::kClearStop;
 [[nodiscard]] std::string_view name_of(RigMode mode);
 [[nodiscard]] std::optional<RigMode> parse_rig_mode(std::string_view name);
 
+/// In what order a search looks at what is not ranked.
+enum class RigSearchPattern : uint8_t {
+  kSpiral = 0,  ///< around where it began
+  kRaster = 1,  ///< in rows
+};
+inline constexpr RigSearchPattern kLastRigSearchPattern = RigSearchPattern::kRaster;
+/// "spiral", "raster".
+[[nodiscard]] std::optional<RigSearchPattern> parse_rig_search(std::string_view name);
+inline constexpr size_t kMaxFurtherDirections = 7;
+
 /// Topic RigCommand: a commander's order. It is said again and again, at 20 Hz or more, as long as it holds:
 /// a rig without a commander lets its drives go. An order is carried out when its number is new; said again,
 /// it moves the target and nothing else, so that drives that were let go do not start by themselves.
@@ -53,6 +63,10 @@ struct RigCommand {
   Timestamp seen;                  ///< fixate: when the picture was taken, by the host's clock
   std::array<double, 2> angles{};  ///< saccade [rad]
   std::array<double, 2> rates{};   ///< jog [rad/s]
+  RigSearchPattern pattern = RigSearchPattern::kSpiral;
+  /// Search: where to look after `target`, the likeliest first, at most kMaxFurtherDirections. When the order
+  /// is new.
+  std::vector<Eigen::Vector3d> further;
 };
 
 enum class RigAxisCondition : uint8_t {

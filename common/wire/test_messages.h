@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/wire/messages.h"
+#include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
 
 /// Random but valid messages, and member-by-member comparison, for the tests of the wire.
@@ -58,12 +59,15 @@ CAIRN_MEMBERS(Label, a, b, c, d, e, f)
 CAIRN_MEMBERS(LabelMessage, a, b, c)
 CAIRN_MEMBERS(AdminRequest, a, b, c, d)
 CAIRN_MEMBERS(AdminReply, a, b, c, d, e)
-CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g, h)
+CAIRN_MEMBERS(RigCommand, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(RigAxisState, a, b, c, d, e)
 CAIRN_MEMBERS(RigImu, a, b, c, d, e, f)
 CAIRN_MEMBERS(RigCameraClock, a, b, c)
 CAIRN_MEMBERS(RigImuSample, a, b, c)
 CAIRN_MEMBERS(RigState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v, w, x)
+CAIRN_MEMBERS(WearerCamera, a, b, c)
+CAIRN_MEMBERS(PictureRequest, a, b)
+CAIRN_MEMBERS(CameraPicture, a, b, c, d, e, f)
 #undef CAIRN_MEMBERS
 
 /// Equal in every member; poses up to the rounding of one normalisation.
@@ -392,7 +396,9 @@ inline RigCommand RandomMessages::make() {
           vector(5).cast<double>(),
           {static_cast<int64_t>(number(0, 1) << 61)},
           {uniform(-1, 1), uniform(-1, 1)},
-          {uniform(-3, 3), uniform(-3, 3)}};
+          {uniform(-3, 3), uniform(-3, 3)},
+          static_cast<RigSearchPattern>(number(0, 1)),
+          std::vector<Eigen::Vector3d>(number(0, 7), vector(3).cast<double>())};
 }
 template <>
 inline RigAxisState RandomMessages::make() {
@@ -432,6 +438,26 @@ inline RigState RandomMessages::make() {
           perhaps(),
           coin() ? std::optional(static_cast<int64_t>(number(0, 99))) : std::nullopt,
           perhaps()};
+}
+template <>
+inline WearerCamera RandomMessages::make() {
+  return {"camera-" + std::to_string(number(0, 99)), static_cast<uint32_t>(number(1, 4096)),
+          static_cast<uint32_t>(number(1, 4096))};
+}
+template <>
+inline PictureRequest RandomMessages::make() {
+  return {"viewer-" + std::to_string(number(0, 99)), coin() ? "" : "camera-" + std::to_string(number(0, 99))};
+}
+template <>
+inline CameraPicture RandomMessages::make() {
+  ImageMessage picture = image(64, 48);
+  picture.encoding = ImageEncoding::kJpeg;
+  return {"camera-" + std::to_string(number(0, 99)),
+          {static_cast<int64_t>(number(0, 1) << 61)},
+          static_cast<TrackingState>(number(0, 4)),
+          text(30),
+          text(60),
+          std::move(picture)};
 }
 
 }  // namespace cairn::wire::testing

@@ -43,6 +43,9 @@ CAIRN_WIRE_TOPIC(AdminRequest, AdminRequest, kCommand)
 CAIRN_WIRE_TOPIC(AdminReply, AdminReply, kState)
 CAIRN_WIRE_TOPIC(RigCommand, RigCommand, kOrder)
 CAIRN_WIRE_TOPIC(RigState, RigState, kStream)
+CAIRN_WIRE_TOPIC(WearerCamera, WearerCamera, kState)
+CAIRN_WIRE_TOPIC(PictureRequest, PictureRequest, kStream)
+CAIRN_WIRE_TOPIC(CameraPicture, CameraPicture, kStream)
 #undef CAIRN_WIRE_TOPIC
 
 }  // namespace

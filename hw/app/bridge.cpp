@@ -40,6 +40,17 @@ std::string cut(const std::string& text, size_t most = wire::kMaxRigText) {
   return std::string(cut_text(one_line(text), std::min(most, wire::kMaxRigText)));
 }
 
+/// What is told of where to begin is ranked.
+pointing::Search search_of(const wire::RigCommand& command) {
+  pointing::Search search;
+  if (command.pattern == wire::RigSearchPattern::kRaster) search.pattern = pointing::Search::Pattern::kRaster;
+  if (!command.target.isZero(0)) search.ranked.push_back(command.target);
+  for (const Eigen::Vector3d& direction : command.further) {
+    if (!direction.isZero(0)) search.ranked.push_back(direction);
+  }
+  return search;
+}
+
 }  // namespace
 
 RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
@@ -163,7 +174,7 @@ Pointing RigBridge::pointing_of(const wire::RigCommand& command) const {
     case RigMode::kSaccade:
       return pointing::Saccade{direction, {command.angles[0], command.angles[1]}};
     case RigMode::kSearch:
-      return direction ? pointing::Search{.ranked = {*direction}} : pointing::Search{};
+      return search_of(command);
     default:
       return pointing::Neutral{{configuration_.axes[0].neutral, configuration_.axes[1].neutral}};
   }

@@ -248,6 +248,35 @@ TEST_F(Bridge, EachModeIsToldOnAndItsTargetMovesWithoutAnotherOrder) {
   EXPECT_NEAR(bench_.state().axes[0].position - before, 0.5, 0.02);
 }
 
+TEST_F(Bridge, ASearchLooksAtRankedDirectionsFirstAndThenAsItIsTold) {
+  ASSERT_NO_FATAL_FAILURE(begin());
+  const auto heading = [](double pan) { return Eigen::Vector3d(std::cos(pan), std::sin(pan), 0); };
+  auto search = order_of(1, 3, RigMode::kSearch);
+  search.target = heading(0.6);
+  search.further = {heading(-0.6)};
+  bench_.order(search);
+  const auto looks_at = [&](double pan) {
+    return bench_.until(
+        [&](const RigState& state) {
+          return std::abs(state.axes[0].position - pan) < 0.25 && state.on_target;
+        },
+        3s);
+  };
+  EXPECT_TRUE(looks_at(0.6));
+  EXPECT_TRUE(looks_at(-0.6)) << "then at the second";
+  const auto has_looked = [](const RigState& state) { return state.looked_at > 0.6F; };
+  ASSERT_TRUE(bench_.until(has_looked, 10s));
+  const auto goes_on = [&](uint64_t number, wire::RigSearchPattern pattern) {
+    auto anew = order_of(1, number, RigMode::kSearch);
+    anew.pattern = pattern;
+    bench_.order(anew);
+    bench_.pass(50ms);
+    return has_looked(bench_.state());
+  };
+  EXPECT_TRUE(goes_on(4, wire::RigSearchPattern::kSpiral));
+  EXPECT_FALSE(goes_on(5, wire::RigSearchPattern::kRaster)) << "another order of places: looked at anew";
+}
+
 TEST_F(Bridge, WhatTheCameraSeesIsFixated) {
   ASSERT_NO_FATAL_FAILURE(begin());
   auto fixate = order_of(1, 3, RigMode::kFixate);

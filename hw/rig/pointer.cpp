@@ -85,11 +85,12 @@ Status Pointer::aim(const Pointing& pointing) {
   // Said again, a mode moves its target and does not begin anew.
   const auto again = pointing_ && pointing_->index() == pointing.index();
   const auto* lock = std::get_if<pointing::Lock>(&pointing);
-  begun_ = again && begun_ && (lock == nullptr || !lock->direction.has_value()) &&
+  const auto* search = std::get_if<pointing::Search>(&pointing);
+  const bool is_other_search = search != nullptr && plan_ && !plan_->is_for(*search);
+  begun_ = again && begun_ && (lock == nullptr || !lock->direction.has_value()) && !is_other_search &&
            !std::holds_alternative<pointing::Saccade>(pointing);
   pointing_ = pointing;
-  if (const auto* search = std::get_if<pointing::Search>(&pointing); search != nullptr && plan_)
-    plan_->rank(search->ranked);
+  if (search != nullptr && plan_ && !is_other_search) plan_->rank(search->ranked);
   return {};
 }
 

@@ -33,6 +33,7 @@ constexpr const char* kFooter =
     "  cairnctl rig shoulder mode home\n"
     "  cairnctl rig shoulder mode neutral --for 10\n"
     "  cairnctl rig shoulder mode saccade --angles 20 -5\n"
+    "  cairnctl rig shoulder mode search --pattern raster\n"
     "  cairnctl rig shoulder state --at wearable-3";
 
 struct Words {
@@ -42,6 +43,7 @@ struct Words {
   std::vector<double> angles{0, 0};  ///< [deg]
   std::vector<double> rates{0, 0};   ///< [deg/s]
   std::vector<double> direction{0, 0, 0};
+  std::string pattern = "spiral";
   double seconds = 0;  ///< 0: until it is interrupted
 };
 
@@ -157,6 +159,7 @@ Status order(const RigClientOptions& network, bool as_json, RigMode mode, const 
     command.rates.at(i) = words.rates.at(i) * kDegree;
   }
   command.target = Eigen::Vector3d(words.direction.data());
+  command.pattern = wire::parse_rig_search(words.pattern).value_or(wire::RigSearchPattern::kSpiral);
   const auto done = client->give(command);
   if (!done) return tl::unexpected(done.error());
   if (done->drives_idle) {
@@ -243,8 +246,11 @@ void describe_rig(CLI::App* app, RigAction* action) {
   mode->add_option("--angles", words->angles, "saccade: pan and tilt [deg]")->expected(2);
   mode->add_option("--rates", words->rates, "jog: of pan and tilt [deg/s]")->expected(2);
   mode->add_option("--direction", words->direction,
-                   "lock: of the world, z up [where the camera looks at that moment]")
+                   "lock, search: of the world, z up [where the camera looks at that moment]")
       ->expected(3);
+  mode->add_option("--pattern", words->pattern, "search: spiral around where it begins, or raster, in rows")
+      ->check(CLI::IsMember({"spiral", "raster"}))
+      ->capture_default_str();
   mode->callback(does([words](const RigClientOptions& network, bool as_json) {
     return order(network, as_json, wire::parse_rig_mode(words->mode).value_or(RigMode::kIdle), *words);
   }));

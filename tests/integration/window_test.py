@@ -10,6 +10,7 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
@@ -121,6 +122,88 @@ class Window(OnTheDesk):
         self.assertNotIn("window is lost", viewer.said)
         self.assertLess(json.loads(stats.read_text())["frames_total"], self.FRAMES, "it did not end by itself")
         self.assertEqual(self.labels(), [("hi", "viewer")])
+
+
+@unittest.skipUnless(shutil.which("Xvfb") and shutil.which("xdotool"), "apt-get install xvfb xdotool")
+class Pictures(unittest.TestCase):
+    """Two trackers of one wearer on this host: the window of the one shows what the other sees."""
+
+    def setUp(self):
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        self.folder = pathlib.Path(scratch.name)
+        self.heard = {}
+        self.server = ServerProcess()
+        self.addCleanup(self.server.__exit__)
+        self.screen = Screen()
+        self.addCleanup(self.screen.close)
+
+    def open(self, name, *more):
+        arguments = command("cairn-track", "--source", "sim:desk?frames=9000", "--domain", self.server.domain, "--name", name,
+                            "--role", "reader", "--wearer", "ada", "--stats", self.folder / f"{name}.json", *more)
+        tracker = Viewer(self.screen, arguments)
+        self.addCleanup(tracker.close)
+        return tracker
+
+    def hears(self, tracker, words, seconds):
+        """Whether it says so, after what it was heard to say before."""
+        deadline = time.monotonic() + seconds
+        while (place := tracker.said.find(words, self.heard.get(tracker, 0))) < 0:
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.02)
+        self.heard[tracker] = place + len(words)
+        return True
+
+    def wait_for(self, *what):
+        for tracker, words in what:
+            self.assertTrue(self.hears(tracker, words, LIMIT), f"{words} is missing in:\n{tracker.said}")
+
+    def show_the_other(self, viewer):
+        deadline = time.monotonic() + LIMIT
+        while not viewer.window():
+            self.assertLess(time.monotonic(), deadline, viewer.said)
+            time.sleep(0.05)
+        viewer.press("o")
+        while not self.hears(viewer, "camera shoulder of wearer ada", 3):  # the window had not heard of it yet
+            self.assertLess(time.monotonic(), deadline, viewer.said)
+            viewer.press("o")
+
+    def test_pictures_come_while_they_are_asked_for_and_who_dies_is_missed(self):
+        shoulder = self.open("shoulder", "--headless")
+        self.wait_for((shoulder, "client 'shoulder'"))
+        viewer = self.open("viewer")
+        begin = time.monotonic()
+        self.show_the_other(viewer)
+        self.wait_for((viewer, "shows its pictures"), (shoulder, "pictures of this camera go to viewer"))
+        time.sleep(1)
+        viewer.press("o")
+        self.wait_for((shoulder, "nobody asks for pictures of this camera any more; "))
+        self.assert_sent(shoulder, time.monotonic() - begin)
+
+        begin = time.monotonic()
+        self.show_the_other(viewer)
+        self.wait_for((shoulder, "pictures of this camera go to viewer"))
+        viewer.process.kill()
+        self.wait_for((shoulder, "nobody asks for pictures of this camera any more; "))
+        self.assert_sent(shoulder, time.monotonic() - begin)
+        viewer.process.wait()
+
+        viewer = self.open("viewer")
+        self.show_the_other(viewer)
+        self.wait_for((viewer, "shows its pictures"))
+        shoulder.process.kill()
+        self.wait_for((viewer, "has given no picture for a second"), (viewer, "is not there"))
+        viewer.press("q")
+        self.assertEqual(viewer.process.wait(timeout=LIMIT), 0, viewer.said)
+        pictures = json.loads((self.folder / "viewer.json").read_text())["pictures"]
+        self.assertGreater(pictures["received"], 0)
+        self.assertEqual((pictures["sent"], pictures["cpu_ms"]), (0, 0), "nobody asked for the viewer's")
+
+    def assert_sent(self, tracker, seconds):
+        sent = int(tracker.said[self.heard[tracker]:].split()[0])
+        self.assertGreater(sent, 0)
+        self.assertLessEqual(sent, 10 * seconds + 2, "ten a second at most")
 
 
 if __name__ == "__main__":

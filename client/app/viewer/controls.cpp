@@ -13,6 +13,7 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::seconds kMessageTime{4};
+constexpr int kStopKey = 0xffc9;  // X11's F12: no letter of a label, and no program's own key
 
 }  // namespace
 
@@ -23,7 +24,8 @@ std::vector<std::string> ViewerControls::help() {
           "n   new map",
           "f   freeze the view, and go on",
           "p   show points, and hide them",
-          "space   of a rig: emergency stop; c clears it, and faults",
+          "o   another camera of the wearer, the next one, and back",
+          "space   of a rig: emergency stop, F12 also while a label is typed; c clears it, and faults",
           "a w l t s   of a rig: ahead, with the wearer, lock, fixate the middle, search",
           "h   this help",
           "q   quit"};
@@ -33,8 +35,16 @@ void ViewerControls::show(OverlayFrame frame) {
   (frozen_ && frame_ ? missed_ : frame_) = std::move(frame);
 }
 
+void ViewerControls::show_others(std::vector<std::string> cameras, OtherView view) {
+  cameras_ = std::move(cameras);
+  if (view.camera != wanted_) return;  // it was asked for just now
+  if (!frozen_ || view.camera != other_.camera) other_ = std::move(view);
+}
+
 void ViewerControls::press(int key_code, MonotonicTime now) {
-  if (typing_) {
+  if (key_code == kStopKey && options_.has_rig) {
+    (void)command_rig(' ', now);
+  } else if (typing_) {
     if (const auto stroke = stroke_of(key_code)) type(*stroke, now);
   } else if (key_code == 0x1b || key_code == 0xff1b) {
     selected_ = {};
@@ -76,9 +86,11 @@ void ViewerControls::command(char key, MonotonicTime now) {
       wishes_.new_map = true;
       return say(options_.may_make_maps ? "new map: move the camera sideways" : "looking for a map", now);
     case 'f':
-      frozen_ = !frozen_;
-      if (!frozen_ && missed_) frame_ = std::exchange(missed_, std::nullopt);
+      if (frozen_) return go_on();
+      frozen_ = true;
       return;
+    case 'o':
+      return switch_camera(now);
     case 'p':
       points_shown_ = !points_shown_;
       return;
@@ -93,6 +105,37 @@ void ViewerControls::command(char key, MonotonicTime now) {
   }
 }
 
+/// With the newest frame.
+void ViewerControls::go_on() {
+  frozen_ = false;
+  if (missed_) frame_ = std::exchange(missed_, std::nullopt);
+}
+
+/// In the order of names, after the last of them this camera.
+void ViewerControls::switch_camera(MonotonicTime now) {
+  go_on();
+  const auto next = std::upper_bound(cameras_.begin(), cameras_.end(), wanted_);
+  if (next != cameras_.end()) {
+    wanted_ = *next;
+    other_ = {};
+    other_.camera = wanted_;
+    other_.is_there = true;
+    const auto place = next - cameras_.begin() + 1;
+    return say(wanted_ +
+                   (cameras_.size() > 1
+                        ? ", camera " + std::to_string(place) + " of " + std::to_string(cameras_.size())
+                        : "") +
+                   ": o goes on",
+               now);
+  }
+  const bool was_other = !std::exchange(wanted_, {}).empty();
+  other_ = {};
+  if (was_other) return say("this camera", now);
+  say(options_.wearer.empty() ? "no other camera: pass --wearer NAME to this tracker and to the other's"
+                              : "no other camera of wearer " + options_.wearer + " on this host",
+      now);
+}
+
 void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now) {
   if (typing_) {
     const auto keys = lay_out_keyboard(picture, typing_->entry.shifted());
@@ -100,6 +143,8 @@ void ViewerControls::touch(cv::Point point, cv::Size picture, int scale, Monoton
     return;
   }
   if (std::exchange(help_shown_, false) || !frame_) return;
+  if (!wanted_.empty())
+    return say("the picture of " + wanted_ + ": labels are put in this camera's, o goes on", now);
   const cv::Size area(camera_->width() * scale, camera_->height() * scale);
   if (!cv::Rect({0, 0}, area).contains(point)) return;
   const auto boxes = lay_out_labels(labels_in_view(*frame_, camera()), area, scale, painter_);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "client/app/overlay.h"
+#include "client/app/pictures/picture_choice.h"
 #include "client/app/text_painter.h"
 #include "client/app/viewer/text_entry.h"
 #include "client/session/session.h"
@@ -31,6 +32,7 @@ struct ViewerOptions {
   bool may_label = true;  ///< --role reader: no
   bool has_rig = false;
   bool may_make_maps = true;  ///< else the key for a new map looks for one of the server's
+  std::string wearer = {};    ///< whose other cameras may be shown; empty: nobody's
 };
 
 /// The window's behaviour: what keys and touches do. Pure; knows nothing of a window system. Used from one
@@ -47,6 +49,8 @@ class ViewerControls {
   /// `scale` times.
   void touch(cv::Point point, cv::Size picture, int scale, MonotonicTime now);
   void replied(const RequestReply& reply, MonotonicTime now);
+  /// Names of the wearer's other cameras, and what has come of the one that is wanted. A frozen view stays.
+  void show_others(std::vector<std::string> cameras, OtherView view);
 
   /// What has been wished for since the last call.
   [[nodiscard]] ViewerWishes take_wishes() { return std::exchange(wishes_, {}); }
@@ -57,10 +61,15 @@ class ViewerControls {
   bool set_labels(const LabelListPtr& labels) {
     return frame_ && std::exchange(frame_->labels, labels) != labels;
   }
+  /// Another camera of the wearer's is shown, and this one small; else its name is empty.
+  [[nodiscard]] const OtherView& other() const { return other_; }
+  /// Name of the camera whose picture is wanted; empty: none.
+  [[nodiscard]] const std::string& wanted() const { return wanted_; }
   [[nodiscard]] bool frozen() const { return frozen_; }
   [[nodiscard]] bool points_shown() const { return points_shown_; }
   [[nodiscard]] bool help_shown() const { return help_shown_; }
   [[nodiscard]] LabelId selected() const { return selected_.id; }
+  [[nodiscard]] bool has_rig() const { return options_.has_rig; }
   /// While a text is being typed.
   [[nodiscard]] const TextEntry* entry() const { return typing_ ? &typing_->entry : nullptr; }
   /// A word to the person; empty when the last one is some seconds old.
@@ -81,6 +90,8 @@ class ViewerControls {
   void type(EntryStroke stroke, MonotonicTime now);
   void command(char key, MonotonicTime now);
   [[nodiscard]] bool command_rig(char key, MonotonicTime now);
+  void go_on();
+  void switch_camera(MonotonicTime now);
   void point_at(const Eigen::Vector2d& pixel, MonotonicTime now);
   void delete_selected(MonotonicTime now);
   void edit_selected(MonotonicTime now);
@@ -94,6 +105,9 @@ class ViewerControls {
   ViewerOptions options_;
   std::optional<OverlayFrame> frame_;
   std::optional<OverlayFrame> missed_;  ///< the newest, while the view is frozen
+  std::vector<std::string> cameras_;
+  std::string wanted_;
+  OtherView other_;
   bool frozen_ = false;
   bool points_shown_ = true;
   bool help_shown_ = false;

@@ -107,6 +107,21 @@ TEST_F(ControlsTest, TheKeysOfARigAreThereWhereThereIsOne) {
   EXPECT_FALSE(of_rig.take_wishes().rig);
 }
 
+TEST_F(ControlsTest, OneKeyStopsTheRigWhateverIsTyped) {
+  ViewerOptions options;
+  options.has_rig = true;
+  ViewerControls of_rig(camera_, options);
+  of_rig.show(frame(1));
+  of_rig.touch({200 + 4 * 32, 120 + 3 * 32}, kPicture, 1, now_);
+  ASSERT_NE(of_rig.entry(), nullptr);
+  of_rig.press(' ', now_);
+  EXPECT_FALSE(of_rig.take_wishes().rig) << "a letter";
+  of_rig.press(0xffc9, now_);
+  EXPECT_EQ(of_rig.take_wishes().rig, RigKey::kStop);
+  ASSERT_NE(of_rig.entry(), nullptr) << "what was typed is not lost";
+  EXPECT_EQ(of_rig.entry()->text(), " ");
+}
+
 TEST_F(ControlsTest, KeysAreLettersWhileATextIsTyped) {
   touch(328, 216);
   press("qnf");
@@ -216,6 +231,72 @@ TEST_F(ControlsTest, EveryKeyOfTheHelpDoesSomethingAndOthersPointToIt) {
   }
   press("x");
   EXPECT_THAT(controls_.message(now_), HasSubstr("h shows the keys"));
+}
+
+TEST_F(ControlsTest, AKeyGoesThroughTheWearersCamerasAndBack) {
+  press("o");
+  EXPECT_THAT(controls_.message(now_), HasSubstr("--wearer"));
+  ViewerOptions options;
+  options.wearer = "ada";
+  controls_ = ViewerControls(camera_, options);
+  controls_.show(frame(1));
+  press("o");
+  EXPECT_THAT(controls_.message(now_), HasSubstr("no other camera of wearer ada"));
+  EXPECT_EQ(controls_.wanted(), "");
+  controls_.show_others({"head", "shoulder"}, {});
+  for (const char* wanted : {"head", "shoulder", "", "head"}) {
+    press("o");
+    EXPECT_EQ(controls_.wanted(), wanted);
+    EXPECT_EQ(controls_.other().camera, wanted) << "at once";
+  }
+  OtherView view;
+  view.camera = "shoulder";
+  controls_.show_others({"head", "shoulder"}, view);
+  EXPECT_EQ(controls_.other().camera, "head") << "a picture of the one before comes late";
+  touch(200 + 4 * 32, 120 + 3 * 32);
+  EXPECT_EQ(controls_.entry(), nullptr) << "that pixel is another camera's";
+  EXPECT_THAT(controls_.message(now_), HasSubstr("head"));
+  controls_.show_others({"shoulder"}, {});  // the one that is shown has gone
+  press("o");
+  EXPECT_EQ(controls_.wanted(), "shoulder");
+  press("o");
+  touch(200 + 4 * 32, 120 + 3 * 32);
+  EXPECT_NE(controls_.entry(), nullptr);
+}
+
+TEST_F(ControlsTest, AFrozenViewKeepsTheOtherCamerasPictureToo) {
+  controls_.show_others({"shoulder"}, {});
+  press("of");
+  OtherView view;
+  view.camera = "shoulder";
+  view.note = "new";
+  controls_.show_others({"shoulder"}, view);
+  EXPECT_EQ(controls_.other().note, "");
+  press("f");
+  controls_.show_others({"shoulder"}, view);
+  EXPECT_EQ(controls_.other().note, "new");
+}
+
+TEST_F(ControlsTest, AnotherCamerasPictureFillsTheAreaWithThisOneInACornerAndIsGreyWhenItIsOld) {
+  const cv::Rect area(0, 0, 640, 480);
+  OtherView view;
+  view.camera = "shoulder";
+  view.is_there = true;
+  view.pixels = cv::Mat(240, 320, CV_8UC3, cv::Scalar(0, 0, 250));
+  const auto painted = [&] {
+    cv::Mat picture(kPicture, CV_8UC3, cv::Scalar(250, 0, 0));
+    paint_other(view, area, TextPainter(), &picture);
+    return picture;
+  };
+  const cv::Mat fresh = painted();
+  EXPECT_EQ(fresh.at<cv::Vec3b>(100, 300), cv::Vec3b(0, 0, 250));
+  EXPECT_EQ(fresh.at<cv::Vec3b>(440, 600), cv::Vec3b(250, 0, 0)) << "this camera's";
+  EXPECT_EQ(fresh.at<cv::Vec3b>(500, 300), cv::Vec3b(250, 0, 0)) << "the status lines stay";
+  view.age = std::chrono::milliseconds(1001);
+  const cv::Vec3b old = painted().at<cv::Vec3b>(100, 300);
+  EXPECT_TRUE(old[0] == old[1] && old[1] == old[2]) << "no colours";
+  view.pixels = cv::Mat();
+  EXPECT_EQ(painted().at<cv::Vec3b>(440, 600), cv::Vec3b(250, 0, 0));
 }
 
 TEST_F(ControlsTest, WhatIsShownIsDrawn) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/app/viewer/painter.h"
 
+#include <algorithm>
 #include <opencv2/imgproc.hpp>
 
 #include "client/app/text_painter.h"
@@ -13,6 +14,10 @@ constexpr int kLine = 24;  ///< [px]
 constexpr int kMargin = 10;
 constexpr double kShade = 0.35;  ///< of the picture's brightness under text
 
+constexpr int kInset = 4;  ///< of a side of the picture: that of this camera beside another's
+
+const cv::Scalar kEmpty(30, 30, 30);
+const cv::Scalar kWarning(60, 60, 255);
 const cv::Scalar kInk(240, 240, 240);
 const cv::Scalar kFrame(140, 140, 140);
 const cv::Scalar kActive(120, 235, 255);
@@ -22,11 +27,12 @@ void shade(cv::Rect area, cv::Mat* picture) {
   part *= kShade;
 }
 
-void paint_entry(const TextEntry& entry, const TextPainter& painter, cv::Mat* picture) {
+void paint_entry(const TextEntry& entry, bool has_rig, const TextPainter& painter, cv::Mat* picture) {
   const auto keys = lay_out_keyboard(picture->size(), entry.shifted());
   const int top = keys.front().place.y - kLine - kMargin;
   shade({0, top, picture->cols, picture->rows - top}, picture);
-  painter.draw("label: " + entry.text() + "_", {kMargin, top + kLine}, kFontScale, kActive, picture);
+  painter.draw("label: " + entry.text() + "_" + (has_rig ? "   (F12 stops the rig)" : ""),
+               {kMargin, top + kLine}, kFontScale, kActive, picture);
   for (const DrawnKey& key : keys) {
     const bool is_active = key.stroke.key == EntryKey::kShift && entry.shifted();
     const cv::Scalar& ink = is_active ? kActive : kInk;
@@ -46,7 +52,40 @@ void paint_help(const TextPainter& painter, cv::Mat* picture) {
   for (const std::string& line : lines) painter.draw(line, {kMargin, y += kLine}, kFontScale, kInk, picture);
 }
 
+/// As large as it can be, in the middle.
+cv::Rect fitted(cv::Size pixels, cv::Rect area) {
+  const double scale = std::min(static_cast<double>(area.width) / pixels.width,
+                                static_cast<double>(area.height) / pixels.height);
+  const cv::Size size(std::max(1, static_cast<int>(scale * pixels.width)),
+                      std::max(1, static_cast<int>(scale * pixels.height)));
+  return {area.x + (area.width - size.width) / 2, area.y + (area.height - size.height) / 2, size.width,
+          size.height};
+}
+
 }  // namespace
+
+void paint_other(const OtherView& view, cv::Rect area, const TextPainter& painter, cv::Mat* picture) {
+  cv::Mat own;
+  cv::resize((*picture)(area), own, area.size() / kInset, 0, 0, cv::INTER_AREA);
+  (*picture)(area).setTo(kEmpty);
+  if (!view.pixels.empty()) {
+    cv::Mat other;
+    cv::resize(view.pixels, other, fitted(view.pixels.size(), area).size());
+    if (is_stale(view) || !view.is_there) {
+      cv::Mat grey;
+      cv::cvtColor(other, grey, cv::COLOR_BGR2GRAY);
+      cv::cvtColor(grey * kShade, other, cv::COLOR_GRAY2BGR);
+    }
+    other.copyTo((*picture)(fitted(view.pixels.size(), area)));
+  }
+  const cv::Rect corner(area.br() - cv::Point(own.cols, own.rows), own.size());
+  own.copyTo((*picture)(corner));
+  cv::rectangle(*picture, corner, kFrame, 1);
+  const int bottom = area.br().y;
+  shade({area.x, bottom - kLine - kMargin, area.width - own.cols, kLine + kMargin}, picture);
+  painter.draw(describe(view), {area.x + kMargin, bottom - kMargin}, kFontScale,
+               is_stale(view) || !view.is_there ? kWarning : kInk, picture);
+}
 
 void paint_controls(const ViewerControls& controls, MonotonicTime now, const TextPainter& painter,
                     cv::Mat* picture) {
@@ -58,7 +97,7 @@ void paint_controls(const ViewerControls& controls, MonotonicTime now, const Tex
     shade({0, 0, picture->cols, kLine + kMargin}, picture);
     painter.draw(word, {kMargin, kLine}, kFontScale, kActive, picture);
   }
-  if (const TextEntry* entry = controls.entry()) paint_entry(*entry, painter, picture);
+  if (const TextEntry* entry = controls.entry()) paint_entry(*entry, controls.has_rig(), painter, picture);
 }
 
 }  // namespace cairn

@@ -43,11 +43,17 @@ struct Viewer::Window {
 
   /// If anything is different from the picture in the window.
   void draw(MonotonicTime now) {
-    std::string word = controls.message(now);
+    const OtherView& other = controls.other();
+    std::string word = controls.message(now) + (other.camera.empty() ? "" : describe(other));
     if (!controls.frame() || (!changed && word == word_drawn)) return;
     changed = false;
     word_drawn = std::move(word);
     overlay.draw(*controls.frame(), {controls.points_shown(), controls.selected()}).copyTo(picture);
+    if (!other.camera.empty()) {
+      const OverlayFrame& frame = *controls.frame();
+      const cv::Size area(frame.image->width() * overlay.scale(), frame.image->height() * overlay.scale());
+      paint_other(other, {{}, area}, painter, &picture);
+    }
     paint_controls(controls, now, painter, &picture);
     cv::imshow(title, picture);
   }
@@ -103,6 +109,10 @@ void Viewer::serve(Window* window) {
   // A frozen view shows labels that come, too.
   if (controls.frame() && controls.frame()->map && controls.set_labels(link_.labels(controls.frame()->map)))
     window->changed = true;
+  const auto* shown = controls.other().pixels.data;
+  link_.choose_camera(controls.wanted());
+  controls.show_others(link_.cameras(), link_.other());
+  if (controls.other().pixels.data != shown) window->changed = true;
   const MonotonicTime now = std::chrono::steady_clock::now();
   for (const RequestReply& reply : link_.take_replies()) controls.replied(reply, now);
   window->draw(now);

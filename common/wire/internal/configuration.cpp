@@ -6,6 +6,7 @@
 #include <fstream>
 #include <iterator>
 #include <sstream>
+#include <vector>
 
 #include "common/base/plain_text.h"
 
@@ -56,6 +57,43 @@ bool names_loopback(std::string_view xml) {
   return xml.find("\"127.") != std::string_view::npos || xml.find("\"lo\"") != std::string_view::npos;
 }
 
+/// That the port follows from.
+std::string index_of(Role role, uint16_t place) {
+  switch (role) {
+    case Role::kServer:
+      return "0";
+    case Role::kRig:
+      return std::to_string(kRigIndex);
+    case Role::kWearerCamera:
+      return std::to_string(kFirstWearerIndex + place);
+    case Role::kClient:
+    case Role::kRigClient:
+      break;
+  }
+  return "none";
+}
+
+/// Where those are that it speaks to first.
+std::vector<uint16_t> peer_ports(const ParticipantOptions& options) {
+  std::vector<uint16_t> ports;
+  switch (options.role) {
+    case Role::kServer:
+      break;
+    case Role::kClient:
+    case Role::kRig:
+      ports.push_back(server_port(options.domain));
+      break;
+    case Role::kRigClient:
+      ports.push_back(rig_port(options.domain));
+      break;
+    case Role::kWearerCamera:
+      for (uint16_t place = 0; place < kMaxWearerCameras; ++place)
+        ports.push_back(wearer_port(options.domain, place));
+      break;
+  }
+  return ports;
+}
+
 /// Takes the profile's own choice of interfaces out: a second <Interfaces> would add to it.
 void remove_interfaces(std::string* profile) {
   constexpr std::string_view kEnd = "</Interfaces>";
@@ -101,7 +139,8 @@ std::optional<std::string> interface_of_profile(std::string_view text) {
   return std::string(text.substr(value, text.find('<', value) - value));
 }
 
-Result<std::string> make_configuration(const ParticipantOptions& options, const NetworkPath& path) {
+Result<std::string> make_configuration(const ParticipantOptions& options, const NetworkPath& path,
+                                       uint16_t place) {
   if (options.domain > kMaxDomain) {
     return fail(ErrorCode::kConfiguration, "domain " + std::to_string(options.domain) + ": 0 to " +
                                                std::to_string(kMaxDomain) + " are possible");
@@ -126,14 +165,11 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
       << "</ExternalDomainId><Tag>" << xml_escaped(options.tag)
       << "</Tag><SPDPInterval>1s</SPDPInterval><LeaseDuration>" << options.lease.count()
       << "ms</LeaseDuration>";
-  const std::string index = options.role == Role::kServer ? "0"
-                            : options.role == Role::kRig  ? std::to_string(kRigIndex)
-                                                          : "none";
-  xml << "<ParticipantIndex>" << index << "</ParticipantIndex>";
-  if (options.role != Role::kServer) {
-    const uint16_t port =
-        options.role == Role::kRigClient ? rig_port(options.domain) : server_port(options.domain);
-    xml << "<Peers><Peer address=\"" << path.server << ':' << port << "\" /></Peers>";
+  xml << "<ParticipantIndex>" << index_of(options.role, place) << "</ParticipantIndex>";
+  if (const auto ports = peer_ports(options); !ports.empty()) {
+    xml << "<Peers>";
+    for (const uint16_t port : ports) xml << "<Peer address=\"" << path.server << ':' << port << "\" />";
+    xml << "</Peers>";
   }
   xml << "</Discovery>";
   // By default a peer could have a sample of 2 GB put together here before anybody looks at it.

@@ -26,8 +26,8 @@ constexpr size_t kMaxSampleBytes = 36'000'000;
 
 /// The configuration of the middleware as XML: the profile with the interface of the path, where it does not
 /// name one itself or `listen` does, then what makes the star. Reads the profile's file; otherwise pure.
-/// Errors: kConfiguration (domain, profile).
+/// `place`: of a kWearerCamera, below kMaxWearerCameras. Errors: kConfiguration (domain, profile).
 [[nodiscard]] Result<std::string> make_configuration(const ParticipantOptions& options,
-                                                     const NetworkPath& path);
+                                                     const NetworkPath& path, uint16_t place = 0);
 
 }  // namespace cairn::wire::internal

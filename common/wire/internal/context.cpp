@@ -71,12 +71,28 @@ Error explain(const ParticipantOptions& options, const NetworkPath& path, const 
                                          "); the lines above say more"};
 }
 
+/// The first free one of a wearer's camera.
+Result<uint16_t> find_place(const ParticipantOptions& options) {
+  if (options.role != Role::kWearerCamera) return uint16_t{0};
+  for (uint16_t place = 0; place < kMaxWearerCameras; ++place) {
+    const uint16_t port = wearer_port(options.domain, place);
+    if (!port_is_taken(port) && !port_is_taken(static_cast<uint16_t>(port + 1))) return place;
+  }
+  const uint16_t first = wearer_port(options.domain, 0);
+  return fail(ErrorCode::kRefused, "all UDP ports for the cameras of wearers on this host are taken, " +
+                                       std::to_string(first) + " to " +
+                                       std::to_string(first + 2 * kMaxWearerCameras - 1) + " in domain " +
+                                       std::to_string(options.domain));
+}
+
 }  // namespace
 
 Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& options) {
   Result<NetworkPath> path = find_path(options);
   if (!path) return tl::unexpected(path.error());
-  const Result<std::string> configuration = make_configuration(options, *path);
+  const auto place = find_place(options);
+  if (!place) return tl::unexpected(place.error());
+  const Result<std::string> configuration = make_configuration(options, *path, *place);
   if (!configuration) return tl::unexpected(configuration.error());
   auto domain = create_domain(options.domain, *configuration);
   if (!domain) return tl::unexpected(explain(options, *path, domain.error()));

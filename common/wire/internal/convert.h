@@ -11,6 +11,7 @@
 #include "common/image/limits.h"
 #include "common/map/limits.h"
 #include "common/wire/messages.h"
+#include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
 
 /// Between the value types of messages.h and the generated structs. decode() believes nothing: what it lets
@@ -80,7 +81,10 @@ template <typename Message>
   X(AdminRequest, cairn_AdminRequest)        \
   X(AdminReply, cairn_AdminReply)            \
   X(RigCommand, cairn_RigCommand)            \
-  X(RigState, cairn_RigState)
+  X(RigState, cairn_RigState)                \
+  X(WearerCamera, cairn_WearerCamera)        \
+  X(PictureRequest, cairn_PictureRequest)    \
+  X(CameraPicture, cairn_CameraPicture)
 
 #define CAIRN_WIRE_DDS_TYPE(Message, Dds) \
   template <>                             \

@@ -47,6 +47,11 @@ void Check::text(const char* text, size_t max_bytes) {
   require(!fault_of_text(view), "a text that is no UTF-8 or has characters that cannot be seen");
 }
 
+void require_name(const char* text, bool may_be_empty, const char* what, Check* check) {
+  const std::string name = get_text(text);
+  check->require((name.empty() && may_be_empty) || is_valid_name(name), what);
+}
+
 void Check::unit(const float (&vector)[3]) {
   const float norm = get_vector(vector).norm();
   require(std::abs(norm - 1) <= kUnitToleranceFloat, "direction not of unit length");

@@ -98,6 +98,9 @@ class Check {
   const char* what_ = nullptr;
 };
 
+/// Of a client, rig, operator or wearer.
+void require_name(const char* text, bool may_be_empty, const char* what, Check* check);
+
 /// `message` if the check passed, else the error.
 template <typename Message>
 [[nodiscard]] Result<Message> checked_message(const Check& check, Message&& message) {

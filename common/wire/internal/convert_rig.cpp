@@ -12,11 +12,6 @@ constexpr double kMaxAcceleration = 1000;  ///< [m/s^2]
 constexpr uint8_t kMaxFault = 63;
 constexpr float kMaxSigma = 10;  ///< [s]
 
-void require_name(const char* text, bool may_be_empty, const char* what, Check* check) {
-  const std::string name = get_text(text);
-  check->require((name.empty() && may_be_empty) || is_valid_name(name), what);
-}
-
 template <typename T, size_t N>
 void require_within(const T (&values)[N], double most, const char* what, Check* check) {
   for (const T value : values) check->require(std::abs(value) <= most, what);  // false for NaN
@@ -129,7 +124,7 @@ void decode_for_tracker(const cairn_RigState& sample, RigState* message) {
 // ---- RigCommand
 
 template <>
-cairn_RigCommand encode(const RigCommand& message, Scratch*) {
+cairn_RigCommand encode(const RigCommand& message, Scratch* scratch) {
   cairn_RigCommand sample{};
   sample.rig = borrow(message.rig);
   sample.schema_version = kSchemaVersion;
@@ -140,6 +135,9 @@ cairn_RigCommand encode(const RigCommand& message, Scratch*) {
   sample.seen = message.seen.nanoseconds;
   std::copy(message.angles.begin(), message.angles.end(), sample.angles);
   std::copy(message.rates.begin(), message.rates.end(), sample.rates);
+  sample.pattern = static_cast<uint8_t>(message.pattern);
+  fill_sequence(message.further.size(), scratch, &sample.further,
+                [&](size_t i, cairn_RigDirection& out) { put_vector(message.further[i], out.direction); });
   return sample;
 }
 
@@ -161,8 +159,15 @@ Result<RigCommand> decode<RigCommand>(const cairn_RigCommand& sample) {
   for (const double value : sample.target) check.length(value);
   require_within(sample.angles, kMaxAngle, "angle out of range", &check);
   require_within(sample.rates, kMaxAngle, "rate out of range", &check);
+  check.require(sample.pattern <= static_cast<uint8_t>(kLastRigSearchPattern), "unknown pattern of a search");
+  check.count(sample.further, kMaxFurtherDirections);
+  for (uint32_t i = 0; check.passed() && i < sample.further._length; ++i)
+    for (const double value : sample.further._buffer[i].direction) check.length(value);
   if (!check.passed()) return unfit(check.what());
   RigCommand message = decode_key<RigCommand>(sample);
+  message.pattern = static_cast<RigSearchPattern>(sample.pattern);
+  for (uint32_t i = 0; i < sample.further._length; ++i)
+    message.further.emplace_back(sample.further._buffer[i].direction);
   message.commander = get_text(sample.commander);
   message.order = decode_command(sample.order);
   message.mode = static_cast<RigMode>(sample.mode);

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "common/base/time.h"
+#include "common/wire/picture_messages.h"
+
+namespace cairn {
+
+/// Of saying again whose pictures are wanted.
+inline constexpr std::chrono::milliseconds kPictureRequestPeriod{200};
+/// Older pictures are not of now.
+inline constexpr std::chrono::milliseconds kPictureTooOld{1000};
+
+/// What is shown of another camera of the wearer's.
+struct OtherView {
+  std::string camera;     ///< name; empty: none is wanted
+  bool is_there = false;  ///< its tracker runs on this host
+  cv::Mat pixels;         ///< BGR, shared, not written to; empty: none has come yet
+  FrameState state = FrameState::kStarting;
+  std::string map;                  ///< name; empty: none
+  std::string note;                 ///< of its tracker
+  std::chrono::milliseconds age{};  ///< since the picture came, or since it was asked for
+};
+[[nodiscard]] inline bool is_stale(const OtherView& view) {
+  return view.pixels.empty() || view.age > kPictureTooOld;
+}
+/// What the picture is, or why there is none, for a person.
+[[nodiscard]] std::string describe(const OtherView& view);
+
+/// Which other cameras of the wearer there are on this host, whose pictures are wanted, and what has come of
+/// them. Pure; one thread.
+class PictureChoice {
+ public:
+  explicit PictureChoice(std::string name) : name_(std::move(name)) {}
+
+  void come(const wire::WearerCamera& camera);
+  void gone(const std::string& camera) { cameras_.erase(camera); }
+  /// Names, in order.
+  [[nodiscard]] std::vector<std::string> cameras() const { return {cameras_.begin(), cameras_.end()}; }
+
+  /// Empty: nobody's.
+  void choose(const std::string& camera, MonotonicTime now);
+  [[nodiscard]] const std::string& chosen() const { return view_.camera; }
+  /// What is to be said now, if anything.
+  [[nodiscard]] std::optional<wire::PictureRequest> request(MonotonicTime now);
+  /// `pixels`: of the picture. One that was not asked for is dropped.
+  void receive(const wire::CameraPicture& picture, cv::Mat pixels, MonotonicTime now);
+  [[nodiscard]] OtherView view(MonotonicTime now) const;
+
+ private:
+  const std::string name_;
+  std::set<std::string> cameras_;
+  OtherView view_;
+  MonotonicTime since_;  ///< as OtherView::age
+  std::optional<MonotonicTime> said_;
+  bool ends_ = false;  ///< it is to be said that nobody's are wanted any more
+};
+
+}  // namespace cairn

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "client/app/frame_observer.h"
+#include "client/app/overlay.h"
+#include "client/app/pictures/picture_choice.h"
+#include "client/app/pictures/picture_demand.h"
+#include "client/app/stats.h"
+#include "common/base/log.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "common/wire/waiter.h"
+
+namespace cairn {
+
+struct PictureLinkOptions {
+  std::string wearer;
+  std::string name;  ///< the client's
+  int domain = 0;
+};
+
+/// Pictures between the cameras of one wearer on one host (README.md of this folder): gives those of this
+/// camera, as the tracker sees them, to who asks, and asks for those of another. All work is on a thread of
+/// its own; a frame costs the tracker a look at a flag, and ten times a second, while somebody asks, a copy
+/// of what is drawn. Thread-safe.
+class PictureLink final : public FrameObserver {
+ public:
+  /// Errors: those of Participant::create().
+  [[nodiscard]] static Result<std::unique_ptr<PictureLink>> open(const PictureLinkOptions& options,
+                                                                 CameraPtr camera, Logger log);
+  /// As close().
+  ~PictureLink() override { close(); }
+  PictureLink(const PictureLink&) = delete;
+  PictureLink& operator=(const PictureLink&) = delete;
+
+  void on_frame(const FrameReport& report) override;
+
+  /// Names of the wearer's other cameras on this host.
+  [[nodiscard]] std::vector<std::string> cameras();
+  /// Empty: nobody's picture is wanted any more.
+  void choose(const std::string& camera);
+  [[nodiscard]] OtherView view();
+
+  [[nodiscard]] PictureSummary summary();
+  /// Leaves the other cameras; what has come stays.
+  void close();
+
+ private:
+  PictureLink(const PictureLinkOptions& options, CameraPtr camera, Logger log, wire::Participant participant,
+              wire::Writer<wire::WearerCamera> own, wire::Writer<wire::PictureRequest> requests,
+              wire::Writer<wire::CameraPicture> pictures, wire::Reader<wire::WearerCamera> others,
+              wire::Reader<wire::PictureRequest> asked, wire::Reader<wire::CameraPicture> seen,
+              wire::Waiter waiter);
+  void run();
+  void listen();
+  void receive(const wire::CameraPicture& picture);
+  void ask();
+  void send();
+  void tell();
+  void tell_demand(MonotonicTime now, const std::vector<std::string>& askers);
+
+  const PictureLinkOptions options_;
+  const CameraPtr camera_;
+  Logger log_;
+  wire::Participant participant_;
+  wire::Writer<wire::WearerCamera> own_;
+  wire::Writer<wire::PictureRequest> requests_;
+  wire::Writer<wire::CameraPicture> pictures_;
+  wire::Reader<wire::WearerCamera> others_;
+  wire::Reader<wire::PictureRequest> asked_;
+  wire::Reader<wire::CameraPicture> seen_;
+  wire::Waiter waiter_;
+  std::atomic<bool> is_asked_{false};
+  std::atomic<bool> ends_{false};
+
+  std::mutex mutex_;
+  PictureDemand demand_;               ///< guarded by mutex_
+  PictureChoice choice_;               ///< guarded by mutex_
+  std::optional<OverlayFrame> frame_;  ///< to be sent; guarded by mutex_
+  PictureSummary counts_;              ///< guarded by mutex_
+
+  // Of the thread.
+  std::optional<Overlay> overlay_;
+  std::vector<std::string> askers_;  ///< as told
+  MonotonicTime asked_since_;
+  size_t sent_before_ = 0;
+  std::string said_;    ///< of the view
+  std::thread thread_;  ///< last: it uses all the above
+};
+
+}  // namespace cairn
