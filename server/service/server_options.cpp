@@ -130,6 +130,12 @@ Result<Words> read_configuration(const std::string& path) {
   return words;
 }
 
+/// --listen takes the place of the interface that a profile names.
+bool stays_on_this_machine(const ServerOptions& options) {
+  const std::string& listen = options.listen;
+  return options.profile == "loopback" && (listen.empty() || listen == "lo" || listen.starts_with("127."));
+}
+
 /// `words` has only names of kOptions. Errors: kConfiguration for a value, kUsage for what is not to be had
 /// at all.
 Result<ServerOptions> translate(const Words& words) {
@@ -188,7 +194,7 @@ Result<ServerOptions> translate(const Words& words) {
       options.profile = value;
     }
   }
-  if (!words.contains("lockstep")) options.lockstep = options.profile == "loopback";
+  if (!words.contains("lockstep")) options.lockstep = stays_on_this_machine(options);
   return options;
 }
 

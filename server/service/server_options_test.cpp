@@ -98,6 +98,8 @@ TEST_F(ServerOptionsTest, LockstepIsForOneMachineUnlessToldOtherwise) {
   EXPECT_FALSE(accepted({"--profile", "mine.xml"}).lockstep);
   EXPECT_TRUE(accepted({"--profile", "wifi", "--lockstep", "allow"}).lockstep);
   EXPECT_FALSE(accepted({"--lockstep=refuse"}).lockstep);
+  EXPECT_FALSE(accepted({"--listen", "eth0"}).lockstep);
+  EXPECT_TRUE(accepted({"--listen", "127.0.0.1"}).lockstep);
   const auto path = configuration("profile: wifi\n");
   EXPECT_FALSE(accepted({"--config", path}).lockstep);
   EXPECT_TRUE(accepted({"--config", path, "--profile", "loopback"}).lockstep);
