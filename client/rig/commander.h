@@ -59,8 +59,10 @@ class RigCommander {
 
   /// What is to be said now, 20 times a second or more; nothing while there is nobody to hear it.
   [[nodiscard]] std::optional<wire::RigCommand> command(MonotonicTime now);
-  /// A stop was asked for that was not said yet.
-  [[nodiscard]] bool is_urgent() const { return stop_asked_ && order_.mode != wire::RigMode::kStop; }
+  /// A stop was asked for that was neither said nor obeyed yet.
+  [[nodiscard]] bool is_urgent() const {
+    return stop_asked_ && order_.mode != wire::RigMode::kStop && !(state_ && state_->stopped);
+  }
   /// For a person: what the rig does, or what keeps it from that.
   [[nodiscard]] std::string describe(MonotonicTime now) const;
   /// After close(): whether nothing is left to be said.

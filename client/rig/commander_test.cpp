@@ -189,8 +189,11 @@ TEST_F(Commander, AStopIsSaidUntilItIsObeyedAndNothingMovesUntilSomebodyWantsIt)
   RigCommander commander = make(RigAim::kLock);
   EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kLock);
   commander.stop();
+  EXPECT_TRUE(commander.is_urgent());
   EXPECT_EQ(step(commander)->mode, RigMode::kStop);
+  EXPECT_FALSE(commander.is_urgent());
   EXPECT_EQ(after(commander, tracked_, 2000ms).mode, RigMode::kIdle);
+  EXPECT_FALSE(commander.is_urgent()) << "it was obeyed";
   EXPECT_THAT(commander.describe(now_), HasSubstr("EMERGENCY STOP"));
   commander.clear();
   EXPECT_EQ(step(commander)->mode, RigMode::kClearStop);

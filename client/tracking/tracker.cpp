@@ -365,7 +365,7 @@ void Tracker::State::look_for_camera(Timestamp time) {
 
 /// The camera was not found; it is expected where it has turned to.
 void Tracker::State::miss(Timestamp time, std::string why) {
-  model.missed(recovery.is_lost() && gyro.turn() ? *gyro.turn() : turned());
+  model.missed(recovery.is_lost() && gyro.is_by_gyro() ? *gyro.turn() : turned());
   flow.missed();
   recovery.lose_sight(previous());
   recovery.fail(is_cut, time);

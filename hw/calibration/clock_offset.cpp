@@ -34,11 +34,18 @@ class Turning {
     for (const GyroSample& sample : gyro) {
       const double time = seconds_between(sample.when, begin_);
       stands = (stands * so3_exp(sample.rate * (time - before))).normalized();
+      if (!marks_.empty() && time - before > kLongestGap) gaps_.push_back({before, time});
       marks_.push_back({time, stands});
       before = time;
     }
   }
   [[nodiscard]] double time_of(Timestamp stamp) const { return seconds_between(stamp, begin_); }
+  /// Whether the samples reach so far, without a gap.
+  [[nodiscard]] bool covers(double from, double to) const {
+    return marks_.front().time < from && to <= marks_.back().time &&
+           std::none_of(gaps_.begin(), gaps_.end(),
+                        [&](const Gap& gap) { return gap.from < to && from < gap.to; });
+  }
 
   /// Nothing outside of the samples and in a gap.
   [[nodiscard]] std::optional<Eigen::Quaterniond> at(double time) const {
@@ -56,8 +63,13 @@ class Turning {
     double time;
     Eigen::Quaterniond stands;
   };
+  struct Gap {
+    double from;
+    double to;
+  };
   Timestamp begin_;
   std::vector<Mark> marks_;
+  std::vector<Gap> gaps_;
 };
 
 /// Two pictures and how the camera turned between them.
@@ -73,8 +85,7 @@ std::vector<Step> steps_of(std::span<const CameraRotation> camera, const Turning
     const Step step{turning.time_of(camera[i - 1].when), turning.time_of(camera[i].when), {}};
     const double time = step.to - step.from;
     if (time < kShortestPicture || time > kLongestPicture) continue;
-    const auto reaches = [&](double t) { return turning.at(t - kWidest) && turning.at(t + kWidest); };
-    if (!reaches(step.from) || !reaches(step.to)) continue;
+    if (!turning.covers(step.from - kWidest, step.to + kWidest)) continue;
     const Eigen::Quaterniond turn = camera[i - 1].map_from_camera.conjugate() * camera[i].map_from_camera;
     steps.push_back({step.from, step.to, so3_log(turn) / time});
   }

@@ -96,6 +96,20 @@ std::string refusal(const std::vector<GyroSample>& gyro, const std::vector<Camer
   return found ? "found" : found.error().message;
 }
 
+TEST(ClockOffset, AGapInTheSamplesHasNoPartInIt) {
+  const Mount mount;
+  for (const double length : {0.15, 0.3, 0.5}) {
+    std::vector<GyroSample> gyro = mount.gyro();
+    std::erase_if(gyro, [&](const GyroSample& sample) {
+      const double t = seconds_between(sample.when, Timestamp::from_seconds(1000));
+      return t > 6 && t < 6 + length;
+    });
+    const auto found = align_camera_and_gyro(gyro, mount.camera());
+    ASSERT_TRUE(found) << length;
+    EXPECT_NEAR(found->offset, mount.offset, 0.002) << length;
+  }
+}
+
 TEST(ClockOffset, WhatTellsNothingIsRefusedWithARemedy) {
   Mount still;
   still.strength = 0.01;
