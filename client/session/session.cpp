@@ -267,8 +267,11 @@ bool Session::wait_for_map(std::chrono::milliseconds timeout) {
 bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
   SessionState& shared = state_->shared;
   std::unique_lock lock(shared.mutex);
+  // A refusal that is known already may end: a name becomes free.
+  const std::string known_refusal = shared.refusal;
   const auto is_lost = [&] {
-    return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known() || !shared.refusal.empty();
+    return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known() ||
+           (!shared.refusal.empty() && shared.refusal != known_refusal);
   };
   const auto is_settled = [&] {
     return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() &&

@@ -151,7 +151,8 @@ class Session {
   /// Waits until a whole revision of the map in use is there (false on time-out). For start-up and tests.
   [[nodiscard]] bool wait_for_map(std::chrono::milliseconds timeout);
   /// Lockstep: waits until every command sent is decided, every question answered, and the revision named
-  /// by the decision is swapped in. False when the server was lost or refuses us meanwhile, or on time-out.
+  /// by the decision is swapped in. False when the server was lost or began to refuse us meanwhile, or on
+  /// time-out.
   [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);
 
  private:

@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <iterator>
 #include <numbers>
+#include <string>
 
 #include "common/geometry/se3.h"
 #include "hw/rig/test_rig.h"
@@ -77,7 +79,8 @@ class CalibrationOnDisk : public ::testing::Test {
     return {std::istreambuf_iterator<char>(file), {}};
   }
 
-  const fs::path folder_ = fs::path(::testing::TempDir()) / "calibration_file_test";
+  const fs::path folder_ =
+      fs::path(::testing::TempDir()) / ("calibration_file_test_" + std::to_string(getpid()));
   const fs::path path_ = folder_ / "rig.yaml";
 };
 

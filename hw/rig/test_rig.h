@@ -2,6 +2,7 @@
 #pragma once
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -63,7 +64,8 @@ inline std::string walking_rig() {
 inline Result<RigConfiguration> read_rig(const std::string& text) {
   std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
   std::replace(name.begin(), name.end(), '/', '_');
-  const std::string path = ::testing::TempDir() + "rig_test_" + name + ".yaml";
+  const std::string path =
+      ::testing::TempDir() + "rig_test_" + name + "_" + std::to_string(getpid()) + ".yaml";
   std::ofstream(path) << text;
   auto configuration = read_rig_configuration(path);
   std::remove(path.c_str());
