@@ -59,7 +59,7 @@ class CandidatePoints {
       const std::optional<Seen> seen = look(source, partners, &searches, &depth);
       if (!seen || std::sqrt(depth.variance) > kKnownDepth * depth.inverse) continue;
       const Eigen::Vector3d in_source = point_of(source, depth.inverse);
-      if (extent && !extent->contains(map_from_camera * in_source)) continue;
+      if (extent && !contains(*extent, map_from_camera * in_source)) continue;
       made.push_back(add_point(&map_, source, in_source, *seen));
     }
     return made;

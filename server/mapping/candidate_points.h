@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "common/map/extent.h"
 #include "common/map/observations.h"
-#include "server/mapping/extent.h"
 #include "server/mapping/map_state.h"
 
 /// Points of what a tracker has followed until it knew the depth.

@@ -214,7 +214,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                                       " points that the map expects in it were found");
   }
   if (const Eigen::Vector3d center = judged->camera_from_map.center();
-      input.extent && !input.extent->contains(center))
+      input.extent && !contains(*input.extent, center))
     return refuse(KeyframeVerdict::kOutside, outside(*input.extent, center));
   const double needed = spacing.min_distance_over_depth * judged->mean_depth;
   const Nearest nearest = nearest_keyframes(*map, judged->camera_from_map);

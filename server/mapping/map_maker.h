@@ -15,12 +15,12 @@
 #include "common/geometry/se3.h"
 #include "common/image/image.h"
 #include "common/image/still_mask.h"
+#include "common/map/extent.h"
 #include "common/map/ids.h"
 #include "common/map/keyframe_view.h"
 #include "common/map/limits.h"
 #include "common/map/observations.h"
 #include "common/map/snapshot.h"
-#include "server/mapping/extent.h"
 #include "server/mapping/map_camera.h"
 
 /// The map maker (PTAM 2007, section 6): two-view start, keyframe integration, bundle adjustment, upkeep.

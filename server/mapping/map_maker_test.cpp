@@ -371,7 +371,7 @@ TEST_F(MapMakerTest, AdjustmentsLeaveTheMapAsAWholeWhereItWas) {
   }
 }
 
-Extent box_around(const Eigen::Vector3d& center, double half) {
+Box box_around(const Eigen::Vector3d& center, double half) {
   return {center.array() - half, center.array() + half};
 }
 
@@ -380,7 +380,7 @@ std::vector<PointId> points_outside(const MapSnapshot& map, const Extent& extent
   for (const auto& block : map.point_blocks) {
     for (size_t slot = 0; slot < block->positions->positions.size(); ++slot) {
       const bool is_live = (block->live >> slot & 1) != 0;
-      if (is_live && !extent.contains(block->positions->positions[slot].cast<double>()))
+      if (is_live && !contains(extent, block->positions->positions[slot].cast<double>()))
         outside.push_back(block->patches->points[slot].id);
     }
   }
@@ -407,7 +407,7 @@ TEST_F(MapMakerTest, NoPointIsMadeOutsideOfAnExtentWhoeverElseMakesSome) {
   const auto before = maker_->snapshot();
   const MapStatistics all = maker_->statistics();
   const double middle = 0.5 * (all.bounds_min.x() + all.bounds_max.x());
-  Extent left = box_around(Eigen::Vector3d::Zero(), 100);
+  Box left = box_around(Eigen::Vector3d::Zero(), 100);
   left.max.x() = middle;
   KeyframeInput offered = make_offer(scene_, *before, 5);
   const SE3 pose = offered.camera_from_reference * before->find(offered.reference)->camera_from_map;
@@ -438,7 +438,7 @@ TEST_F(MapMakerTest, ASeedIsHeldToItsExtent) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::kRefused);
   EXPECT_THAT(refused.error().message, HasSubstr("is outside of where this client may let the map grow"));
-  Extent part = box_around(Eigen::Vector3d::Zero(), 100);
+  Box part = box_around(Eigen::Vector3d::Zero(), 100);
   part.max.x() = std::max({0.5 * (all.bounds_min.x() + all.bounds_max.x()),
                            everywhere->find(KeyframeId{1})->camera_from_map.center().x() + 0.01,
                            everywhere->find(KeyframeId{2})->camera_from_map.center().x() + 0.01});

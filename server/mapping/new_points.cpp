@@ -171,7 +171,7 @@ NewPoints make_new_points(MapState* map, KeyframeId keyframe_id, int level, cons
     for (size_t i = 0; i < searches.size(); ++i) {
       const auto point = searches[i].find(*source);
       if (!point || !witnesses.confirm(*source, *point, others[i], &seen_by)) continue;
-      if (options.extent && !options.extent->contains(map_from_keyframe * point->in_source)) break;
+      if (options.extent && !contains(*options.extent, map_from_keyframe * point->in_source)) break;
       seen_by.emplace_back(others[i], point->found);
       result.made.push_back(add_point(map, *source, point->in_source, seen_by));
       taken.take_disc(corner.x, corner.y, kNewDistance);

@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "common/map/extent.h"
 #include "server/mapping/epipolar_search.h"
-#include "server/mapping/extent.h"
 #include "server/mapping/map_state.h"
 
 /// New points for a keyframe by epipolar search in keyframes that see the same place from elsewhere.

@@ -228,11 +228,11 @@ Status fill_in_points(const MapMakerOptions& options, double median_parallax, Se
 
 Status keep_within(const Extent& extent, MapState* map) {
   for (const MapKeyframe& k : map->keyframes()) {
-    if (const Eigen::Vector3d center = k.camera_from_map.center(); !extent.contains(center))
+    if (const Eigen::Vector3d center = k.camera_from_map.center(); !contains(extent, center))
       return fail(ErrorCode::kRefused, outside(extent, center));
   }
   for (const PointId id : std::vector<PointId>(map->live_point_ids())) {
-    if (!extent.contains(map->point(id).position)) map->remove_point(id);
+    if (!contains(extent, map->point(id).position)) map->remove_point(id);
   }
   if (map->live_points() >= kMinSeedPoints) {
     update_all_depths(map);

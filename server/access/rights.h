@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <compare>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/map/extent.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// What a client may do with a map; each includes those before it (DESIGN 8).
+enum class Right : uint8_t {
+  kNone,    ///< does not learn that the map is there
+  kRead,    ///< sees it listed, finds itself in it, receives it
+  kAdd,     ///< adds keyframes and labels; what others put there stays as it is
+  kWrite,   ///< changes and removes labels, too
+  kManage,  ///< renames and deletes it, says who else may
+};
+
+/// The word of the command line and of the file: "none", "read", "add", "write", "manage".
+[[nodiscard]] std::string_view to_string(Right right);
+/// Its inverse; error kUsage with the words that there are.
+[[nodiscard]] Result<Right> parse_right(std::string_view word);
+
+/// Whom a grant is for. Ordered by how closely it names a client.
+struct Subject {
+  enum class Kind : uint8_t { kEveryone, kGroup, kClient };
+  Kind kind = Kind::kEveryone;
+  std::string name;  ///< of the group or client; empty for everyone
+  auto operator<=>(const Subject&) const = default;
+};
+
+/// "everyone", "group crew", "client phone-1".
+[[nodiscard]] std::string to_string(const Subject& subject);
+/// Its inverse; a lone name is a client's. Error kUsage.
+[[nodiscard]] Result<Subject> parse_subject(std::string_view words);
+
+/// What an operator has granted to somebody, of one map or of all.
+struct Grant {
+  Subject subject;
+  std::optional<MapId> map;  ///< nothing: of every map that no grant names for this client
+  Right right = Right::kNone;
+  std::optional<Extent> extent;      ///< in which the map may grow by it; of kAdd and kWrite only
+  std::optional<Timestamp> expires;  ///< from then on it is as if it were not there
+  std::string by;                    ///< the operator who granted it
+  Timestamp since;
+  bool operator==(const Grant&) const = default;
+};
+
+/// Something that somebody has closed: a map that takes nothing from anybody, a client that is kept out.
+struct Closure {
+  std::string by;
+  Timestamp since;
+  std::string why;  ///< for a person; may be empty
+  bool operator==(const Closure&) const = default;
+};
+
+/// What a client may do with a map, and what says so.
+struct Ruling {
+  Right right = Right::kNone;
+  std::optional<Extent> extent;      ///< in which it may let the map grow; nothing: everywhere
+  std::optional<Timestamp> expires;  ///< when the right may be another
+  std::string reason;  ///< for the client's user: "read only, as granted to group visitors by ann"
+  bool operator==(const Ruling&) const = default;
+};
+
+/// One of the rules that were looked at for a ruling, in the order in which they were.
+struct RuleSeen {
+  enum class Part : uint8_t { kDecides, kExpired, kOutweighed };
+  std::string rule;  ///< for a person: "client phone-1, this map: write until 2026-12-01 12:00:00"
+  Part part = Part::kOutweighed;
+};
+
+/// Who may do what with which map: a value, without clock or disk. Of the grants that name a client, one for
+/// the map is before one for all maps, and then the one that names it most closely: client, group (of
+/// several, the one that grants most), everyone. Where there is none, the site's default holds. A blocked
+/// client may do nothing; in a frozen map nobody more than read.
+class Rights {
+ public:
+  /// `standard`: of who is not named by any grant; `may_create`: whether such a one may make maps.
+  Rights(Right standard, bool may_create) : standard_(standard), may_create_(may_create) {}
+
+  /// In place of the one with the same subject and map, if there is one. Error kUsage: it grants what cannot
+  /// be, an extent of a right that lets nothing grow, names that cannot be.
+  Status grant(Grant grant);
+  /// Error kNotFound: there is no such grant.
+  Status revoke(const Subject& subject, const std::optional<MapId>& map);
+  /// Nothing: as its other grants and the site's default say.
+  Status let_create(const Subject& subject, std::optional<bool> may);
+  /// An empty set removes the group.
+  Status put_group(const std::string& name, std::set<std::string> members);
+  void set_standard(Right right, bool may_create);
+  /// Nothing: it takes keyframes again. Error kUsage: words that a person cannot read in one line.
+  Status freeze(const MapId& map, std::optional<Closure> closure);
+  /// Nothing: let in again. Error kUsage: no client can have that name; as of freeze().
+  Status block(const std::string& client, std::optional<Closure> closure);
+  /// The map is gone for good: its grants go with it.
+  void forget(const MapId& map);
+
+  [[nodiscard]] Ruling rule(const std::string& client, const MapId& map, Timestamp now) const;
+  /// `right` is kWrite or kNone.
+  [[nodiscard]] Ruling rule_on_creating(const std::string& client) const;
+  /// All that was looked at for rule().
+  [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
+                                              Timestamp now) const;
+  /// When a ruling changes next by itself, after `now`.
+  [[nodiscard]] std::optional<Timestamp> next_expiry(Timestamp now) const;
+
+  /// All of it, to be kept and shown.
+  struct Table {
+    Right standard = Right::kNone;
+    bool may_create = false;
+    std::vector<Grant> grants;
+    std::map<Subject, bool> creators;
+    std::map<std::string, std::set<std::string>> groups;
+    std::map<MapId, Closure> frozen;
+    std::map<std::string, Closure> blocked;
+    bool operator==(const Table&) const = default;
+  };
+  [[nodiscard]] Table table() const;
+  /// Error kUsage: as of those that change it.
+  [[nodiscard]] static Result<Rights> of(const Table& table);
+
+ private:
+  using Key = std::pair<Subject, std::optional<MapId>>;
+  [[nodiscard]] std::vector<const Grant*> grants_for(const std::string& client, const MapId& map) const;
+  [[nodiscard]] std::vector<Subject> subjects_of(const std::string& client) const;
+  [[nodiscard]] const Grant* deciding(const std::vector<const Grant*>& grants, Timestamp now) const;
+
+  Right standard_;
+  bool may_create_;
+  std::map<Key, Grant> grants_;
+  std::map<Subject, bool> creators_;
+  std::map<std::string, std::set<std::string>> groups_;
+  std::map<MapId, Closure> frozen_;
+  std::map<std::string, Closure> blocked_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/access/rights.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+using testing::HasSubstr;
+using Kind = Subject::Kind;
+using Part = RuleSeen::Part;
+
+constexpr Timestamp kNow{1'800'000'000'000'000'000};
+constexpr Timestamp kLater{kNow.nanoseconds + 60'000'000'000};
+const Subject kEveryone{};
+const Subject kAnn{Kind::kClient, "ann"};
+const Subject kCrew{Kind::kGroup, "crew"};
+const Subject kGuests{Kind::kGroup, "guests"};
+
+MapId map_id(uint8_t n) {
+  MapId id;
+  id.bytes[0] = n;
+  return id;
+}
+const MapId kDesk = map_id(1);
+const MapId kBench = map_id(2);
+
+class RightsTest : public testing::Test {
+ protected:
+  RightsTest() {
+    EXPECT_TRUE(rights_.put_group("crew", {"ann", "bob"}));
+    EXPECT_TRUE(rights_.put_group("guests", {"ann", "eve"}));
+  }
+  void grant(const Subject& subject, std::optional<MapId> map, Right right,
+             std::optional<Timestamp> expires = {}, std::optional<Extent> extent = {}) {
+    const Status granted = rights_.grant({subject, map, right, extent, expires, "ops", kNow});
+    EXPECT_TRUE(granted) << granted.error().message;
+  }
+  [[nodiscard]] Right right(const std::string& client, const MapId& map, Timestamp now = kNow) const {
+    return rights_.rule(client, map, now).right;
+  }
+  Rights rights_{Right::kNone, false};
+};
+
+TEST_F(RightsTest, WhoIsNotNamedHasWhatTheSiteGivesToAll) {
+  EXPECT_EQ(right("zoe", kDesk), Right::kNone);
+  rights_.set_standard(Right::kWrite, true);
+  EXPECT_EQ(right("zoe", kDesk), Right::kWrite);
+}
+
+TEST_F(RightsTest, TheMapIsBeforeAllMapsAndTheClientBeforeItsGroupsAndThoseBeforeEveryone) {
+  // In ascending order of what decides; each next one outweighs those before.
+  const std::vector<std::pair<Subject, std::optional<MapId>>> order{
+      {kEveryone, {}}, {kCrew, {}}, {kAnn, {}}, {kEveryone, kDesk}, {kCrew, kDesk}, {kAnn, kDesk}};
+  Right next = Right::kManage;
+  for (const auto& [subject, map] : order) {
+    grant(subject, map, next);
+    EXPECT_EQ(right("ann", kDesk), next) << to_string(subject);
+    next = next == Right::kManage ? Right::kRead : Right::kManage;
+  }
+  EXPECT_EQ(right("ann", kBench), Right::kManage) << "of all maps, to the client";
+}
+
+TEST_F(RightsTest, OfSeveralGroupsTheOneThatGrantsMostCounts) {
+  grant(kGuests, kDesk, Right::kRead);
+  grant(kCrew, kDesk, Right::kWrite);
+  EXPECT_EQ(right("ann", kDesk), Right::kWrite);
+  EXPECT_EQ(right("eve", kDesk), Right::kRead);
+  grant(kAnn, kDesk, Right::kNone);
+  EXPECT_EQ(right("ann", kDesk), Right::kNone) << "none, said of the client itself";
+}
+
+TEST_F(RightsTest, WhatHasExpiredIsAsIfItWereNotThere) {
+  grant(kCrew, {}, Right::kRead);
+  grant(kAnn, kDesk, Right::kWrite, kLater);
+  EXPECT_EQ(right("ann", kDesk), Right::kWrite);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).expires, kLater);
+  EXPECT_EQ(right("ann", kDesk, kLater), Right::kRead);
+  EXPECT_EQ(rights_.next_expiry(kNow), kLater);
+  EXPECT_EQ(rights_.next_expiry(kLater), std::nullopt);
+  ASSERT_TRUE(rights_.revoke(kCrew, {}));
+  EXPECT_EQ(right("ann", kDesk, kLater), Right::kNone);
+  EXPECT_THAT(rights_.rule("ann", kDesk, kLater).reason, HasSubstr("has expired"));
+}
+
+TEST_F(RightsTest, AFrozenMapIsReadByWhoMayAndTakesNothing) {
+  grant(kAnn, {}, Right::kManage);
+  ASSERT_TRUE(rights_.freeze(kDesk, Closure{"ops", kNow, "the exhibition is open"}));
+  EXPECT_EQ(right("ann", kDesk), Right::kRead);
+  EXPECT_EQ(right("ann", kBench), Right::kManage);
+  EXPECT_EQ(right("zoe", kDesk), Right::kNone);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason, "the map is frozen by ops: the exhibition is open");
+  ASSERT_TRUE(rights_.freeze(kDesk, {}));
+  EXPECT_EQ(right("ann", kDesk), Right::kManage);
+}
+
+TEST_F(RightsTest, ABlockedClientMayNothing) {
+  grant(kAnn, kDesk, Right::kManage);
+  rights_.set_standard(Right::kWrite, true);
+  ASSERT_TRUE(rights_.block("ann", Closure{"ops", kNow, ""}));
+  EXPECT_EQ(right("ann", kDesk), Right::kNone);
+  EXPECT_EQ(right("ann", kBench), Right::kNone);
+  EXPECT_EQ(rights_.rule_on_creating("ann").right, Right::kNone);
+  ASSERT_TRUE(rights_.block("ann", {}));
+  EXPECT_EQ(right("ann", kDesk), Right::kManage);
+}
+
+TEST_F(RightsTest, MapsAreMadeByWhomIsNamedMostClosely) {
+  const auto may = [&](const char* client) {
+    return rights_.rule_on_creating(client).right == Right::kWrite;
+  };
+  EXPECT_FALSE(may("ann"));
+  ASSERT_TRUE(rights_.let_create(kEveryone, true));
+  EXPECT_TRUE(may("zoe"));
+  ASSERT_TRUE(rights_.let_create(kGuests, false));
+  EXPECT_FALSE(may("eve"));
+  ASSERT_TRUE(rights_.let_create(kCrew, true));
+  EXPECT_TRUE(may("ann")) << "one of its groups may";
+  ASSERT_TRUE(rights_.let_create(kAnn, false));
+  EXPECT_FALSE(may("ann"));
+  ASSERT_TRUE(rights_.let_create(kAnn, {}));
+  EXPECT_TRUE(may("ann"));
+}
+
+TEST_F(RightsTest, AnExtentGoesWithItsGrant) {
+  const Extent extent = Sphere{{0, 0, 0}, 2};
+  grant(kAnn, kDesk, Right::kWrite, {}, extent);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).extent, extent);
+  EXPECT_EQ(rights_.rule("ann", kDesk, kNow).reason,
+            "write within 2.00 around 0.00 0.00 0.00, as granted to client ann by ops");
+  grant(kCrew, kBench, Right::kWrite);
+  grant(kGuests, kBench, Right::kWrite, {}, extent);
+  EXPECT_EQ(rights_.rule("ann", kBench, kNow).extent, std::nullopt)
+      << "of two that write, the one that may more";
+}
+
+TEST_F(RightsTest, WhatCannotBeIsRefusedByName) {
+  const auto refusal = [&](Grant grant) {
+    const Status taken = rights_.grant(std::move(grant));
+    return taken ? std::string("taken") : taken.error().message;
+  };
+  EXPECT_THAT(refusal({{Kind::kClient, "Ann!"}, {}, Right::kRead, {}, {}, "ops", kNow}), HasSubstr("'Ann!'"));
+  EXPECT_THAT(refusal({kAnn, kDesk, Right::kRead, Sphere{{0, 0, 0}, 1}, {}, "ops", kNow}),
+              HasSubstr("only 'add' and 'write'"));
+  EXPECT_THAT(refusal({kAnn, {}, Right::kWrite, Sphere{{0, 0, 0}, 1}, {}, "ops", kNow}),
+              HasSubstr("name the map"));
+  EXPECT_THAT(refusal({kAnn, kDesk, Right::kWrite, Sphere{{0, 0, 0}, -1}, {}, "ops", kNow}),
+              HasSubstr("radius"));
+  EXPECT_THAT(rights_.freeze(kDesk, Closure{"ops", kNow, "two\nlines"}).error().message,
+              HasSubstr("the reason"));
+  EXPECT_EQ(rights_.revoke(kAnn, kDesk).error().code, ErrorCode::kNotFound);
+  EXPECT_THAT(parse_right("wrote").error().message, HasSubstr("did you mean write?"));
+  EXPECT_FALSE(parse_subject("group "));
+}
+
+TEST_F(RightsTest, WordsOfSubjectsAndRightsAreReadBack) {
+  for (const Subject& subject : {kEveryone, kAnn, kCrew})
+    EXPECT_EQ(*parse_subject(to_string(subject)), subject);
+  EXPECT_EQ(*parse_subject("ann"), kAnn);
+  for (const Right right : {Right::kNone, Right::kRead, Right::kAdd, Right::kWrite, Right::kManage})
+    EXPECT_EQ(*parse_right(to_string(right)), right);
+}
+
+TEST_F(RightsTest, AForgottenMapLeavesNoGrantBehind) {
+  grant(kAnn, kDesk, Right::kManage);
+  grant(kAnn, kBench, Right::kRead);
+  ASSERT_TRUE(rights_.freeze(kDesk, Closure{"ops", kNow, ""}));
+  rights_.forget(kDesk);
+  EXPECT_EQ(right("ann", kDesk), Right::kNone);
+  EXPECT_EQ(right("ann", kBench), Right::kRead);
+  EXPECT_EQ(rights_.table().grants.size(), 1U);
+  EXPECT_TRUE(rights_.table().frozen.empty());
+}
+
+/// Of whatever is granted, exactly one rule decides, and it says what rule() says.
+TEST_F(RightsTest, AnExplanationNamesTheRuleThatDecides) {
+  grant(kEveryone, {}, Right::kRead);
+  grant(kCrew, kDesk, Right::kWrite);
+  grant(kAnn, kDesk, Right::kManage, kNow);
+  const auto seen = rights_.explain("ann", kDesk, kNow);
+  ASSERT_EQ(seen.size(), 4U);
+  EXPECT_EQ(seen[0].rule,
+            "client ann, this map: manage until "
+            "2027-01-15T08:00:00Z");
+  EXPECT_EQ(seen[0].part, Part::kExpired);
+  EXPECT_EQ(seen[1].rule, "group crew, this map: write");
+  EXPECT_EQ(seen[1].part, Part::kDecides);
+  EXPECT_EQ(seen[2].part, Part::kOutweighed);
+  EXPECT_EQ(seen[3].rule, "everyone, by default: none");
+  EXPECT_EQ(seen[3].part, Part::kOutweighed);
+  ASSERT_TRUE(rights_.freeze(kDesk, Closure{"ops", kNow, ""}));
+  EXPECT_EQ(rights_.explain("ann", kDesk, kNow)[0].part, Part::kDecides) << "the freeze";
+}
+
+}  // namespace
+}  // namespace cairn
