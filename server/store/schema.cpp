@@ -28,9 +28,15 @@ constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
     "CREATE TABLE overlaps(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
 };
+constexpr std::array kSiteSteps{
+    "CREATE TABLE rights(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE audit(number INTEGER PRIMARY KEY, time INTEGER NOT NULL, who TEXT NOT NULL, "
+    "action TEXT NOT NULL, object TEXT NOT NULL, outcome TEXT NOT NULL) STRICT;",
+};
 
 constexpr int32_t kMapApplication = 0x4361694D;        // CaiM
 constexpr int32_t kCatalogueApplication = 0x43616943;  // CaiC
+constexpr int32_t kSiteApplication = 0x43616953;       // CaiS
 
 }  // namespace
 
@@ -41,6 +47,11 @@ const Schema& map_schema() {
 
 const Schema& catalogue_schema() {
   static const Schema schema{kCatalogueApplication, kCatalogueSteps};
+  return schema;
+}
+
+const Schema& site_schema() {
+  static const Schema schema{kSiteApplication, kSiteSteps};
   return schema;
 }
 
@@ -76,7 +87,7 @@ Status check_schema(sqlite::Database* database, const Schema& schema, int versio
     const std::string sql = query->text(0) + ";";  // SQLite keeps the words of CREATE
     if (!expected.starts_with(sql) && expected.find(";" + sql) == std::string::npos)
       return fail(ErrorCode::kDamaged,
-                  database->path() + ": holds what no map file has: " + sql.substr(0, 60));
+                  database->path() + ": holds what no such file has: " + sql.substr(0, 60));
     ++found;
   }
   if (found != static_cast<size_t>(std::count(expected.begin(), expected.end(), ';')))

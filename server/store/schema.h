@@ -18,6 +18,8 @@ struct Schema {
 [[nodiscard]] const Schema& map_schema();
 /// What belongs to the server as a whole (store.h).
 [[nodiscard]] const Schema& catalogue_schema();
+/// What a site decides, and what happens at it (site_file.h).
+[[nodiscard]] const Schema& site_schema();
 
 /// Version of an open file; 0: nothing has been written to it. Error kDamaged: a database of another program.
 [[nodiscard]] Result<int> schema_version(sqlite::Database* database, const Schema& schema);

@@ -198,7 +198,7 @@ TEST_F(StoreTest, AnArchiveWithAViewInPlaceOfATableIsRefused) {
     ASSERT_FALSE(imported);
     EXPECT_EQ(imported.error().code, ErrorCode::kDamaged);
     EXPECT_THAT(imported.error().message,
-                ::testing::AnyOf(HasSubstr("no map file has"), HasSubstr("missing")));
+                ::testing::AnyOf(HasSubstr("no such file has"), HasSubstr("missing")));
   }
   EXPECT_TRUE(store->import_map(archive));
 }

@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/site_file.h"
+
+#include <fmt/format.h>
+
+#include <limits>
+#include <utility>
+
+#include "server/store/rows.h"
+#include "server/store/schema.h"
+
+namespace cairn {
+namespace {
+
+constexpr int64_t kRightsRow = 1;
+
+/// So that what is looked for stands for itself in LIKE ... ESCAPE '\'.
+std::string escaped(std::string_view text) {
+  std::string pattern;
+  for (const char c : text) {
+    if (c == '%' || c == '_' || c == '\\') pattern += '\\';
+    pattern += c;
+  }
+  return pattern;
+}
+
+AuditEntry entry_of(const sqlite::Statement& row) {
+  return {row.integer(0), {row.integer(1)}, row.text(2), row.text(3), row.text(4), row.text(5)};
+}
+
+}  // namespace
+
+Result<SiteFile> SiteFile::open(const std::filesystem::path& path) {
+  auto database = sqlite::Database::open(path, sqlite::OpenMode::kCreate);
+  if (!database) return tl::unexpected(database.error());
+  const auto version = schema_version(&*database, site_schema());
+  if (!version) return tl::unexpected(version.error());
+  auto transaction = sqlite::Transaction::begin(&*database);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const auto newest = static_cast<int>(site_schema().steps.size());
+  if (Status done = migrate(&*database, site_schema(), *version, newest); !done)
+    return tl::unexpected(done.error());
+  if (Status sound = check_schema(&*database, site_schema(), newest); !sound)
+    return tl::unexpected(sound.error());
+  if (Status done = transaction->commit(); !done) return tl::unexpected(done.error());
+  return SiteFile(std::move(*database));
+}
+
+Result<std::optional<std::string>> SiteFile::rights() {
+  std::optional<std::string> text;
+  std::vector<std::string> damage;
+  read_rows(
+      &database_, "rights",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        if (id == kRightsRow) text = std::string(data.begin(), data.end());
+        return id == kRightsRow;
+      },
+      &damage);
+  if (!damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + damage.front());
+  return text;
+}
+
+Status SiteFile::keep_rights(std::string_view text, const AuditEntry& entry) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  auto put = database_.prepare(put_row_sql("rights"));
+  if (!put) return tl::unexpected(put.error());
+  const std::span data(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  if (Status done = put->bind(0, kRightsRow).bind(1, data).bind(2, row_checksum(kRightsRow, data)).run();
+      !done)
+    return done;
+  if (Status done = insert({&entry, 1}); !done) return done;
+  return transaction->commit();
+}
+
+Status SiteFile::append(std::span<const AuditEntry> entries) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (Status done = insert(entries); !done) return done;
+  return transaction->commit();
+}
+
+Status SiteFile::insert(std::span<const AuditEntry> entries) {
+  auto row = database_.prepare("INSERT INTO audit(time, who, action, object, outcome) VALUES(?, ?, ?, ?, ?)");
+  if (!row) return tl::unexpected(row.error());
+  for (const AuditEntry& entry : entries) {
+    row->bind(0, entry.time.nanoseconds).bind(1, entry.who).bind(2, entry.action);
+    if (Status done = row->bind(3, entry.object).bind(4, entry.outcome).run(); !done) return done;
+  }
+  return {};
+}
+
+Result<std::vector<AuditEntry>> SiteFile::find(const AuditQuery& query) {
+  auto rows = database_.prepare(
+      "SELECT number, time, who, action, object, outcome FROM audit WHERE number < ?1 AND time >= ?2 AND "
+      "time < ?3 "
+      "AND (who = ?4 OR who LIKE ?5 ESCAPE '\\') AND action LIKE ?6 ESCAPE '\\' AND object LIKE ?7 ESCAPE "
+      "'\\' "
+      "ORDER BY number DESC LIMIT ?8");
+  if (!rows) return tl::unexpected(rows.error());
+  constexpr int64_t kEnd = std::numeric_limits<int64_t>::max();
+  const std::string last_word = query.who.empty() ? "%" : fmt::format("% {}", escaped(query.who));
+  const std::string begins = fmt::format("{}%", escaped(query.action));
+  const std::string contains = fmt::format("%{}%", escaped(query.object));
+  rows->bind(0, query.before_number.value_or(kEnd));
+  rows->bind(1, query.from ? query.from->nanoseconds : std::numeric_limits<int64_t>::min());
+  rows->bind(2, query.until ? query.until->nanoseconds : kEnd);
+  rows->bind(3, query.who).bind(4, last_word).bind(5, begins).bind(6, contains);
+  rows->bind(7, static_cast<int64_t>(query.limit));
+  std::vector<AuditEntry> entries;
+  while (true) {
+    const auto row = rows->step();
+    if (!row) return tl::unexpected(row.error());
+    if (!*row) return entries;
+    entries.push_back(entry_of(*rows));
+  }
+}
+
+Result<int64_t> SiteFile::prune(int64_t most) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const auto count = database_.number("SELECT count(*) FROM audit");
+  if (!count || *count <= most) return count ? Result<int64_t>(0) : tl::unexpected(count.error());
+  auto remove = database_.prepare(
+      "DELETE FROM audit WHERE number IN (SELECT number FROM audit ORDER BY number LIMIT ?1)");
+  if (!remove) return tl::unexpected(remove.error());
+  if (Status done = remove->bind(0, *count - most).run(); !done) return tl::unexpected(done.error());
+  if (Status done = transaction->commit(); !done) return tl::unexpected(done.error());
+  return *count - most;
+}
+
+}  // namespace cairn

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "server/store/sqlite.h"
+
+namespace cairn {
+
+/// Somebody did something, or tried to.
+struct AuditEntry {
+  int64_t number = 0;   ///< from 1, ascending; given by append()
+  Timestamp time;       ///< of the wall clock
+  std::string who;      ///< "operator ann", "client phone-1", "server"
+  std::string action;   ///< "rights grant", "map delete", "connect"
+  std::string object;   ///< what it was done to: "map desk 3e6f...", "client phone-1"; may be empty
+  std::string outcome;  ///< "done", or why not
+  bool operator==(const AuditEntry&) const = default;
+};
+
+/// Which entries are asked for; what is not set does not narrow.
+struct AuditQuery {
+  std::string who;     ///< that or its last word: "ann"
+  std::string action;  ///< that it begins with
+  std::string object;  ///< that it contains
+  std::optional<Timestamp> from;
+  std::optional<Timestamp> until;        ///< not included
+  std::optional<int64_t> before_number;  ///< the page before that entry
+  size_t limit = 100;
+};
+
+/// What a site decides and what happens at it: the rights, as text of `server/access`, and the audit log. One
+/// SQLite file beside the maps; one thread at a time.
+class SiteFile {
+ public:
+  /// Opens the file, or makes it. Errors: kDamaged (not to be read, or of another program), kConfiguration
+  /// (of a newer version), kIo.
+  [[nodiscard]] static Result<SiteFile> open(const std::filesystem::path& path);
+
+  /// The text that was kept last; nothing when none ever was. Error kDamaged: it is not what was written.
+  [[nodiscard]] Result<std::optional<std::string>> rights();
+  /// Durable with the entry that says who changed it and how, or not at all.
+  Status keep_rights(std::string_view text, const AuditEntry& entry);
+
+  /// Durable on return.
+  Status append(std::span<const AuditEntry> entries);
+  /// The newest first.
+  [[nodiscard]] Result<std::vector<AuditEntry>> find(const AuditQuery& query);
+  /// Removes the oldest, but for so many; how many there were.
+  [[nodiscard]] Result<int64_t> prune(int64_t most);
+
+ private:
+  explicit SiteFile(sqlite::Database database) : database_(std::move(database)) {}
+  Status insert(std::span<const AuditEntry> entries);
+
+  sqlite::Database database_;
+};
+
+}  // namespace cairn
