@@ -69,6 +69,7 @@ struct Words {
   std::string rig_search;
   std::string imu;
   std::optional<double> imu_time_offset;
+  std::optional<int> lost_patience;
   bool verbose = false;
   bool quiet = false;
 };
@@ -142,11 +143,11 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--map", options.map, "for who makes no maps: the only map to track in [any]")
       ->check(check_name)
       ->type_name("NAME");
-  app.add_option("--lost-patience", options.lost_patience,
-                 "a builder lost that long where no map is known begins one")
+  app.add_option(
+         "--lost-patience", words.lost_patience,
+         fmt::format("a builder lost that long where no map is known begins one [{}]", options.lost_patience))
       ->check(CLI::Range(1, 3600))
-      ->type_name("SECONDS")
-      ->capture_default_str();
+      ->type_name("SECONDS");
   app.add_option("--pace", words.pace,
                  "realtime: by the time stamps; lockstep: repeatable; max: as fast as it goes")
       ->check(CLI::IsMember({"realtime", "lockstep", "max"}))
@@ -221,6 +222,12 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   if (!options.map.empty() && options.makes_maps()) {
     return usage("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");
   }
+  if (words.lost_patience && !options.makes_maps()) {
+    return usage(
+        "--lost-patience: not with --role reader or --no-new-maps; only a builder begins a map when it "
+        "is lost");
+  }
+  options.lost_patience = words.lost_patience.value_or(options.lost_patience);
   options.find_camera = words.calibration == kAuto || words.calibration.starts_with(kAutoFrom);
   if (options.find_camera && options.reader)
     return usage("--calibration auto: a reader makes no keyframes, from which a camera is found out");

@@ -154,6 +154,8 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
   EXPECT_THAT(wrong({"--seed", "-1"}), HasSubstr("--seed"));
   EXPECT_THAT(wrong({"--seed", "18446744073709551616"}), HasSubstr("--seed")) << "overflow";
   EXPECT_THAT(wrong({"--map", "desk"}), HasSubstr("--map")) << "a builder's map is its own";
+  EXPECT_THAT(wrong({"--role", "reader", "--lost-patience", "5"}), HasSubstr("only a builder begins a map"));
+  EXPECT_THAT(wrong({"--no-new-maps", "--lost-patience", "1"}), HasSubstr("only a builder begins a map"));
 }
 
 TEST(TrackOptions, WhatIsNotThereYetSaysSo) {

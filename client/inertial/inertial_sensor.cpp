@@ -16,6 +16,9 @@ constexpr double kJump = 1;          // [s] back, which no reordering explains
 constexpr double kNoise = 2e-4;      // [rad per square root of a second]: small devices
 // A hand's greatest change of its rate [rad/s^2]: what a rate that is held on to may be off by.
 constexpr double kTurnAcceleration = 50;
+// [rad/s^3]: that acceleration as one of five times a second changes it. A rate that is drawn straight
+// between two samples is off by it.
+constexpr double kTurnJerk = 1500;
 
 }  // namespace
 
@@ -69,6 +72,7 @@ std::optional<CameraTurn> InertialSensor::turn(Timestamp from, Timestamp to) con
   const double seconds = seconds_between(to, from);
   CameraTurn turn;
   double ahead = 0;
+  double drawn = 0;  // variance [rad^2] of what the turn between two samples is off by
   Timestamp at = from;
   for (size_t i = *first; at < to; ++i) {
     const Rate& before = rates_[i];
@@ -79,6 +83,8 @@ std::optional<CameraTurn> InertialSensor::turn(Timestamp from, Timestamp to) con
       const double gap = seconds_between(after.time, before.time);
       if (gap > kMostGap) return std::nullopt;
       until = std::min(to, after.time);
+      const double off = kTurnJerk * gap * gap * gap / 12;  // as trapezoids are
+      drawn += off * off;
       // Of the middle of the part that is needed.
       const double part =
           (seconds_between(at, before.time) + seconds_between(until, before.time)) / (2 * gap);
@@ -93,7 +99,7 @@ std::optional<CameraTurn> InertialSensor::turn(Timestamp from, Timestamp to) con
   }
   const double by_bias = bias_.sigma() * seconds;
   const double guessed = kTurnAcceleration * ahead * ahead / 2;
-  turn.sigma = std::sqrt(kNoise * kNoise * seconds + by_bias * by_bias + guessed * guessed);
+  turn.sigma = std::sqrt(kNoise * kNoise * seconds + by_bias * by_bias + guessed * guessed + drawn);
   return turn;
 }
 

@@ -96,6 +96,34 @@ TEST(InertialSensor, DoesNotAnswerWhereSamplesAreMissing) {
   EXPECT_TRUE(sensor.turn(at(2.15), at(2.2)));
 }
 
+/// A head that is shaken: what happened in a gap of 40 ms nobody knows to a tenth of a degree.
+TEST(InertialSensor, AGapInTheSamplesMakesATurnAcrossItLessSure) {
+  Measuring measuring;
+  measuring.world_from_camera = [](double t) {
+    return so3_exp({0.04 * std::sin(28 * t), 0.03 * std::sin(31 * t + 1), 0.02 * std::sin(25 * t)});
+  };
+  const auto turn_without = [&](double begin, double end) {
+    InertialSensor sensor(ImuMount{});
+    sensor.add(measuring.from(0, begin));
+    sensor.add(measuring.from(end, 1));
+    return sensor.turn(at(0.48), at(0.56)).value_or(CameraTurn());
+  };
+  double furthest = 0;
+  for (const double phase : {0.0, 0.05, 0.1, 0.15, 0.2}) {
+    const auto shaken = measuring.world_from_camera;
+    measuring.world_from_camera = [&](double t) { return shaken(t + phase); };
+    const CameraTurn whole = turn_without(0.52, 0.525);
+    const CameraTurn across = turn_without(0.5, 0.54);
+    EXPECT_LT(whole.sigma, 2e-3);
+    EXPECT_GT(across.sigma, 2 * whole.sigma);
+    const double off = angle(across.now_from_before, measuring.turn(0.48, 0.56));
+    EXPECT_LT(off, 3 * across.sigma);
+    furthest = std::max(furthest, off / whole.sigma);
+    measuring.world_from_camera = shaken;
+  }
+  EXPECT_GT(furthest, 1) << "without the gap's part the sigma would not cover it";
+}
+
 TEST(InertialSensor, ToleratesSamplesTwiceAndLateAndBeginsAnewWhenTimeJumpsBack) {
   const Measuring measuring;
   InertialSensor sensor(ImuMount{});

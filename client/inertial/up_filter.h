@@ -5,9 +5,12 @@
 #include <Eigen/Geometry>
 #include <optional>
 
-#include "common/geometry/up_direction.h"
-
 namespace cairn {
+
+struct UpDirection {
+  Eigen::Vector3d up = Eigen::Vector3d::Zero();  ///< away from the earth, length 1, camera axes
+  double sigma = 0;                              ///< [rad], per axis
+};
 
 /// Where up is: carried by the gyro, and drawn to what the accelerometer says (a complementary filter), the
 /// slower the more it is shaken. Pure.

@@ -15,8 +15,7 @@ constexpr size_t kMuchToSee = 100;                     // corners, of the 880 th
 
 }  // namespace
 
-std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time,
-                                                    const std::optional<UpDirection>& up) {
+std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time) {
   if (asked_) {
     const double since = seconds_between(time, *asked_);
     // Recordings may jump back: a question from the future is an old one.
@@ -26,8 +25,7 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   asked_ = time;
   under_way_ = true;
   tiny_ = place_image(frame);
-  auto view = std::make_shared<PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
-  view->up = up;
+  auto view = std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
   shows_much_ = view->corners.size() >= kMuchToSee;
   return view;
 }

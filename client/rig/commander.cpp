@@ -94,7 +94,11 @@ void RigCommander::hear(const wire::RigState& state, MonotonicTime now) {
   while (views_.back().time - views_.front().time > kKept) views_.pop_front();
 }
 
-std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp time) const {
+/// Directions have stamps of the IMU's, pictures those of the camera: where they are not known to differ,
+/// they are taken to be the same.
+std::optional<Eigen::Vector3d> RigCommander::direction_at(Timestamp picture) const {
+  const auto offset = state_ ? wire::camera_offset(*state_) : std::nullopt;
+  const Timestamp time = picture + std::chrono::nanoseconds(offset.value_or(0));
   const auto after = std::lower_bound(views_.begin(), views_.end(), time,
                                       [](const View& view, Timestamp t) { return view.time < t; });
   if (after == views_.end()) {

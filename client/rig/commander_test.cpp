@@ -5,6 +5,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
+#include <numbers>
 
 namespace cairn {
 namespace {
@@ -132,6 +134,43 @@ TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThen
   EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kFollow);
   EXPECT_EQ(commander.counts().searches, 1);
   EXPECT_EQ(commander.counts().candidates, 2);
+}
+
+/// At 180 deg/s 50 ms are 9 degrees.
+TEST_F(Commander, APlaceIsLookedAtWhereItsPictureWasTakenAlsoByAnotherClock) {
+  constexpr double kRate = std::numbers::pi;  // [rad/s]
+  constexpr auto kOffset = 50ms;
+  const auto looks_at = [&](const std::function<void()>& tell_offset) {
+    rig_ = {};
+    SetUp();
+    tell_offset();
+    RigCommander commander = make(RigAim::kSearch);
+    heading_ = 0;
+    Timestamp asked;
+    double seen = 0;
+    for (int i = 0; i < 40; ++i) {
+      heading_ += 0.01 * kRate;
+      (void)step(commander);
+      if (i == 25) {
+        asked = host_ + -kOffset;  // by the camera's clock
+        seen = heading_;
+      }
+    }
+    commander.see(lost_);
+    commander.try_place(asked);
+    const auto order = step(commander).value_or(wire::RigCommand());
+    EXPECT_EQ(order.mode, RigMode::kLock);
+    return std::atan2(order.target.y(), order.target.x()) - seen;
+  };
+  const auto ns = std::chrono::nanoseconds(kOffset).count();
+  EXPECT_NEAR(looks_at([&] { rig_.calibrated_offset = ns; }), 0, 1e-6);
+  EXPECT_NEAR(looks_at([&] {
+                rig_.calibrated_offset = 0;
+                rig_.camera_clock = {true, ns, 0.001F};
+              }),
+              0, 1e-6)
+      << "what was estimated at work counts first";
+  EXPECT_NEAR(looks_at([] {}), -0.05 * kRate, 1e-6) << "nothing is known of another clock";
 }
 
 TEST_F(Commander, ASearchGoesOnWhereEachMapWasSeenLastTheNewestFirst) {

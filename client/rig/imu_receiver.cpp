@@ -12,13 +12,8 @@ namespace {
 constexpr std::chrono::seconds kSetBack{1};        // then the rig's clock is another one
 constexpr std::chrono::milliseconds kSilent{100};  // then the rig has let its drives go
 
-/// What a stamp of the camera lacks to the IMU's [ns]: as estimated at work, else as calibrated.
-std::optional<int64_t> offset_of(const wire::RigState& state) {
-  return state.camera_clock.known ? std::optional(state.camera_clock.offset) : state.calibrated_offset;
-}
-
 std::optional<ImuMount> mount_of(const wire::RigState& state) {
-  const auto offset = offset_of(state);
+  const auto offset = wire::camera_offset(state);
   if (!state.camera_from_imu || !offset) return std::nullopt;
   return ImuMount{state.camera_from_imu->normalized(), std::chrono::nanoseconds(-*offset)};
 }
@@ -32,7 +27,7 @@ std::string source_of(const wire::RigCameraClock& clock) {
 /// Where the offset of the clocks is not known, the camera is taken to be stamped by the host's.
 void ImuReceiver::hear_encoders(const wire::RigState& state) {
   if (!state.base_from_camera) return;
-  const std::chrono::nanoseconds offset(offset_of(state).value_or(0));
+  const std::chrono::nanoseconds offset(wire::camera_offset(state).value_or(0));
   queue_.put(EncoderSample{state.time + -offset, state.base_from_camera->normalized()});
 }
 
@@ -67,7 +62,7 @@ std::optional<ImuReceiver::News> ImuReceiver::hear(const wire::RigState& state) 
   }
   return News{
       fmt::format("rig {}: its gyro is used; stamps of the camera lack {:.1f} ms to the IMU's, {}", state.rig,
-                  1e-6 * static_cast<double>(*offset_of(state)), source_of(state.camera_clock)),
+                  1e-6 * static_cast<double>(*wire::camera_offset(state)), source_of(state.camera_clock)),
       false};
 }
 

@@ -4,7 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
+
+#include "client/inertial/inertial_sensor.h"
+#include "common/geometry/se3.h"
 
 namespace cairn {
 namespace {
@@ -47,6 +51,48 @@ TEST(ImuReceiver, GivesEachSampleOnceThoughStatesRepeatThemAndAreLost) {
   std::vector<int> all;
   for (int i = 3; i <= 30; ++i) all.push_back(i);
   EXPECT_EQ(taken(&queue), all);
+}
+
+/// At 400 samples a second a state has 25 ms of them. A head on a shoulder that sways by 10 degrees, twice a
+/// second.
+TEST(ImuReceiver, StatesThatComeLateAt400HzLoseSamplesAcrossWhichTheTurnIsKnownAllTheSame) {
+  const auto angle = [](double t) { return 0.17 * std::sin(4 * M_PI * t); };
+  const auto rate = [](double t) { return 0.17 * 4 * M_PI * std::cos(4 * M_PI * t); };
+  constexpr auto kSample = 2500us;
+  const auto sensor_after = [&](int apart) {  // samples from state to state
+    ImuQueue queue;
+    ImuReceiver receiver(queue);
+    for (int last = 20; last <= 400; last += apart) {
+      wire::RigState state = state_of(1, 0);
+      for (int i = last - 9; i <= last; ++i) {
+        const Timestamp time = Timestamp{} + i * kSample;
+        const auto about_z = static_cast<float>(rate(seconds_between(time, {})));
+        state.samples.push_back({time, Eigen::Vector3f(0, 0, about_z), Eigen::Vector3f(0, 0, 9.8F)});
+      }
+      (void)receiver.hear(state);
+    }
+    std::vector<ImuSample> samples;
+    queue.take({}, &samples);
+    InertialSensor sensor(queue.mount().value());
+    sensor.add(samples);
+    return sensor;
+  };
+  const InertialSensor on_time = sensor_after(4);
+  for (const int apart : {12, 20, 28}) {  // 30, 50, 70 ms
+    const InertialSensor late = sensor_after(apart);
+    for (double from = 0.1; from < 0.8; from += 0.033) {
+      const Timestamp begin = Timestamp::from_seconds(from);
+      const Timestamp end = Timestamp::from_seconds(from + 0.033);
+      const auto turn = late.turn(begin, end);
+      ASSERT_TRUE(turn) << apart << ", " << from;
+      const double off = so3_log(turn->now_from_before).z() + angle(from + 0.033) - angle(from);
+      EXPECT_LT(std::abs(off), 3 * turn->sigma) << apart << ", " << from;
+      EXPECT_LT(std::abs(off), 0.3 * M_PI / 180) << apart << ", " << from;
+      EXPECT_GE(turn->sigma, on_time.turn(begin, end)->sigma);
+    }
+  }
+  EXPECT_FALSE(sensor_after(32).turn(Timestamp::from_seconds(0.1), Timestamp::from_seconds(0.2)))
+      << "80 ms apart: nobody knows what the head did for 57";
 }
 
 TEST(ImuReceiver, AClockThatIsSetBackBeginsAnew) {

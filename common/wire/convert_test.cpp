@@ -503,7 +503,8 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   rig.refusal.assign(kMaxRigText, 'x');
   rig.trouble.assign(kMaxRigTexts - kMaxRigText, 'x');
   rig.samples.resize(kMaxRigSamples);
-  EXPECT_LT(internal::payload_bytes<RigState>(encode(rig, &scratch)), 1300U);
+  constexpr size_t kRoom = 64;  // for members that are to come
+  EXPECT_LT(internal::payload_bytes<RigState>(encode(rig, &scratch)), 1300U - kRoom);
 }
 
 }  // namespace

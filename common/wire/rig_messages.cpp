@@ -29,4 +29,8 @@ std::optional<RigSearchPattern> parse_rig_search(std::string_view name) {
   return std::nullopt;
 }
 
+std::optional<int64_t> camera_offset(const RigState& state) {
+  return state.camera_clock.known ? std::optional(state.camera_clock.offset) : state.calibrated_offset;
+}
+
 }  // namespace cairn::wire

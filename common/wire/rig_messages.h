@@ -88,8 +88,8 @@ struct RigAxisState {
   double rate = 0;      ///< [rad/s]
 };
 
-/// Of the IMU's newest sample, in the axes of the head, on which it sits: x where the camera looks, y left, z
-/// up.
+/// Of the IMU's newest sample. The attitude is that of the head, on which it sits: x where the camera looks,
+/// y left, z up. What it measured is in its own axes, as in RigImuSample.
 struct RigImu {
   Timestamp time;                                          ///< when it was taken, by the host's clock
   Eigen::Vector3f rate = Eigen::Vector3f::Zero();          ///< as measured [rad/s]
@@ -151,9 +151,14 @@ struct RigState {
   std::optional<Eigen::Quaterniond> base_from_camera;
 };
 
+/// What a stamp of the camera lacks to the IMU's of the same moment [ns]: as estimated at work, else as
+/// calibrated. Nothing: not known.
+[[nodiscard]] std::optional<int64_t> camera_offset(const RigState& state);
+
 /// Of a text in RigState.
 constexpr size_t kMaxRigText = 360;
-/// Of its refusal and its trouble together, as they are written: a state is one packet.
-constexpr size_t kMaxRigTexts = 480;
+/// Of its refusal and its trouble together, as they are written: a state is one packet, with room for what a
+/// later one has to say.
+constexpr size_t kMaxRigTexts = 400;
 
 }  // namespace cairn::wire

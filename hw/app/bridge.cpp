@@ -58,7 +58,8 @@ RigBridge::RigBridge(const RigConfiguration& configuration, MonotonicTime now)
 
 void RigBridge::set_camera_clock(const wire::RigCameraClock& clock) {
   camera_clock_ = clock;
-  if (clock.known) rig_.set_camera_offset(std::chrono::nanoseconds(clock.offset));
+  rig_.set_camera_offset(clock.known ? std::chrono::nanoseconds(clock.offset)
+                                     : configuration_.calibration.offset);
 }
 
 std::vector<GyroSample> RigBridge::take_gyro() {

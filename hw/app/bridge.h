@@ -35,7 +35,8 @@ class RigBridge {
   [[nodiscard]] bool is_let_go(MonotonicTime now) const;
 
   void receive(const ReceivedFrame& frame, MonotonicTime now);
-  /// Estimated while the rig is at work: counts for what is seen from now on, and is reported.
+  /// Estimated while the rig is at work: counts for what is seen from now on, and is reported. One that is
+  /// not known withdraws it: what the configuration says counts again.
   void set_camera_clock(const wire::RigCameraClock& clock);
   /// What the gyro measured since the last call, in its own axes, with stamps of the host; the newest of it
   /// where nobody asks.

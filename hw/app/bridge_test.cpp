@@ -178,6 +178,11 @@ TEST_F(Bridge, TheOffsetOfTheCamerasClockIsToldAndCountsForWhatIsSeenFromThenOn)
   EXPECT_TRUE(after.sees_target);
   EXPECT_TRUE(after.camera_clock.known);
   EXPECT_EQ(after.camera_clock.offset, -200'000'000);
+  bench_.bridge().set_camera_clock({});
+  bench_.pass(1s);  // sightings of before are forgotten
+  const RigState withdrawn = see();
+  EXPECT_FALSE(withdrawn.sees_target) << "what the configuration says counts again";
+  EXPECT_FALSE(withdrawn.camera_clock.known);
 }
 
 TEST_F(Bridge, ASecondCommanderIsRefusedByNameAndDoesNotMoveAnythingLater) {

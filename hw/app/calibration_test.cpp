@@ -213,37 +213,76 @@ TEST_F(CalibrationOfARig, AnotherMapAfterAllPlacesLeavesNoneToCalibrateBy) {
   EXPECT_THAT(words_, Contains(HasSubstr("in another map; 15 places")));
 }
 
-/// A head that a hand turns.
-TEST(OffsetWatch, TellsWhatIsSharpAndKeepsItWhereNothingTurns) {
-  std::mutex mutex;
-  std::condition_variable changed;
-  std::vector<wire::RigCameraClock> told;
-  OffsetWatch watch(
-      null_logger(),
-      [&](const wire::RigCameraClock& clock) {
-        const std::lock_guard lock(mutex);
-        told.push_back(clock);
-        changed.notify_all();
-      },
-      1ms);
-  const auto stands = [](double t) {
+/// A head that a hand turns, and who watches it.
+class OffsetWatches : public ::testing::Test {
+ protected:
+  static Eigen::Quaterniond stands(double t) {
     return so3_exp({0.2 * std::sin(5 * t), 0.15 * std::sin(7 * t), 0.1 * std::sin(4 * t)});
-  };
-  std::vector<GyroSample> gyro;
-  for (int i = 1; i < 1000; ++i) {
-    const double t = i * 0.01;
-    gyro.push_back({Timestamp::from_seconds(t), so3_log(stands(t - 0.01).conjugate() * stands(t)) / 0.01});
   }
-  watch.sense(gyro);
-  for (double t = 1; t < 9; t += 1.0 / 30) watch.see({Timestamp::from_seconds(t - 0.05), stands(t)});
-  std::unique_lock lock(mutex);
-  ASSERT_TRUE(changed.wait_for(lock, 60s, [&] { return !told.empty() && told.back().known; }));
-  EXPECT_NEAR(static_cast<double>(told.back().offset) * 1e-9, 0.05, 0.002);
+  /// Ten seconds from `begin` on of a camera whose stamps lack 50 ms, and of a gyro; at another pace than 1
+  /// they do not turn alike.
+  void turn(double begin, SessionId tracker, double pace = 1) {
+    std::vector<GyroSample> gyro;
+    for (int i = 1; i < 1000; ++i) {
+      const double t = begin + i * 0.01;
+      const Eigen::Quaterniond turn = stands(pace * (t - 0.01)).conjugate() * stands(pace * t);
+      gyro.push_back({Timestamp::from_seconds(t), so3_log(turn) / 0.01});
+    }
+    watch_.sense(gyro);
+    for (double t = begin + 1; t < begin + 9; t += 1.0 / 30)
+      watch_.see({Timestamp::from_seconds(t - 0.05), stands(t)}, tracker);
+  }
+  [[nodiscard]] bool comes_to(bool known) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, 60s, [&] { return last_ && last_->known == known; });
+  }
+  [[nodiscard]] double offset() {
+    const std::lock_guard lock(mutex_);
+    return static_cast<double>(last_.value_or(wire::RigCameraClock()).offset) * 1e-9;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<wire::RigCameraClock> last_;
+
+ protected:
+  OffsetWatch watch_{null_logger(),
+                     [this](const wire::RigCameraClock& clock) {
+                       const std::lock_guard lock(mutex_);
+                       last_ = clock;
+                       changed_.notify_all();
+                     },
+                     1ms};
+};
+
+TEST_F(OffsetWatches, TellWhatIsSharpAndKeepItWhereNothingTurns) {
+  turn(0, {1});
+  ASSERT_TRUE(comes_to(true));
+  EXPECT_NEAR(offset(), 0.05, 0.002);
   CameraAndGyro vague;
   vague.sigma = 0.02;
   EXPECT_FALSE(camera_clock_of(vague));
   vague.sigma = std::nan("");
   EXPECT_FALSE(camera_clock_of(vague));
+}
+
+TEST_F(OffsetWatches, WithdrawWhatIsOfTheCameraOfAnotherTracker) {
+  turn(0, {1});
+  ASSERT_TRUE(comes_to(true));
+  watch_.see({Timestamp::from_seconds(20), stands(20)}, {2});
+  ASSERT_TRUE(comes_to(false));
+  turn(30, {2});
+  ASSERT_TRUE(comes_to(true));
+  EXPECT_NEAR(offset(), 0.05, 0.002);
+}
+
+/// Before, what had been told held for good.
+TEST_F(OffsetWatches, WithdrawWhatGyroAndCameraContradict) {
+  turn(0, {1});
+  ASSERT_TRUE(comes_to(true));
+  turn(30, {1}, 1.3);
+  EXPECT_TRUE(comes_to(false));
 }
 
 TEST(CalibrationTour, IsNotPlannedWhereTheLimitsLeaveTooLittle) {

@@ -36,7 +36,7 @@ void watch_offset(RigHost& host, ScaledClock clock, OffsetWatch* offsets) {
   host.start({[&host, offsets](const wire::RigState&) { offsets->sense(host.loop().take_gyro()); },
               [clock, offsets](const wire::TrackerStateMessage& state) {
                 const TourPose pose = pose_of(state, {clock.at(state.frame_time).time_since_epoch().count()});
-                if (pose.is_tracked) offsets->see({pose.when, pose.map_from_camera});
+                if (pose.is_tracked) offsets->see({pose.when, pose.map_from_camera}, state.session);
               }});
 }
 

@@ -37,26 +37,48 @@ void OffsetWatch::sense(const std::vector<GyroSample>& samples) {
   for (const GyroSample& sample : samples) sensed_.sense(sample);
 }
 
-void OffsetWatch::see(const CameraRotation& rotation) {
+void OffsetWatch::see(const CameraRotation& rotation, SessionId tracker) {
   const std::lock_guard lock(mutex_);
+  if (tracker_ && *tracker_ != tracker) {
+    sensed_.forget_camera();
+    is_other_camera_ = true;
+    changed_.notify_all();
+  }
+  tracker_ = tracker;
   sensed_.see(rotation);
   has_news_ = true;
 }
 
 void OffsetWatch::run() {
   std::unique_lock lock(mutex_);
-  while (!changed_.wait_for(lock, period_, [this] { return ends_; })) {
-    if (!std::exchange(has_news_, false)) continue;
+  while (!ends_) {
+    changed_.wait_for(lock, period_, [this] { return ends_ || is_other_camera_; });
+    const bool is_other_camera = std::exchange(is_other_camera_, false);
+    if (ends_ || (!is_other_camera && !std::exchange(has_news_, false))) continue;
     const ClockOffset sensed = sensed_;
     lock.unlock();
-    estimate(sensed);
+    if (is_other_camera) {
+      withdraw("another tracker has the camera");
+    } else {
+      estimate(sensed);
+    }
     lock.lock();
   }
 }
 
+void OffsetWatch::withdraw(const std::string& why) {
+  if (!std::exchange(told_, std::nullopt)) return;
+  log_->info("the offset of the camera's stamps is as configured again: {}", why);
+  tell_({});
+}
+
 void OffsetWatch::estimate(const ClockOffset& sensed) {
   const auto found = sensed.estimate();
-  if (!found) return log_->debug("offset of the camera's clock: {}", found.error().message);
+  if (!found) {
+    log_->debug("offset of the camera's clock: {}", found.error().message);
+    if (found.error().code == ErrorCode::kConfiguration) withdraw(found.error().message);
+    return;
+  }
   const auto clock = camera_clock_of(*found);
   if (!clock)
     return log_->debug("offset of the camera's clock: known to {:.1f} ms only", found->sigma * 1000);

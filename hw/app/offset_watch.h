@@ -20,7 +20,9 @@ namespace cairn {
 
 /// Estimates while the rig is at work how stamps of its camera lie to those of the IMU, each `period` again,
 /// with a thread of its own: that takes some hundredths of a second. Where the camera does not turn,
-/// or nobody tracks it, the last estimate holds. Stamps of both are of the rig's clock. Thread-safe.
+/// or nobody tracks it, the last estimate holds; it is withdrawn (told as not known) where gyro and camera do
+/// not turn alike any more, and when another tracker has the camera. Stamps of both are of the rig's clock.
+/// Thread-safe.
 class OffsetWatch {
  public:
   /// `tell` is called by the thread.
@@ -31,11 +33,13 @@ class OffsetWatch {
   OffsetWatch& operator=(const OffsetWatch&) = delete;
 
   void sense(const std::vector<GyroSample>& samples);
-  void see(const CameraRotation& rotation);
+  /// `tracker`: another one may have another camera.
+  void see(const CameraRotation& rotation, SessionId tracker);
 
  private:
   void run();
   void estimate(const ClockOffset& sensed);
+  void withdraw(const std::string& why);
 
   const Logger log_;
   const Teller tell_;
@@ -44,7 +48,9 @@ class OffsetWatch {
   std::mutex mutex_;                          ///< for what follows
   std::condition_variable changed_;
   ClockOffset sensed_;
-  bool has_news_ = false;  ///< pictures since the last estimate
+  bool has_news_ = false;             ///< pictures since the last estimate
+  std::optional<SessionId> tracker_;  ///< whose pictures they are
+  bool is_other_camera_ = false;      ///< since the last estimate
   bool ends_ = false;
   std::thread thread_;
 };

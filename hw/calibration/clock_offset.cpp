@@ -187,7 +187,7 @@ Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
   result.correlation = 1 - fit.residual / total;
   result.residual = std::sqrt(fit.residual / static_cast<double>(steps.size()));
   if (result.correlation < kLeastCorrelation || kWidest - std::abs(result.offset) < kCoarse)
-    return fail(ErrorCode::kRefused,
+    return fail(ErrorCode::kConfiguration,
                 fmt::format("gyro and camera do not turn alike within {} s; check that they are on one "
                             "mount and by one clock",
                             kWidest));

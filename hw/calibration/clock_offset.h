@@ -36,8 +36,8 @@ struct CameraAndGyro {
 };
 
 /// Shifts the one against the other until they agree. Stamps in ascending order; offsets up to 0.3 s are
-/// found. Errors: kRefused for too few pictures, for a camera that hardly turned, and for two that do not
-/// turn alike; the message says what to do. Pure.
+/// found. Errors: kRefused for too few pictures and for a camera that hardly turned; kConfiguration for two
+/// that do not turn alike. The message says what to do. Pure.
 [[nodiscard]] Result<CameraAndGyro> align_camera_and_gyro(std::span<const GyroSample> gyro,
                                                           std::span<const CameraRotation> camera);
 
@@ -46,6 +46,8 @@ class ClockOffset {
  public:
   void sense(const GyroSample& sample);
   void see(const CameraRotation& rotation);
+  /// Those to come are of another camera.
+  void forget_camera() { camera_.clear(); }
 
   /// Some milliseconds of work: once in a few seconds is enough. Errors: as above.
   [[nodiscard]] Result<CameraAndGyro> estimate() const;

@@ -21,8 +21,10 @@ constexpr double kGlance = 0.15;          // [s]: some pictures that are still
 constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its picture is as good
 constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach
 constexpr double kSoonest = 1e-3;         // [s]
-constexpr std::chrono::seconds kRemembered(30);  // a search that went on longer ago begins anew
-constexpr double kLeastView = 0.05;              // [rad]
+// A place that was none is soon looked at; after more than that the camera was found, or is another one's,
+// and the likeliest place would be one that was looked at.
+constexpr std::chrono::seconds kRemembered(3);
+constexpr double kLeastView = 0.05;  // [rad]
 constexpr double kMostView = 3;
 // [s] until a sample has come and a setpoint is with its drive, as frames of the bus take it.
 constexpr double kOnTheWire = 0.002;
@@ -104,6 +106,11 @@ Status Pointer::see(const Sighting& sighting) {
   track_.see(when, head->world_from_head * (configuration_.calibration.head_from_camera * sighting.target) +
                        head->way);
   return {};
+}
+
+void Pointer::forget_search() {
+  plan_.reset();
+  if (pointing_ && std::holds_alternative<pointing::Search>(*pointing_)) begun_ = false;
 }
 
 void Pointer::sense(MonotonicTime now, const Eigen::Quaterniond& world_from_head,

@@ -29,6 +29,8 @@ class Pointer {
   [[nodiscard]] Status see(const Sighting& sighting);
   /// As RigCalibration has it, measured since.
   void set_camera_offset(std::chrono::nanoseconds offset) { configuration_.calibration.offset = offset; }
+  /// The next one, or that which goes on, begins anew.
+  void forget_search();
   /// Demands come from others now.
   void let_go() { pointing_.reset(); }
 

@@ -39,7 +39,8 @@ struct Saccade {
   PanTilt angles;  ///< without a direction, to that in which these look when it begins
 };
 /// All around within reach, a glance at each place, first at those where the map may be. What was looked at
-/// is remembered when the search goes on after another mode.
+/// is remembered when the search goes on after another mode, for three seconds; a direction that is newly
+/// ranked is looked at again.
 struct Search {
   enum class Pattern : uint8_t { kSpiral, kRaster };
   Pattern pattern = Pattern::kSpiral;

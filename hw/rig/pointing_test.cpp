@@ -283,5 +283,23 @@ TEST(SearchPlan, BeginsWhereTheMapMayBe) {
   EXPECT_LT(angle_between(looked.at(2), kAhead), 0.5);  // then around where it began
 }
 
+TEST(SearchPlan, LooksAgainWhereAMapWasSeenSince) {
+  const auto everywhere = [](const Vector3d&) { return true; };
+  const Vector3d before = optical_axis({-2, 0.5});
+  const Vector3d since = optical_axis({1.5, 0});
+  const auto is_next = [&](SearchPlan& plan, const Vector3d& direction) {
+    return angle_between(plan.next(kAhead, everywhere).value(), direction) < 0.5;
+  };
+  SearchPlan plan({pointing::Search::Pattern::kSpiral, {0.9, 0.7}, {before}}, kAhead);
+  plan.look(before);
+  plan.look(since);
+  plan.rank({before});
+  EXPECT_FALSE(is_next(plan, before)) << "it was no more than told again";
+  plan.rank({since, before});
+  EXPECT_TRUE(is_next(plan, since));
+  plan.look(since);
+  EXPECT_FALSE(is_next(plan, before));
+}
+
 }  // namespace
 }  // namespace cairn

@@ -69,6 +69,8 @@ Status Rig::take(const RigCommand& command, MonotonicTime now) {
   const bool alive = !commander_.empty() && now - commanded_ <= configuration_.commander_deadline;
   if (!is_stop && !frees && alive && command.commander != commander_)
     return refuse("the rig is commanded by " + commander_ + "; end that one first");
+  const bool is_other = !is_stop && !frees && command.commander != commander_;
+  if (is_other) pointer_.forget_search();  // what the other one has looked for is another camera
   if (Status done = std::visit([&](const auto& what) { return handle(what, now); }, command.what); !done)
     return done;
   if (!is_stop && !frees) {

@@ -50,7 +50,7 @@ class RigBench {
         rig_(configuration_, now_) {}
 
   Status command(decltype(RigCommand::what) what) {
-    Status done = rig_.take({"tracker", std::move(what)}, now_);
+    Status done = rig_.take({commander, std::move(what)}, now_);
     send();
     return done;
   }
@@ -139,6 +139,7 @@ class RigBench {
   [[nodiscard]] MonotonicTime now() const { return now_; }
 
   bool commander_lives = true;
+  std::string commander = "tracker";
 
  private:
   inline static const Eigen::Vector3d kUp{0, 0, 9.81};  // [m/s^2]

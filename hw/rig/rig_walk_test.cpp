@@ -277,6 +277,29 @@ TEST_P(RigWalks, ASearchHasSeenAllWithinReachSoonAndRemembers) {
   RecordProperty("all_ms", static_cast<int>(time->count()));
 }
 
+/// What was looked at before the camera was found, or for another camera, is no reason to look elsewhere.
+TEST_P(RigWalks, ASearchAfterAFindOrForAnotherCommanderBeginsAnew) {
+  ASSERT_NO_FATAL_FAILURE(start(pointing::Search{}));
+  bench_.pass(1500ms);
+  EXPECT_GT(state().looked_at, 0.2);
+  ASSERT_TRUE(bench_.command(rig_command::Aim{pointing::Lock{}}));
+  bench_.pass(4s);
+  ASSERT_TRUE(bench_.command(rig_command::Aim{pointing::Search{}}));
+  bench_.pass(10ms);
+  EXPECT_EQ(state().looked_at, 0);
+  bench_.pass(1500ms);
+  EXPECT_GT(state().looked_at, 0.2);
+  bench_.commander_lives = false;
+  bench_.pass(100ms);
+  bench_.commander = "another";
+  bench_.commander_lives = true;
+  ASSERT_TRUE(bench_.command(rig_command::Activate{}));
+  ASSERT_TRUE(bench_.until([&] { return bench_.both<axis_state::Active>(); }, 1s));
+  ASSERT_TRUE(bench_.command(rig_command::Aim{pointing::Search{}}));
+  bench_.pass(200ms);
+  EXPECT_LT(state().looked_at, 0.2);
+}
+
 TEST_P(RigWalks, WhateverIsAimedAtNoAxisLeavesItsLimits) {
   ASSERT_NO_FATAL_FAILURE(start(pointing::Lock{}));
   const uint32_t seed = testing::any_seed();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 namespace cairn {
 namespace {
@@ -54,8 +55,17 @@ bool SearchPlan::is_for(const pointing::Search& search) const {
 }
 
 void SearchPlan::rank(const std::vector<Eigen::Vector3d>& ranked) {
-  for (Place& place : places_) place.rank = static_cast<int>(ranked.size());
-  for (size_t i = ranked.size(); i-- > 0;) nearest(ranked[i]).rank = static_cast<int>(i);
+  std::vector<size_t> known;
+  for (size_t i = 0; i < places_.size(); ++i) {
+    if (std::exchange(places_[i].rank, static_cast<int>(ranked.size())) < ranked_) known.push_back(i);
+  }
+  ranked_ = static_cast<int>(ranked.size());
+  for (int i = ranked_; i-- > 0;) nearest(ranked[static_cast<size_t>(i)]).rank = i;
+  // A map was seen since where none was ranked.
+  for (size_t i = 0; i < places_.size(); ++i) {
+    if (places_[i].rank < ranked_ && std::find(known.begin(), known.end(), i) == known.end())
+      places_[i].looked = false;
+  }
 }
 
 void SearchPlan::look(const Eigen::Vector3d& direction) {

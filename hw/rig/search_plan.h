@@ -27,7 +27,7 @@ class SearchPlan {
   [[nodiscard]] std::optional<Eigen::Vector3d> next(const Eigen::Vector3d& from, const Reach& within_reach);
   /// The place in this direction was looked at.
   void look(const Eigen::Vector3d& direction);
-  /// New places to begin with; what was looked at stays known.
+  /// New places to begin with, also where they were looked at; else what was looked at stays known.
   void rank(const std::vector<Eigen::Vector3d>& ranked);
   /// How often all that was within reach had been looked at.
   [[nodiscard]] int rounds() const { return rounds_; }
@@ -49,6 +49,7 @@ class SearchPlan {
   PanTilt view_;
   double step_;  ///< [rad] between rows
   std::vector<Place> places_;
+  int ranked_ = 0;  ///< so many
   int rounds_ = 0;
 };
 

@@ -7,8 +7,6 @@
 #include <numeric>
 #include <optional>
 
-#include "server/relocalization/gravity.h"
-
 namespace cairn {
 namespace {
 
@@ -114,7 +112,6 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)
     map->positions.push_back(find_positions(*snapshot, k->measured));
-  map->up = up_in_map(*snapshot, views);
   map->snapshot = std::move(snapshot);
   return map;
 }

@@ -267,8 +267,8 @@ class Rig(unittest.TestCase):
             if BUS.interface and fault == "mute-tilt":
                 continue  # homing takes the guest ten seconds
             with self.subTest(fault):
-                said = len(self.rig.lines)
                 self.jog()
+                said = len(self.rig.lines)  # what it said before is of another fault
                 injected = self.inject(fault + "+0.3")
                 self.check_idle(fault, injected, limit, (words, said))
                 if "reset" not in fault:

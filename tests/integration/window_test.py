@@ -5,7 +5,6 @@
 window_test.py BIN_DIR [TestClass[.test]]   Standard library only; skipped where these two are not installed.
 """
 import json
-import os
 import pathlib
 import shutil
 import subprocess
@@ -17,27 +16,10 @@ import unittest
 
 import programs_test
 from programs_test import LIMIT, OnTheDesk, ServerProcess, command
+from screen import Screen, is_there
 
 SLOWER = 16  # the recording is played, so that it lasts longer than what is done to the window
 TITLE = "cairn-track viewer"
-
-
-class Screen:
-    """A display that nobody sees."""
-
-    def __init__(self):
-        self.process = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
-                                        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
-        self.environment = {**os.environ, "DISPLAY": f":{self.process.stdout.readline().strip()}", "QT_QPA_PLATFORM": "xcb"}
-
-    def close(self):
-        self.process.terminate()
-        self.process.wait()
-        self.process.stdout.close()
-
-    def do(self, *words):
-        done = subprocess.run(["xdotool", *map(str, words)], env=self.environment, capture_output=True, text=True, timeout=LIMIT)
-        return done.stdout if done.returncode == 0 else ""
 
 
 class Viewer:
@@ -70,7 +52,7 @@ class Viewer:
         self.process.stderr.close()
 
 
-@unittest.skipUnless(shutil.which("Xvfb") and shutil.which("xdotool"), "apt-get install xvfb xdotool")
+@unittest.skipUnless(is_there(), "apt-get install xvfb xdotool")
 class Window(OnTheDesk):
     def setUp(self):
         self.server = ServerProcess()
@@ -124,7 +106,7 @@ class Window(OnTheDesk):
         self.assertEqual(self.labels(), [("hi", "viewer")])
 
 
-@unittest.skipUnless(shutil.which("Xvfb") and shutil.which("xdotool"), "apt-get install xvfb xdotool")
+@unittest.skipUnless(is_there(), "apt-get install xvfb xdotool")
 class Pictures(unittest.TestCase):
     """Two trackers of one wearer on this host: the window of the one shows what the other sees."""
 

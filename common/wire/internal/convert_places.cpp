@@ -33,7 +33,6 @@ cairn_RelocQuery encode(const RelocQuery& message, Scratch* scratch) {
     put_vector(corner.pixel, out.pixel);
     out.level = corner.level;
   });
-  sample.up = encode_up(message.up);
   return sample;
 }
 
@@ -55,7 +54,6 @@ Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
                     small.height <= kMaxSmallSide,
                 "not a small raw image");
   check.count(sample.corners, kMaxPlaceCorners);
-  check.up(sample.up);
   check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   RelocQuery message = decode_key<RelocQuery>(sample);
@@ -76,7 +74,6 @@ Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
     out.pixel = get_vector(corner.pixel);
     out.level = corner.level;
   }
-  message.up = decode_up(sample.up);
   return checked_message(check, std::move(message));
 }
 
