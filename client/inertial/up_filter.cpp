@@ -37,7 +37,8 @@ void UpFilter::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& accele
   const double noise = (shaken_ + kAccelerometerSigma * kAccelerometerSigma) *
                        std::max(1.0, kShakenFor / std::max(step, 1e-6));
   const double gain = variance_ / (variance_ + noise);
-  const Eigen::Vector3d towards = up_.cross(acceleration / length);
+  // Over g, not over its length: of steps that bounce and surge together, directions have a mean that leans.
+  const Eigen::Vector3d towards = up_.cross(acceleration / std::max(kGravity, length / 2));
   up_ = (so3_exp(gain * towards) * up_).normalized();
   // What the accelerometer has of a bias does not average out.
   variance_ = std::max((1 - gain) * variance_, kAccelerometerSigma * kAccelerometerSigma);
