@@ -5,12 +5,9 @@
 #include <Eigen/Geometry>
 #include <optional>
 
-namespace cairn {
+#include "common/geometry/up_direction.h"
 
-struct UpDirection {
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();  ///< away from the earth, length 1, camera axes
-  double sigma = 0;                              ///< [rad], per axis
-};
+namespace cairn {
 
 /// Where up is: carried by the gyro, and drawn to what the accelerometer says (a complementary filter), the
 /// slower the more it is shaken. Pure.

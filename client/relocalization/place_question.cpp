@@ -15,7 +15,8 @@ constexpr size_t kMuchToSee = 100;                     // corners, of the 880 th
 
 }  // namespace
 
-std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time) {
+std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time,
+                                                    const std::optional<UpDirection>& up) {
   if (asked_) {
     const double since = seconds_between(time, *asked_);
     // Recordings may jump back: a question from the future is an old one.
@@ -25,7 +26,8 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   asked_ = time;
   under_way_ = true;
   tiny_ = place_image(frame);
-  auto view = std::make_shared<const PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
+  auto view = std::make_shared<PlaceView>(describe_place(frame.pyramid, frame.all_corners()));
+  view->up = up;
   shows_much_ = view->corners.size() >= kMuchToSee;
   return view;
 }

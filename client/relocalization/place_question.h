@@ -20,7 +20,8 @@ namespace cairn {
 class PlaceQuestion {
  public:
   /// The frame described, if a question may be asked now; null otherwise.
-  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time);
+  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
+                                                     const std::optional<UpDirection>& up = {});
   /// The answer: a place to try, or that no place is known. Whether there is one to try: a place that has
   /// been refuted again and again counts as none.
   bool answered(const std::optional<PoseSuggestion>& suggestion);

@@ -255,9 +255,10 @@ bool Recovery::may_be_elsewhere(Timestamp time) const {
   return since < 0 || since > kStillHere || question_.is_elsewhere();
 }
 
-std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timestamp time, bool may_enter) {
+std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timestamp time, bool may_enter,
+                                               const std::optional<UpDirection>& up) {
   if (!is_asking(may_enter)) return nullptr;
-  return question_.ask(frame, time);
+  return question_.ask(frame, time, up);
 }
 
 /// Whether a place suggested would be tried.

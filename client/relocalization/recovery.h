@@ -171,9 +171,10 @@ class Recovery {
   // The question where this is. While starting it is asked where `may_enter`: another map than one's own to
   // be would be entered.
 
-  /// The frame described, if a question is due; null otherwise.
-  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
-                                                     bool may_enter);
+  /// The frame described, with which way is up in it where that is known, if a question is due; null
+  /// otherwise.
+  [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time, bool may_enter,
+                                                     const std::optional<UpDirection>& up = {});
   /// Its answer; `map` in use, if there is one.
   PlaceUse answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
                     bool may_enter);

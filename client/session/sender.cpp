@@ -134,6 +134,7 @@ wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
   message.trails = proposal.trails;
   message.second_from_first = proposal.second_from_first;
   message.still_mask = bits_of(proposal.still);
+  message.second_up = proposal.second_up;
   return message;
 }
 
@@ -156,6 +157,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable, uint64
   message.candidates = proposal.candidates;
   message.reference_command = reference;
   message.still_mask = bits_of(proposal.still);
+  message.up = proposal.up;
   return message;
 }
 
@@ -171,6 +173,7 @@ wire::RelocQuery Sender::make_message(const QuestionSlot::Sendable& sendable) co
   message.time = question.time;
   message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);
   message.corners = question.view->corners;
+  message.up = question.view->up;
   return message;
 }
 

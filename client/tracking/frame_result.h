@@ -10,6 +10,7 @@
 
 #include "common/base/time.h"
 #include "common/geometry/se3.h"
+#include "common/geometry/up_direction.h"
 #include "common/image/image.h"
 #include "common/image/place.h"
 #include "common/image/still_mask.h"
@@ -26,8 +27,9 @@ struct SeedProposal {
   GrayImagePtr first_image;
   GrayImagePtr second_image;
   std::vector<Trail> trails;
-  SE3 second_from_first;    ///< |translation| = 1
-  StillMaskPtr still = {};  ///< what stands still in both images; null: nothing
+  SE3 second_from_first;                      ///< |translation| = 1
+  StillMaskPtr still = {};                    ///< what stands still in both images; null: nothing
+  std::optional<UpDirection> second_up = {};  ///< in the axes of the second view; nothing: not known
 };
 
 /// The present frame as a keyframe: to be sent as KeyframeOffer together with its image.
@@ -42,7 +44,8 @@ struct KeyframeProposal {
   uint64_t number = 0;  ///< of the tracker's proposals, from 1: the answer names it
   /// The proposal that it was tracked against, which has not been answered; 0: none, `reference` was.
   uint64_t reference_number = 0;
-  StillMaskPtr still = {};  ///< what stands still in its image; null: nothing
+  StillMaskPtr still = {};             ///< what stands still in its image; null: nothing
+  std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
 };
 
 /// The server's yes to a seed.

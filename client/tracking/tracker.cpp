@@ -185,6 +185,7 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
   const bool is_new_place = recovery.insists() || recovery.question().is_not_known(trails.begun_at(), time);
   if (options.make_maps && !trails.awaited() && is_new_place)
     result.seed = trails.propose(image, time, now());
+  if (result.seed) result.seed->second_up = gyro.up();
   trails.lines(&result.trails);
   result.note = trails.note();
 }
@@ -474,6 +475,7 @@ void Tracker::State::propose_keyframe(Timestamp time) {
                             provisional.candidates(model.last())};
   proposal.number = ++proposals;
   proposal.still = now().still();
+  proposal.up = gyro.up();
   for (const VisiblePoint& p : finder.points()) {
     if (p.found && !is_local(p.id)) proposal.measurements.push_back({p.id, p.level, p.pixel});
   }
@@ -511,7 +513,7 @@ void Tracker::State::report_search() {
 void Tracker::State::end_frame(Timestamp time) {
   {
     const ScopedStage stage(probe, Stage::kDescribe);
-    result.place_question = recovery.ask(now(), time, may_enter());
+    result.place_question = recovery.ask(now(), time, may_enter(), gyro.up());
   }
   learn_still();
   result.camera_from_map = model.last();

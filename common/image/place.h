@@ -3,9 +3,11 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "common/geometry/up_direction.h"
 #include "common/image/descriptor.h"
 #include "common/image/pyramid.h"
 #include "common/image/tiny_image.h"
@@ -24,6 +26,7 @@ struct PlaceCorner {
 struct PlaceView {
   GrayImage small;  ///< pyramid level 3
   std::vector<PlaceCorner> corners;
+  std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
 };
 
 /// Corners described at most, by level. Coarse ones are few and stand motion blur.

@@ -3,9 +3,11 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "common/geometry/camera.h"
+#include "common/geometry/up_direction.h"
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
 #include "common/map/ids.h"
@@ -23,6 +25,7 @@ struct KeyframeView {
   /// FAST-10 corners of `pyramid` by level, as a question about the picture wants them
   /// (common/image/place.h); null where nobody has looked for them.
   std::shared_ptr<const std::array<CornerList, kPyramidLevels>> corners = {};
+  std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
 };
 
 }  // namespace cairn

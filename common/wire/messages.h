@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "common/geometry/up_direction.h"
 #include "common/image/image.h"
 #include "common/image/place.h"
 #include "common/map/ids.h"
@@ -68,6 +70,7 @@ struct MapSeed {
   /// What stands still in the camera's images (StillMask): a bit for each cell, row by row, the lowest bit of
   /// a byte first. Empty: nothing does.
   std::vector<uint8_t> still_mask;
+  std::optional<UpDirection> second_up;  ///< in the axes of the second view; nothing: not known
 };
 
 /// Topic KeyframeOffer: command. The pose is relative to a keyframe, so it survives adjustments on the way.
@@ -90,6 +93,7 @@ struct KeyframeOffer {
   /// keyframe that came of it is meant.
   uint64_t reference_command = 0;
   std::vector<uint8_t> still_mask;  ///< as MapSeed's
+  std::optional<UpDirection> up;    ///< in the camera's axes; nothing: not known
 };
 
 /// Topic RelocQuery: query, keyed by client. A newer one replaces one that has not been taken.
@@ -103,6 +107,7 @@ struct RelocQuery {
   Timestamp time;
   ImageMessage small_image;  ///< raw; pyramid level 3 of the frame
   std::vector<PlaceCorner> corners;
+  std::optional<UpDirection> up;  ///< as KeyframeOffer's
 };
 
 enum class RequestAction : uint8_t {

@@ -33,9 +33,9 @@ CAIRN_MEMBERS(KeyframeBlock, a, b, c, d)
 CAIRN_MEMBERS(BlockVersion, a, b, c)
 CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
-CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l, m)
+CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l, m, n)
 CAIRN_MEMBERS(PointCandidate, a, b, c, d, e)
-CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p)
+CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q)
 CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
@@ -48,7 +48,7 @@ CAIRN_MEMBERS(MapCommit, a, b, c, d, e, f, g, h)
 CAIRN_MEMBERS(SeedVerdict, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(OfferVerdict, a, b, c, d, e)
 CAIRN_MEMBERS(PlaceCorner, a, b, c)
-CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i)
+CAIRN_MEMBERS(RelocQuery, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(PlaceCandidate, a, b, c, d, e, f, g, h, i, j, k)
 CAIRN_MEMBERS(PlaceAnswer, a, b, c)
 CAIRN_MEMBERS(RelocAnswer, a, b, c)
@@ -75,6 +75,9 @@ template <typename T>
 bool same(const T& x, const T& y);
 inline bool same(const SE3& x, const SE3& y) {
   return x.rotation().coeffs().isApprox(y.rotation().coeffs(), 1e-15) && x.translation() == y.translation();
+}
+inline bool same(const UpDirection& x, const UpDirection& y) {
+  return x.up.isApprox(y.up, 1e-6) && x.sigma == y.sigma;
 }
 inline bool same(const Eigen::Quaterniond& x, const Eigen::Quaterniond& y) {
   return x.coeffs() == y.coeffs();
@@ -136,6 +139,10 @@ class RandomMessages {
   SE3 pose() {
     return {Eigen::Quaterniond(Eigen::AngleAxisd(uniform(-3, 3), direction().cast<double>())),
             vector(100).cast<double>()};
+  }
+  std::optional<UpDirection> up() {
+    if (coin()) return std::nullopt;
+    return UpDirection{direction().cast<double>().normalized(), uniform(0.01F, 0.1F)};
   }
   ImageMessage image(uint32_t width, uint32_t height) {
     ImageMessage made{ImageEncoding::kRaw, width, height, std::vector<uint8_t>(size_t{width} * height)};
@@ -209,7 +216,8 @@ inline MapSeed RandomMessages::make() {
                {},
                pose(),
                text(40),
-               {}};
+               {},
+               up()};
   made.still_mask = still_mask(width, height);
   made.first_image = image(width, height);
   made.second_image = image(width, height);
@@ -218,8 +226,9 @@ inline MapSeed RandomMessages::make() {
 }
 template <>
 inline KeyframeOffer RandomMessages::make() {
-  KeyframeOffer made{id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3, 4,
-                     coin(),         {-7},      {},          {},         {},         0,          {}};
+  KeyframeOffer made{
+      id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3,   4,
+      coin(),         {-7},      {},          {},         {},         0,          {},     up()};
   made.image = image(static_cast<uint32_t>(number(1, 320)), static_cast<uint32_t>(number(1, 240)));
   made.still_mask = still_mask(made.image.width, made.image.height);
   made.reference_command = number(0, made.command.seq - 1);
@@ -327,7 +336,7 @@ inline OfferVerdict RandomMessages::make() {
 
 template <>
 inline RelocQuery RandomMessages::make() {
-  RelocQuery made{id<ClientId>(), command(), id<MapId>(), 3, 4, coin(), {12345}, {}, {}};
+  RelocQuery made{id<ClientId>(), command(), id<MapId>(), 3, 4, coin(), {12345}, {}, {}, up()};
   made.small_image = image(static_cast<uint32_t>(number(1, 80)), static_cast<uint32_t>(number(1, 60)));
   made.small_image.encoding = ImageEncoding::kRaw;
   made.small_image.bytes.resize(size_t{made.small_image.width} * made.small_image.height);

@@ -237,6 +237,7 @@ KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
   keyframe.time = input.time;
   keyframe.camera_from_map = judged->camera_from_map;
   keyframe.still = input.still;
+  keyframe.up = input.up;
   keyframe.images = std::move(images);
   keyframe.mean_depth = judged->mean_depth;
   const std::vector<Measurement> shown = shown_measurements(*map, keyframe, judged->inliers);

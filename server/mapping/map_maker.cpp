@@ -312,6 +312,7 @@ std::vector<KeyframeView> MapMaker::keyframe_views() const {
     KeyframeView& view = views.emplace_back();
     view.id = k.id;
     view.camera = k.camera;
+    view.up = k.up;
     if (k.images) {
       view.pyramid = {k.images, &k.images->pyramid};
       view.corners = {k.images, &k.images->corners};

@@ -58,6 +58,7 @@ struct SeedInput {
   SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
   std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
   StillMaskPtr still = {};  ///< what stands still in both images: no point is made there; null: nothing
+  std::optional<UpDirection> second_up = {};  ///< in the axes of the second view; nothing: not known
   /// Where its cameras and points may be in the map that it makes; nothing: everywhere.
   std::optional<Extent> extent = {};
 };
@@ -83,7 +84,8 @@ struct KeyframeInput {
   /// It was tracked against a frame that was no keyframe yet, so points of the map that were made since then
   /// are looked for in it.
   bool is_chained = false;
-  StillMaskPtr still = {};  ///< as SeedInput's
+  StillMaskPtr still = {};             ///< as SeedInput's
+  std::optional<UpDirection> up = {};  ///< in the camera's axes; nothing: not known
   /// Where its camera, and the points that are made for it, may be; nothing: everywhere. Points that are
   /// there already are measured wherever they are.
   std::optional<Extent> extent = {};

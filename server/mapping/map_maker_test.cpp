@@ -13,6 +13,7 @@
 #include "server/mapping/map_maker_fixture.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/map_state.h"
+#include "server/mapping/upright.h"
 
 namespace cairn {
 namespace {
@@ -385,6 +386,43 @@ std::vector<PointId> points_outside(const MapSnapshot& map, const Extent& extent
     }
   }
   return outside;
+}
+
+TEST_F(MapMakerTest, AKeyframeKnowsWhichWayWasUp) {
+  const Eigen::Vector3d up = Eigen::Vector3d(0.3, -0.9, 0.2).normalized();
+  input_.second_up = UpDirection{up, 0.02};
+  start();
+  KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), 5);
+  offered.up = UpDirection{-up, 0.03};
+  ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+  const auto views = maker_->keyframe_views();
+  ASSERT_EQ(views.size(), 3U);
+  EXPECT_FALSE(views[0].up);
+  EXPECT_EQ(views[1].up->up, up);
+  EXPECT_EQ(views[2].up->up, -up);
+  EXPECT_EQ(views[2].up->sigma, 0.03);
+}
+
+/// Where there is no plane to lie on.
+TEST_F(MapMakerTest, AMapStandsUprightByGravityWithAllThatIsInIt) {
+  MapState map;
+  MapKeyframe keyframe;
+  keyframe.camera = scene_.camera();
+  keyframe.camera_from_map = Scene::pose(7);
+  keyframe.up = UpDirection{Eigen::Vector3d(0.3, -0.9, 0.2).normalized(), 0.02};
+  const KeyframeId knows = map.add_keyframe(keyframe);
+  keyframe.up.reset();
+  keyframe.camera_from_map = Scene::pose(3);
+  const KeyframeId does_not = map.add_keyframe(keyframe);
+  const SE3 before = Scene::pose(3) * Scene::pose(7).inverse();
+  stand_upright(does_not, &map);
+  EXPECT_EQ(map.keyframe(knows).camera_from_map.translation(), Scene::pose(7).translation()) << "not known";
+  stand_upright(knows, &map);
+  const SE3& pose = map.keyframe(knows).camera_from_map;
+  EXPECT_LT((pose.rotation().conjugate() * map.keyframe(knows).up->up - Eigen::Vector3d::UnitZ()).norm(),
+            1e-9);
+  const SE3 after = map.keyframe(does_not).camera_from_map * pose.inverse();
+  EXPECT_TRUE(after.translation().isApprox(before.translation(), 1e-9));
 }
 
 TEST_F(MapMakerTest, AFrameFromOutsideOfItsExtentIsRefusedByName) {

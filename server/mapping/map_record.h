@@ -36,6 +36,7 @@ struct KeyframeRecord {
   bool live = true;
   int estimated_camera = -1;  ///< index of a FoundCameraRecord, whose values count; -1: `camera` is exact
   StillMaskPtr still = {};    ///< MapKeyframe::still
+  std::optional<UpDirection> up = {};
 };
 
 struct MeasurementsRecord {

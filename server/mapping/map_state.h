@@ -9,6 +9,7 @@
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "common/geometry/up_direction.h"
 #include "common/image/corners.h"
 #include "common/image/pyramid.h"
 #include "common/image/still_mask.h"
@@ -63,6 +64,7 @@ struct MapKeyframe {
   std::shared_ptr<const KeyframeImages>
       images;                             ///< null once the keyframe is removed, or while they are let go
   StillMaskPtr still;                     ///< what stands still in them; null: nothing
+  std::optional<UpDirection> up;          ///< in the camera's axes; nothing: not known
   std::vector<Measurement> measurements;  ///< ascending by point, each point at most once
   std::vector<PointId> given_up;  ///< ascending: searched without success or dropped as outliers; not retried
   double mean_depth = 0;          ///< [map unit] of the points measured here, as are the two below

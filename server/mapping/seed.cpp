@@ -12,6 +12,7 @@
 #include "common/image/fit_warp.h"
 #include "server/mapping/new_points.h"
 #include "server/mapping/patch_view.h"
+#include "server/mapping/upright.h"
 
 namespace cairn {
 namespace {
@@ -167,6 +168,7 @@ void add_keyframes(const SeedInput& input, SeededMap* seeded) {
   result.second_keyframe =
       map.add_keyframe(make_keyframe(input, camera, *input.second_image, input.second_time));
   map.keyframe(result.second_keyframe).reference = result.first_keyframe;
+  map.keyframe(result.second_keyframe).up = input.second_up;
 }
 
 /// The points of the matches if the tracker's motion holds for them.
@@ -259,6 +261,7 @@ Result<SeededMap> seed_map(const SeedInput& input, const MapMakerOptions& option
   SeedResult& result = seeded.result;
   scale_baseline(&map, result.first_keyframe, result.second_keyframe, options.baseline);
   result.plane_aligned = align_plane(&map, result.first_keyframe, options.seed);
+  if (!result.plane_aligned) stand_upright(result.second_keyframe, &map);
   update_all_depths(&map);
   if (input.extent) {
     if (auto status = keep_within(*input.extent, &map); !status) return tl::unexpected(status.error());

@@ -8,6 +8,7 @@
 
 #include "server/relocalization/appearance.h"
 #include "server/relocalization/certainty.h"
+#include "server/relocalization/gravity.h"
 #include "server/relocalization/picture_parts.h"
 #include "server/relocalization/refine.h"
 
@@ -206,8 +207,15 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
              : pose.error().message;
     return result;
   }
-  result.camera_from_map = pose->camera_from_map;
   result.agreeing = pose->inliers;
+  if (!is_upright(pose->camera_from_map, map.up, view.up)) {
+    result.explained.clear();  // what is held otherwise is not there, and no rival of what is
+    result.reason =
+        fmt::format("{} corners agree on a pose in which the camera is held otherwise than gravity says",
+                    result.agreeing);
+    return result;
+  }
+  result.camera_from_map = pose->camera_from_map;
   const std::vector<size_t> agree = corners_found(matches, pose->weights);
   result.agreeing_parts = count_parts(view, agree, camera, kAgreeingInPart);
   const auto refined = check_roughly(view, camera, map, keyframe, options, &result).and_then([&] {

@@ -7,6 +7,8 @@
 #include <numeric>
 #include <optional>
 
+#include "server/relocalization/gravity.h"
+
 namespace cairn {
 namespace {
 
@@ -112,6 +114,7 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)
     map->positions.push_back(find_positions(*snapshot, k->measured));
+  map->up = up_in_map(*snapshot, views);
   map->snapshot = std::move(snapshot);
   return map;
 }

@@ -2,9 +2,11 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "common/geometry/up_direction.h"
 #include "common/map/map_set.h"
 #include "common/map/snapshot.h"
 #include "server/relocalization/compact.h"
@@ -37,6 +39,7 @@ struct IndexedMap {
   InvertedLists lists;
   /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
   std::vector<std::vector<Eigen::Vector3f>> positions;
+  std::optional<UpDirection> up;  ///< in the map frame; nothing: its keyframes do not know
 };
 using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 

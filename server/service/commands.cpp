@@ -92,6 +92,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
   job.input.second_from_first = message.second_from_first;
+  job.input.second_up = message.second_up;
   job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
@@ -187,6 +188,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.input.camera_from_reference = message.camera_from_reference;
   job.input.measurements = std::move(message.measurements);
   job.input.candidates = std::move(message.candidates);
+  job.input.up = message.up;
   job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
   job.epoch = message.epoch;
   job.image = std::move(message.image);
@@ -272,6 +274,7 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
   query.camera = camera;
   query.view.small.assign(**small);
   query.view.corners = std::move(message.corners);
+  query.view.up = message.up;
   query.scope = search.scope;
   query.lockstep = message.lockstep;
   places_->ask(std::move(query), done);

@@ -12,8 +12,8 @@
 namespace cairn {
 namespace {
 
-constexpr double kMaxLength = 1e6;  ///< [map unit] of coordinates and distances
 constexpr double kUnitTolerance = 1e-6;
+constexpr double kMaxLength = 1e6;  ///< [map unit] of coordinates and distances
 constexpr size_t kIdBytes = sizeof(uint64_t);
 
 bool is_length(double value) {
@@ -138,6 +138,22 @@ std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const 
 
 // ---- keyframe
 
+namespace {
+
+// Bits of a byte that was 0 or 1 before schema 5.
+constexpr uint8_t kLive = 1;
+constexpr uint8_t kKnowsUp = 2;
+
+/// False for what no keyframe has.
+bool get_up(uint8_t flags, ByteReader* in, std::optional<UpDirection>* up) {
+  if ((flags & ~(kLive | kKnowsUp)) != 0) return false;
+  if ((flags & kKnowsUp) == 0) return true;
+  *up = UpDirection{in->get_vector<Eigen::Vector3d>(), in->get<double>()};
+  return std::abs((*up)->up.norm() - 1) <= kUnitTolerance && (*up)->sigma > 0 && std::isfinite((*up)->sigma);
+}
+
+}  // namespace
+
 Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
   ByteWriter out;
   out.put(keyframe.reference.value);
@@ -147,7 +163,11 @@ Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera) {
   out.put(keyframe.mean_depth);
   out.put(keyframe.near_depth);
   out.put(keyframe.far_depth);
-  out.put(static_cast<uint8_t>(keyframe.live));
+  out.put(static_cast<uint8_t>((keyframe.live ? kLive : 0) | (keyframe.up ? kKnowsUp : 0)));
+  if (keyframe.up) {
+    out.put(keyframe.up->up);
+    out.put(keyframe.up->sigma);
+  }
   out.put(bits_of(keyframe.still));
   return out.take();
 }
@@ -165,10 +185,11 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   keyframe.mean_depth = in.get<double>();
   keyframe.near_depth = in.get<double>();
   keyframe.far_depth = in.get<double>();
-  const auto live = in.get<uint8_t>();
+  const auto flags = in.get<uint8_t>();
+  const bool has_sound_up = get_up(flags, &in, &keyframe.up);
   std::vector<uint8_t> still(in.left());  // none before schema 4, and of most cameras
   in.get(still);
-  const bool sound = in.good() && pose && camera != cameras.end() && live <= 1 &&
+  const bool sound = in.good() && pose && camera != cameras.end() && has_sound_up &&
                      is_length(keyframe.mean_depth) && is_length(keyframe.near_depth) &&
                      is_length(keyframe.far_depth);
   if (!sound) return std::nullopt;
@@ -179,7 +200,7 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   }
   if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(found_camera_row(0) - camera_row);
   keyframe.camera_from_map = *pose;
-  keyframe.live = live == 1;
+  keyframe.live = (flags & kLive) != 0;
   return keyframe;
 }
 

@@ -1,8 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/row_codec.h"
-#include "common/base/utf8.h"
-#include "common/map/label.h"
-#include "server/store/entry_codec.h"
 
 #include <gtest/gtest.h>
 
@@ -44,8 +41,18 @@ class RowCodecTest : public ::testing::Test {
   }
 
   KeyframeRecord keyframe() {
-    return {KeyframeId{9},      KeyframeId{4},       cameras_[8], Timestamp{-17}, pose(), number() + 3,
-            1 / (number() + 4), 10 * (number() + 3), true};
+    return {KeyframeId{9},
+            KeyframeId{4},
+            cameras_[8],
+            Timestamp{-17},
+            pose(),
+            number() + 3,
+            1 / (number() + 4),
+            10 * (number() + 3),
+            true,
+            -1,
+            {},
+            UpDirection{{0, 0.6, -0.8}, 0.02}};
   }
   MapCamera found_camera() {
     MapCamera camera = make_map_camera(cameras_[found_camera_row(2)], {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});

@@ -23,6 +23,7 @@ constexpr std::array kMapSteps{
     "CREATE TABLE found_cameras(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) "
     "STRICT;",
     "",  // a keyframe may say what stands still in its image
+    "",  // and which way was up
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",

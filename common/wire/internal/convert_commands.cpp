@@ -138,6 +138,7 @@ cairn_MapSeed encode(const MapSeed& message, Scratch* scratch) {
   sample.second_from_first = encode_pose(message.second_from_first);
   sample.map_name = borrow(message.map_name);
   borrow_sequence(message.still_mask, &sample.still_mask);
+  sample.second_up = encode_up(message.second_up);
   return sample;
 }
 
@@ -162,6 +163,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
   check.pose(sample.second_from_first);
   check.text(sample.map_name, kMaxNameBytes);
   check.still_mask(sample.still_mask, sample.first_image);
+  check.up(sample.second_up);
   check.time(sample.first_time);
   check.time(sample.second_time);
   if (!check.passed()) return unfit(check.what());
@@ -184,6 +186,7 @@ Result<MapSeed> decode<MapSeed>(const cairn_MapSeed& sample) {
   message.second_from_first = decode_pose(sample.second_from_first);
   message.map_name = get_text(sample.map_name);
   message.still_mask = get_sequence<uint8_t>(sample.still_mask);
+  message.second_up = decode_up(sample.second_up);
   return checked_message(check, std::move(message));
 }
 
@@ -229,6 +232,7 @@ cairn_KeyframeOffer encode(const KeyframeOffer& message, Scratch* scratch) {
                 });
   sample.reference_command = message.reference_command;
   borrow_sequence(message.still_mask, &sample.still_mask);
+  sample.up = encode_up(message.up);
   return sample;
 }
 
@@ -250,6 +254,7 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
   check.count(sample.candidates, kMaxCandidates);
   check.require(sample.reference_command < sample.command.seq, "refers to an offer that is not earlier");
   check.still_mask(sample.still_mask, sample.picture);
+  check.up(sample.up);
   check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   KeyframeOffer message = decode_key<KeyframeOffer>(sample);
@@ -287,6 +292,7 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
   }
   message.reference_command = sample.reference_command;
   message.still_mask = get_sequence<uint8_t>(sample.still_mask);
+  message.up = decode_up(sample.up);
   return checked_message(check, std::move(message));
 }
 

@@ -8,6 +8,7 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr double kUnitTolerance = 1e-6;            ///< of a quaternion's norm, double
+constexpr float kMostUpSigma = 1;                  ///< [rad]: more says nothing
 constexpr float kUnitToleranceFloat = 1e-3F;       ///< of a direction's norm
 constexpr float kMaxPixel = 4 * kMaxImageSide;     ///< measurements may lie outside the image
 constexpr size_t kMaxEncodedOverhead = 64 * 1024;  ///< of a JPEG over its raw size
@@ -19,6 +20,19 @@ cairn_Pose encode_pose(const SE3& pose) {
   put_vector(pose.rotation().coeffs(), encoded.rotation);
   put_vector(pose.translation(), encoded.translation);
   return encoded;
+}
+
+cairn_Up encode_up(const std::optional<UpDirection>& up) {
+  cairn_Up encoded{};
+  if (!up) return encoded;
+  put_vector(up->up, encoded.direction);
+  encoded.sigma = static_cast<float>(up->sigma);
+  return encoded;
+}
+
+std::optional<UpDirection> decode_up(const cairn_Up& up) {
+  if (up.sigma == 0) return std::nullopt;
+  return UpDirection{get_vector(up.direction).cast<double>().normalized(), up.sigma};
 }
 
 SE3 decode_pose(const cairn_Pose& pose) {
@@ -61,6 +75,13 @@ void Check::pose(const cairn_Pose& pose) {
   const double norm = Eigen::Map<const Eigen::Vector4d>(pose.rotation).norm();
   require(std::abs(norm - 1) <= kUnitTolerance, "quaternion not of unit length");
   for (const double value : pose.translation) length(value);
+}
+
+void Check::up(const cairn_Up& up) {
+  if (up.sigma == 0) return;  // not known
+  require(up.sigma > 0 && up.sigma <= kMostUpSigma, "sigma of up out of range");
+  const float norm = Eigen::Map<const Eigen::Vector3f>(up.direction).norm();
+  require(std::abs(norm - 1) <= kUnitToleranceFloat, "up is not of unit length");
 }
 
 void Check::image(const cairn_Image& image) {

@@ -50,6 +50,7 @@ void put_vector(const Eigen::MatrixBase<Derived>& vector, T (&out)[N]) {
 }
 
 [[nodiscard]] cairn_Pose encode_pose(const SE3& pose);
+[[nodiscard]] cairn_Up encode_up(const std::optional<UpDirection>& up);
 [[nodiscard]] cairn_Image encode_image(const ImageMessage& image);
 
 // ---- checks: each names what is unfit
@@ -80,6 +81,7 @@ class Check {
   }
   void unit(const float (&vector)[3]);
   void pose(const cairn_Pose& pose);
+  void up(const cairn_Up& up);
   void image(const cairn_Image& image);
   void pixel(const float (&pixel)[2]);
   /// Empty, or of the size of the mask of such an image.
@@ -126,6 +128,7 @@ template <size_t N>
   return text == nullptr ? std::string() : std::string(text);
 }
 [[nodiscard]] SE3 decode_pose(const cairn_Pose& pose);
+[[nodiscard]] std::optional<UpDirection> decode_up(const cairn_Up& up);
 [[nodiscard]] ImageMessage decode_image(const cairn_Image& image);
 [[nodiscard]] inline CommandId decode_command(const cairn_CommandNumber& number) {
   return {{number.session}, number.seq};

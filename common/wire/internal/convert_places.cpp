@@ -33,6 +33,7 @@ cairn_RelocQuery encode(const RelocQuery& message, Scratch* scratch) {
     put_vector(corner.pixel, out.pixel);
     out.level = corner.level;
   });
+  sample.up = encode_up(message.up);
   return sample;
 }
 
@@ -54,6 +55,7 @@ Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
                     small.height <= kMaxSmallSide,
                 "not a small raw image");
   check.count(sample.corners, kMaxPlaceCorners);
+  check.up(sample.up);
   check.time(sample.time);
   if (!check.passed()) return unfit(check.what());
   RelocQuery message = decode_key<RelocQuery>(sample);
@@ -74,6 +76,7 @@ Result<RelocQuery> decode<RelocQuery>(const cairn_RelocQuery& sample) {
     out.pixel = get_vector(corner.pixel);
     out.level = corner.level;
   }
+  message.up = decode_up(sample.up);
   return checked_message(check, std::move(message));
 }
 

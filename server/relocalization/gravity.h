@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <span>
+
+#include "common/geometry/se3.h"
+#include "common/geometry/up_direction.h"
+#include "common/map/keyframe_view.h"
+#include "common/map/snapshot.h"
+
+/// What gravity says of where a camera can be: a picture that fits a place only with the camera held
+/// otherwise than it was held is of another place.
+namespace cairn {
+
+/// [rad] of a pose from few matches, and of how an IMU is known to sit on its camera.
+constexpr double kPoseTilt = 0.03;
+
+/// Which way is up in a map: the mean of what its keyframes measured, weighted by their certainty. Nothing
+/// where none did, or where a quarter of them contradict the rest, as when IMUs sit otherwise than they say.
+[[nodiscard]] std::optional<UpDirection> up_in_map(const MapSnapshot& snapshot,
+                                                   std::span<const KeyframeView> views);
+
+/// Whether a camera that measured `seen` can have this pose in a map where up is `in_map`: the angle between
+/// what it measured and what it should have is within what chance allows (chi-square of two degrees of
+/// freedom, 99.9 %). True where either is not known.
+[[nodiscard]] bool is_upright(const SE3& camera_from_map, const std::optional<UpDirection>& in_map,
+                              const std::optional<UpDirection>& seen);
+
+}  // namespace cairn
