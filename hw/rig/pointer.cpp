@@ -19,7 +19,8 @@ constexpr double kOnTarget = 0.5 * kDegree;
 constexpr double kSettling = 0.05;        // [s] on the target until it is said
 constexpr double kGlance = 0.15;          // [s]: some pictures that are still
 constexpr double kShareOfView = 1.0 / 6;  // so near to the middle of a place its picture is as good
-constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach
+constexpr double kPatience = 1;           // [s] for a place at the edge, which a sway takes out of reach,
+                                          // from when the axes can be there
 constexpr double kSoonest = 1e-3;         // [s]
 // A place that was none is soon looked at; after more than that the camera was found, or is another one's,
 // and the likeliest place would be one that was looked at.
@@ -131,6 +132,24 @@ bool Pointer::is_within_reach(const Vector3d& direction) const {
   return holds(AxisName::kPan, angles.pan) && holds(AxisName::kTilt, angles.tilt);
 }
 
+/// [s] that the axes take from where the camera looks to there.
+double Pointer::time_to(const Vector3d& direction) const {
+  const Eigen::Quaterniond base_from_world = base_.world_from_base(ahead_).conjugate();
+  const PanTilt from = look_along(base_from_world * view(), 0, camera_axis_);
+  const PanTilt to = look_along(base_from_world * direction, 0, camera_axis_);
+  const auto time = [this](AxisName name, double way) {
+    const MotionLimits& limits = configuration_.axis(name).limits;
+    return std::abs(way) / limits.rate + limits.rate / limits.acceleration;
+  };
+  return std::max(time(AxisName::kPan, to.pan - from.pan), time(AxisName::kTilt, to.tilt - from.tilt));
+}
+
+void Pointer::look_at_next() {
+  held_ = plan_->next(view(), [this](const Vector3d& to) { return is_within_reach(to); }).value_or(view());
+  on_target_for_ = 0;
+  sought_for_ = -time_to(held_);
+}
+
 /// What the mode keeps from its beginning.
 void Pointer::begin() {
   begun_ = true;
@@ -148,7 +167,7 @@ void Pointer::begin() {
     if (!plan_ || !plan_->is_for(*search) || !searched_ || then_ - *searched_ > kRemembered)
       plan_.emplace(*search, view());
     plan_->rank(search->ranked);
-    held_ = plan_->next(view(), [this](const Vector3d& to) { return is_within_reach(to); }).value_or(view());
+    look_at_next();
   }
 }
 
@@ -182,8 +201,7 @@ Pointer::Target Pointer::target_of(const pointing::Search&, double step) {
   sought_for_ += step;
   if (on_target_for_ >= kGlance || sought_for_ >= kPatience) {
     plan_->look(held_);
-    held_ = plan_->next(view(), reach).value_or(view());
-    on_target_for_ = sought_for_ = 0;
+    look_at_next();
   }
   state_.looked_at = plan_->looked_at(reach);
   state_.rounds = plan_->rounds();

@@ -61,6 +61,9 @@ class Pointer {
   }
   [[nodiscard]] Demands towards(const Target& target, double pan);
   void begin();
+  /// Of the search.
+  void look_at_next();
+  [[nodiscard]] double time_to(const Eigen::Vector3d& direction) const;
   void judge(const Eigen::Vector3d& direction, double step);
   [[nodiscard]] bool is_within_reach(const Eigen::Vector3d& direction) const;
   [[nodiscard]] Eigen::Vector3d view() const { return world_from_head_ * camera_axis_; }
@@ -81,7 +84,7 @@ class Pointer {
   std::optional<SearchPlan> plan_;
   std::optional<MonotonicTime> searched_;  ///< when last
   double on_target_for_ = 0;               ///< [s]
-  double sought_for_ = 0;                  ///< search: since this place was chosen [s]
+  double sought_for_ = 0;                  ///< search: since the axes can be at this place [s]
   PointingState state_;
 };
 

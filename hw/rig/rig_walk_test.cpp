@@ -277,6 +277,34 @@ TEST_P(RigWalks, ASearchHasSeenAllWithinReachSoonAndRemembers) {
   RecordProperty("all_ms", static_cast<int>(time->count()));
 }
 
+/// A place at the other end of the way was once given up, and taken for looked at, before the axes could be
+/// there.
+TEST(RigWalk, ASearchGoesAllTheWayAlsoWhereThatTakesLong) {
+  std::string text = testing::kRigText;
+  const std::string rate = "rate: 120";
+  for (size_t at = 0; (at = text.find(rate, at)) != std::string::npos; ++at)
+    text.replace(at, rate.size(), "rate: 40");
+  RigBench bench(1, 0, 0, text);
+  ASSERT_NO_FATAL_FAILURE(bench.start());
+  ASSERT_TRUE(bench.command(rig_command::Aim{pointing::Neutral()}));
+  bench.pass(4s);
+  ASSERT_TRUE(bench.command(rig_command::Aim{pointing::Search{}}));
+  PointingState before;
+  int looks = 0;
+  const auto all_seen = bench.until(
+      [&] {
+        const PointingState now = *bench.rig().pointing();
+        const bool looked = now.looked_at > before.looked_at;
+        EXPECT_TRUE(!looked || before.on_target) << "given up at " << now.looked_at;
+        looks += looked ? 1 : 0;
+        before = now;
+        return now.rounds > 0;
+      },
+      60s);
+  ASSERT_TRUE(all_seen);
+  EXPECT_GE(looks, 5);
+}
+
 /// What was looked at before the camera was found, or for another camera, is no reason to look elsewhere.
 TEST_P(RigWalks, ASearchAfterAFindOrForAnotherCommanderBeginsAnew) {
   ASSERT_NO_FATAL_FAILURE(start(pointing::Search{}));
