@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -13,23 +12,11 @@
 #include "common/base/result.h"
 #include "common/wire/messages.h"
 #include "common/wire/participant.h"
+#include "common/wire/peers.h"
 
 /// Typed writers and readers of the topics of idl/README.md, for each struct of messages.h. QoS goes with the
 /// topic and is stated in one place (internal/qos.cpp).
 namespace cairn::wire {
-
-/// Names a publication (one writer of one peer) as long as it lives.
-struct PublicationHandle {
-  uint64_t value = 0;
-  auto operator<=>(const PublicationHandle&) const = default;
-};
-
-/// Names the participant of a peer, that is, a process: the same for all that it publishes, and through
-/// interruptions of the network.
-struct PeerId {
-  std::array<uint8_t, 16> bytes{};
-  auto operator<=>(const PeerId&) const = default;
-};
 
 /// Why an instance is gone.
 enum class Gone : uint8_t {
