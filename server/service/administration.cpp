@@ -57,6 +57,15 @@ ErrorCode error_of(wire::RequestDecision decision) {
   return decision == wire::RequestDecision::kFull ? ErrorCode::kIo : ErrorCode::kRefused;
 }
 
+OperatorAct act_of(const std::string& verb) {
+  const bool is_transfer =
+      verb == "export" || verb == "import" || verb.starts_with("export-") || verb.starts_with("import-");
+  if (is_transfer) return OperatorAct::kTransfer;
+  const bool is_look =
+      verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" || verb == "labels";
+  return is_look ? OperatorAct::kSee : OperatorAct::kChange;
+}
+
 /// Of an archive, which goes over in hundreds.
 bool is_piece(const std::string& verb) {
   return verb == "import-write" || verb == "export-read";
@@ -120,6 +129,8 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   const std::string wanted = text_of(request, "map");
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             cut_text(json_text(request), kLoggedBytes));
+  if (const Status may = options_.access->may_ask(operator_principal(operator_name), act_of(verb)); !may)
+    return answer(refusal(may.error()));
   if (verb == "status") return describe_server(answer);
   if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(steady_clock::now())}}));
   if (verb == "maps") {
@@ -282,7 +293,7 @@ void Switchboard::edit_label(const MapEntry& entry, const wire::ClientRequest& w
     }
     answer(success(describe(name, judgement.changed ? label_of(*judgement.changed) : before)));
   };
-  change_label(wish, operator_name, std::nullopt, done);
+  change_label(wish, operator_principal(operator_name), std::nullopt, done);
 }
 
 }  // namespace cairn

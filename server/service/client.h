@@ -12,6 +12,7 @@
 #include "common/geometry/camera_guess.h"
 #include "common/wire/participant.h"
 #include "common/wire/topic.h"
+#include "server/access/principal.h"
 #include "server/mapping/map_camera.h"
 #include "server/service/command_gate.h"
 #include "server/service/map_feed.h"
@@ -75,6 +76,7 @@ inline constexpr size_t kMaxClients = 256;
 struct Client {
   std::string name;
   ClientId id;
+  [[nodiscard]] Principal principal() const { return client_principal(name); }
   OfferGate offer_gate;
   SeedGate seed_gate;
   RequestGate request_gate;

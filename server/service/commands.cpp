@@ -77,6 +77,8 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   };
   if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
+  const Ruling ruling = options_.access->on_creating(client.principal());
+  if (ruling.right < Right::kWrite) return refuse(ruling.reason);
   if (std::string why = why_full(); !why.empty()) return refuse(std::move(why));
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
@@ -94,6 +96,7 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   job.input.second_from_first = message.second_from_first;
   job.input.second_up = message.second_up;
   job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
+  job.input.extent = ruling.extent;
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
@@ -127,7 +130,7 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
     on_map_changed(verdict.map, *std::exchange(entry->undecided, {}));
     log_->info("{}: {} made, {} points{}", client_name, entry->name, snapshot->point_count(),
                result->plane_aligned ? ", on its plane" : "");
-    tell_all(make_map_info(options_.server, verdict.map, *entry));
+    list_map(verdict.map, *entry);
   } else {
     verdict.reason = result ? "internal error; the server's log says more" : result.error().message;
     log_->info("{}: no map made: {}", client_name, verdict.reason);
@@ -170,9 +173,11 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   }
   client.camera_missed_at.reset();
   MapEntry* entry = maps_.find(message.map);
-  if (entry == nullptr || entry->snapshot == nullptr) {
+  const Ruling ruling = options_.access->in_map(client.principal(), message.map);
+  if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
+  if (ruling.right < Right::kAdd) return refuse(wire::OfferDecision::kNoRight, ruling.reason);
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
   if (std::string why = why_memory_is_full(bytes_to_wake(*entry)); !why.empty()) {
     return refuse(wire::OfferDecision::kFull, std::move(why));
@@ -190,6 +195,7 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.input.candidates = std::move(message.candidates);
   job.input.up = message.up;
   job.input.still = still_mask_of(camera->camera->width(), camera->camera->height(), message.still_mask);
+  job.input.extent = ruling.extent;
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
@@ -245,7 +251,7 @@ void Switchboard::on_query(Client& client, wire::RelocQuery message) {
   }
   client.camera_missed_at.reset();
   client.query_in_work = true;
-  const WearerRule::Search search = wearers_.search(client.name, MapSet::all(), steady_clock::now());
+  const WearerRule::Search search = wearers_.search(client.name, readable(client), steady_clock::now());
   lanes_.questions.submit([this, name = client.name, camera = best_known(client, message.camera, *announced),
                            message = std::move(message), search]() mutable {
     const wire::CommandId command = message.command;
@@ -263,9 +269,11 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
                           const WearerRule::Search& search) {
   const auto done = [this, client, command = message.command, in_part = search.in_part](PlaceAnswer answer) {
     post([this, client, command, in_part, answer = std::move(answer)]() mutable {
+      const auto asking = clients_.find(client);
+      if (asking == clients_.end()) return;
       const MonotonicTime now = steady_clock::now();
       on_query_answered(client, command,
-                        wearers_.narrow(client, MapSet::all(), in_part, std::move(answer), now));
+                        wearers_.narrow(client, readable(asking->second), in_part, std::move(answer), now));
     });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);
@@ -381,7 +389,8 @@ void Switchboard::tell_cameras(MapId map, const MapEntry& entry) {
   for (const CameraEstimate& estimate : entry.statistics.cameras) {
     const auto name = names_.find(estimate.version.client);
     const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
-    if (client != clients_.end() && client->second.writers)
+    if (client != clients_.end() && client->second.writers &&
+        options_.access->may_read(client->second.principal(), map))
       tell_camera({map, entry.snapshot->epoch}, estimate, client->second);
   }
 }
@@ -439,11 +448,24 @@ void Switchboard::write_verdicts(Client& client) {
   report(client.writers->replies.write(client.request_gate.verdict(client.id)), "ClientReply");
 }
 
-void Switchboard::tell_all(const wire::MapInfo& info) {
-  info_due_.erase(info.map);
-  for (auto& [name, client] : clients_) {
-    if (client.writers) report(client.writers->maps.write(info), "MapInfo");
+void Switchboard::list_map(MapId map, const MapEntry& entry) {
+  info_due_.erase(map);
+  for (auto& [name, client] : clients_) list_map(map, entry, client);
+}
+
+void Switchboard::list_map(MapId map, const MapEntry& entry, Client& client) {
+  if (!client.writers) return;
+  const Right right = options_.access->in_map(client.principal(), map).right;
+  if (right < Right::kRead) return;
+  report(client.writers->maps.write(make_map_info(options_.server, map, entry, right)), "MapInfo");
+}
+
+MapSet Switchboard::readable(const Client& client) const {
+  std::vector<MapId> served;
+  for (const auto& [map, entry] : maps_.all()) {
+    if (entry.snapshot) served.push_back(map);
   }
+  return options_.access->readable(client.principal(), served);
 }
 
 void Switchboard::report(const Status& written, const char* what) {

@@ -78,7 +78,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
       if (renamed == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
       maps_.end_renaming(renamed, kept.has_value());
       if (!kept) return answer(refusal(kept.error()));
-      tell_all(make_map_info(options_.server, id, *renamed));
+      list_map(id, *renamed);
       answer(success(describe_map(id, *renamed)));
     });
   });

@@ -195,7 +195,7 @@ size_t bytes_to_wake(const MapEntry& entry) {
   return entry.offers_in_work > 0 ? 0 : entry.statistics.bytes_let_go;
 }
 
-wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry) {
+wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right) {
   wire::MapInfo info;
   info.map = map;
   info.name = entry.name;
@@ -207,7 +207,9 @@ wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry) {
   info.bounds_max = entry.statistics.bounds_max;
   info.plane_aligned = entry.plane_aligned;
   info.metric = entry.snapshot->metric;
-  info.right = wire::MapRight::kWrite;
+  info.right = right >= Right::kAdd    ? wire::MapRight::kWrite
+               : right == Right::kRead ? wire::MapRight::kRead
+                                       : wire::MapRight::kNone;
   info.server = server;
   return info;
 }

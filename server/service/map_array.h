@@ -10,6 +10,7 @@
 
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
+#include "server/access/rights.h"
 #include "server/service/label_book.h"
 #include "server/service/map_runner.h"
 
@@ -103,7 +104,7 @@ class MapArray {
   uint64_t first_number_ = 1;         ///< of the maps that are map-1, map-2, ...: all before are taken
 };
 
-/// What clients are told of a map that has been made.
-[[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry);
+/// What a client that has this right is told of a map that has been made.
+[[nodiscard]] wire::MapInfo make_map_info(ServerId server, MapId map, const MapEntry& entry, Right right);
 
 }  // namespace cairn

@@ -6,6 +6,24 @@
 
 /// Labels: what people ask for, on its way to the store and to all who read the map.
 namespace cairn {
+namespace {
+
+/// Why it is not allowed; empty when it is. Who may only add may also change what is his own.
+std::string why_not(const Ruling& ruling, const wire::ClientRequest& request, const Principal& author,
+                    const LabelBook& labels) {
+  if (ruling.right < Right::kAdd) return ruling.reason;
+  if (ruling.right >= Right::kWrite || request.action == wire::RequestAction::kAddLabel) return {};
+  const std::optional<Label> label = labels.find(request.label);
+  return !label || label->author == author.name ? std::string() : ruling.reason;
+}
+
+}  // namespace
+
+/// An operator has been asked about as such.
+Ruling Switchboard::ruling_on_labels(const Principal& author, MapId map) const {
+  if (author.kind == Principal::Kind::kOperator) return {Right::kManage, {}, {}, {}};
+  return options_.access->in_map(author, map);
+}
 
 void Switchboard::on_request(Client& client, const wire::ClientRequest& request) {
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
@@ -31,7 +49,7 @@ void Switchboard::on_request(Client& client, const wire::ClientRequest& request)
   decision.session = request.command.session;
   decision.seq = request.command.seq;
   decision.kind = CommandKind::kRequest;
-  change_label(request, client.name, std::move(decision),
+  change_label(request, client.principal(), std::move(decision),
                [this, name = client.name, request](const LabelBook::Judgement& judgement) {
                  on_request_decided(name, request, judgement);
                });
@@ -49,15 +67,18 @@ void Switchboard::on_request_decided(const std::string& client_name, const wire:
   write_verdicts(client->second);
 }
 
-void Switchboard::change_label(const wire::ClientRequest& request, const std::string& author,
+void Switchboard::change_label(const wire::ClientRequest& request, const Principal& author,
                                std::optional<DecisionRecord> decision, const LabelDone& done) {
   MapEntry* entry = maps_.find(request.map);
-  if (entry == nullptr || entry->snapshot == nullptr)
+  const Ruling ruling = ruling_on_labels(author, request.map);
+  if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone)
     return done({wire::RequestDecision::kUnknownMap, "this server does not know the map", request.label, {}});
+  if (std::string why = why_not(ruling, request, author, entry->labels); !why.empty())
+    return done({wire::RequestDecision::kNoRight, std::move(why), request.label, {}});
   if (entry->runner == nullptr)
     return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
   const Timestamp now = wall_time();
-  const LabelBook::Judgement judged = entry->labels.judge(request, author, now, *entry->snapshot);
+  const LabelBook::Judgement judged = entry->labels.judge(request, author.name, now, *entry->snapshot);
   if (judged.decision != wire::RequestDecision::kDone) return done(judged);
   young_.forget(request.map);
   const auto settle = [this, map = request.map, judged, done](const Status& kept) {

@@ -13,6 +13,7 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "common/wire/participant.h"
+#include "server/access/access_policy.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
 #include "server/service/wearer_rule.h"
@@ -41,6 +42,7 @@ struct ServiceOptions {
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;
+  std::shared_ptr<const AccessPolicy> access = std::make_shared<OpenAccess>();
   WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
   int loss_per_mille = 0;           ///< outgoing packets dropped on purpose; for tests
 };

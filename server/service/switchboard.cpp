@@ -293,7 +293,7 @@ void Switchboard::tick(MonotonicTime now) {
     if (entry.snapshot) tell_cameras(map, entry);
   }
   for (const auto& [map, due] : std::exchange(info_due_, {})) {
-    if (const MapEntry* entry = maps_.find(map)) tell_all(make_map_info(options_.server, map, *entry));
+    if (const MapEntry* entry = maps_.find(map)) list_map(map, *entry);
   }
 }
 
@@ -354,8 +354,7 @@ void Switchboard::connect(Client& client) {
   next_tick_ = steady_clock::now();  // the newcomer learns at once who serves it
   write_verdicts(client);
   for (const auto& [map, entry] : maps_.all()) {
-    if (entry.snapshot)
-      report(client.writers->maps.write(make_map_info(options_.server, map, entry)), "MapInfo");
+    if (entry.snapshot) list_map(map, entry, client);
   }
   client.cameras_told.clear();
   for (const auto& [map, entry] : maps_.all()) {
@@ -376,6 +375,7 @@ void Switchboard::open_wanted_feeds(Client& client) {
   for (const auto& [map, readers] : client.wanted) {
     const MapEntry* entry = maps_.find(map);
     if (entry == nullptr || entry->snapshot == nullptr || client.feeds.contains(map)) continue;
+    if (!options_.access->may_read(client.principal(), map)) continue;
     const MonotonicTime now = steady_clock::now();
     if (client.feed_failed_at && now - *client.feed_failed_at < kFeedRetry) return;
     client.feed_failed_at = now;
@@ -433,7 +433,8 @@ void Switchboard::on_state(Client& client, wire::PublicationHandle publication,
   const bool is_proven = message.state == TrackingState::kTracking || message.state == TrackingState::kPoor;
   // A replica outlives its map, and anybody may name one that never was: neither narrows the answers to
   // others.
-  const bool is_here = is_proven && maps_.find(message.map) != nullptr;
+  const bool is_here = is_proven && maps_.find(message.map) != nullptr &&
+                       options_.access->may_read(client.principal(), message.map);
   wearers_.heard(client.name, {message.wearer, is_here ? message.map : MapId{}, message.frame_time}, now);
   young_.heard(client.name, {message.session, message.state, message.map, message.frame_time}, now);
   const auto feed = client.feeds.find(message.map);

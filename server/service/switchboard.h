@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/map/map_set.h"
 #include "common/wire/discovered_readers.h"
 #include "common/wire/participant.h"
 #include "common/wire/rig_messages.h"
@@ -202,8 +203,9 @@ class Switchboard {
   /// Somebody wants a label added, renamed or removed; `done` is called on this thread, when it is durable or
   /// refused. The label must not be busy. `decision`: kept along with it.
   using LabelDone = std::function<void(const LabelBook::Judgement& judgement)>;
-  void change_label(const wire::ClientRequest& request, const std::string& author,
+  void change_label(const wire::ClientRequest& request, const Principal& author,
                     std::optional<DecisionRecord> decision, const LabelDone& done);
+  [[nodiscard]] Ruling ruling_on_labels(const Principal& author, MapId map) const;
   void tell_label(MapId map, const MapEntry& entry, LabelId label);
   void move_labels(MapId map, MapEntry& entry);
 
@@ -217,7 +219,11 @@ class Switchboard {
   /// Why there may be no more maps; empty when there may.
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
-  void tell_all(const wire::MapInfo& info);
+  /// Tells those that may read it.
+  void list_map(MapId map, const MapEntry& entry);
+  void list_map(MapId map, const MapEntry& entry, Client& client);
+  /// The maps in which a client may find itself.
+  [[nodiscard]] MapSet readable(const Client& client) const;
   void tell_cameras(MapId map, const MapEntry& entry);
   void tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client);
   void forget_cameras(MapId map, Client& client);

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <iterator>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/map/ids.h"
+#include "common/map/map_set.h"
+#include "server/access/principal.h"
+#include "server/access/rights.h"
+
+namespace cairn {
+
+/// What an operator's request does.
+enum class OperatorAct : uint8_t {
+  kSee,       ///< lists and shows
+  kChange,    ///< renames, deletes, undeletes and purges maps, changes labels
+  kTransfer,  ///< takes a map out as an archive or brings one in: pictures leave the server
+};
+
+/// The one place where it is asked who may do what. The map service asks before each request is carried out,
+/// and before a map is listed, searched, answered or sent. Used from one thread, the service's.
+class AccessPolicy {
+ public:
+  virtual ~AccessPolicy() = default;
+
+  /// What a client may do with a map that there is.
+  [[nodiscard]] virtual Ruling in_map(const Principal& client, const MapId& map) const = 0;
+  /// Whether it may make maps: kWrite or kNone. Its extent bounds the map that is made.
+  [[nodiscard]] virtual Ruling on_creating(const Principal& client) const = 0;
+  /// Those of `served` in which the client may find itself: the bounds of a search, and of its rivals.
+  [[nodiscard]] virtual MapSet readable(const Principal& client, std::span<const MapId> served) const {
+    std::vector<MapId> maps;
+    std::ranges::copy_if(served, std::back_inserter(maps),
+                         [&](const MapId& map) { return may_read(client, map); });
+    return MapSet(std::move(maps));
+  }
+  /// Error kRefused with the reason.
+  [[nodiscard]] virtual Status may_ask(const Principal& operator_, OperatorAct act) const = 0;
+
+  [[nodiscard]] bool may_read(const Principal& client, const MapId& map) const {
+    return in_map(client, map).right >= Right::kRead;
+  }
+};
+
+/// Everybody may do everything: of a site that has no rights.
+class OpenAccess : public AccessPolicy {
+ public:
+  [[nodiscard]] Ruling in_map(const Principal&, const MapId&) const override {
+    return {Right::kWrite, {}, {}, {}};
+  }
+  [[nodiscard]] Ruling on_creating(const Principal&) const override { return {Right::kWrite, {}, {}, {}}; }
+  [[nodiscard]] MapSet readable(const Principal&, std::span<const MapId>) const override {
+    return MapSet::all();
+  }
+  [[nodiscard]] Status may_ask(const Principal&, OperatorAct) const override { return {}; }
+};
+
+}  // namespace cairn
