@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <openssl/evp.h>
+#include <openssl/pem.h>
+#include <openssl/x509.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+
+/// X.509 certificates as DDS Security needs them, over libcrypto, which its plugins use too.
+namespace cairn {
+
+template <auto kFree>
+struct FreedBy {
+  template <typename T>
+  void operator()(T* owned) const {
+    kFree(owned);
+  }
+};
+using KeyPtr = std::unique_ptr<EVP_PKEY, FreedBy<&EVP_PKEY_free>>;
+using CertificatePtr = std::unique_ptr<X509, FreedBy<&X509_free>>;
+using BioPtr = std::unique_ptr<BIO, FreedBy<&BIO_free_all>>;
+
+/// What libcrypto says of the call that has just failed; its list of errors is empty then.
+[[nodiscard]] std::string crypto_error();
+
+/// Of a PEM file. Errors name it: kConfiguration (missing, not readable, not of that kind).
+[[nodiscard]] Result<CertificatePtr> read_certificate(const std::filesystem::path& path);
+[[nodiscard]] Result<KeyPtr> read_private_key(const std::filesystem::path& path);
+
+/// What a certificate says of whom it is for.
+struct CertificateFacts {
+  std::string role;    ///< organizational unit: client, server, operator or rig; of an authority: authority
+  std::string name;    ///< common name
+  std::string serial;  ///< hex digits, upper-case
+  Timestamp begins;
+  Timestamp expires;
+};
+[[nodiscard]] CertificateFacts facts_of(const X509& certificate);
+
+/// The subject as permissions name it (RFC 2253): "CN=phone-1,OU=client,O=cairn".
+[[nodiscard]] std::string subject_of(const X509& certificate);
+
+/// The text of a document that this authority has signed, as S/MIME (DDS Security's governance and
+/// permissions). Error kConfiguration: it is none, or signed by somebody else. Does not name the file.
+[[nodiscard]] Result<std::string> verify_document(const std::string& signed_text, X509& authority);
+
+/// Whether it bears the signature of that authority. Says nothing of time.
+[[nodiscard]] bool is_signed_by(const X509& certificate, const X509& authority);
+[[nodiscard]] bool belongs_to(const EVP_PKEY& key, const X509& certificate);
+
+}  // namespace cairn

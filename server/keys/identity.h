@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+
+/// Who has been given keys: the register of a site, which the server reads.
+namespace cairn {
+
+enum class IdentityRole : uint8_t { kClient, kServer, kOperator, kRig };
+/// The word of the command line, of certificates and of the register: "client", "server", "operator", "rig".
+[[nodiscard]] std::string_view to_string(IdentityRole role);
+[[nodiscard]] Result<IdentityRole> parse_identity_role(std::string_view word);
+
+/// What an operator may do at the server; each includes those before it.
+enum class Duty : uint8_t {
+  kWatch,       ///< sees everything, changes nothing
+  kCurate,      ///< looks after maps and labels
+  kAdminister,  ///< says who may do what
+};
+/// "watch", "curate", "administer".
+[[nodiscard]] std::string_view to_string(Duty duty);
+[[nodiscard]] Result<Duty> parse_duty(std::string_view word);
+
+/// A certificate that was made.
+struct Issue {
+  std::string serial;  ///< hex digits
+  Timestamp expires;
+  bool operator==(const Issue&) const = default;
+};
+
+struct Identity {
+  IdentityRole role = IdentityRole::kClient;
+  std::string name;  ///< [a-z0-9-]{1,32}
+  std::set<std::string> groups;
+  std::string rig;                   ///< of a client whose camera it carries; may be empty
+  std::string wearer;                ///< of a client; may be empty
+  Duty duty = Duty::kWatch;          ///< of an operator
+  std::vector<Issue> issues;         ///< the newest last
+  std::optional<Timestamp> revoked;  ///< since when
+  bool operator==(const Identity&) const = default;
+};
+
+/// By role and name.
+using Register = std::map<std::pair<IdentityRole, std::string>, Identity>;
+
+/// As JSON text, one line for each identity.
+[[nodiscard]] std::string to_text(const Register& identities);
+/// Its inverse. Error kDamaged, with what is wrong; nothing is taken in part.
+[[nodiscard]] Result<Register> parse_register(std::string_view text);
+/// Of a file; errors name it.
+[[nodiscard]] Result<Register> read_register(const std::filesystem::path& path);
+
+/// The name of the register in a folder of keys, and in the security folder of a server.
+inline constexpr std::string_view kRegisterFile = "identities.json";
+
+/// Whom the server turns away although the certificate is still good. It goes by names: on the wire an
+/// identity is its partition. So no name is issued again while a certificate that was revoked with it is
+/// still valid.
+class RevocationList {
+ public:
+  RevocationList() = default;  ///< nobody
+  explicit RevocationList(const Register& identities);
+  /// Of the register in a server's security folder. Errors: kNotFound, kIo, kDamaged; who has read one before
+  /// goes on with that.
+  [[nodiscard]] static Result<RevocationList> read(const std::filesystem::path& security_folder);
+
+  [[nodiscard]] bool is_revoked(IdentityRole role, std::string_view name) const;
+  [[nodiscard]] size_t size() const { return revoked_.size(); }
+
+ private:
+  std::set<std::pair<IdentityRole, std::string>> revoked_;
+};
+
+}  // namespace cairn
