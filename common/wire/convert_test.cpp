@@ -131,8 +131,23 @@ TEST(Validation, CameraEstimate) {
   refuse_bad_cameras<CameraEstimate>();
 }
 
+/// What is no direction of up, as a member of a message.
+template <typename Message>
+void refuse_bad_ups(const Spoiler<Message>& spoiler, std::optional<UpDirection> Message::*up) {
+  const Eigen::Vector3d sound = Eigen::Vector3d::UnitX();
+  for (const auto& [what, wrong] : {std::pair("up of no length", UpDirection{{0, 0, 0}, 0.1}),
+                                    std::pair("up too long", UpDirection{{0, 0, 1.01}, 0.1}),
+                                    std::pair("up is NaN", UpDirection{{kNan, 0, 1}, 0.1}),
+                                    std::pair("infinite up", UpDirection{{0, kInfinity, 0}, 0.1}),
+                                    std::pair("negative sigma", UpDirection{sound, -0.1}),
+                                    std::pair("sigma is NaN", UpDirection{sound, kNan}),
+                                    std::pair("sigma that says nothing", UpDirection{sound, 1.5})})
+    spoiler.refuses(what, [&](auto& m) { m.*up = wrong; });
+}
+
 TEST(Validation, MapSeed) {
   const Spoiler<MapSeed> seed([](const auto& m) { return !m.trails.empty(); });
+  refuse_bad_ups(seed, &MapSeed::second_up);
   refuse_bad_images([&](const char* what, const auto& spoil) {
     seed.refuses(what, [&](auto& m) { spoil(m.first_image); });
     seed.refuses(what, [&](auto& m) { spoil(m.second_image); });
@@ -157,6 +172,7 @@ TEST(Validation, KeyframeOffer) {
   const Spoiler<KeyframeOffer> offer([](const auto& m) {
     return !m.measurements.empty() && !m.candidates.empty() && m.still_mask.size() > 1;
   });
+  refuse_bad_ups(offer, &KeyframeOffer::up);
   refuse_bad_images(
       [&](const char* what, const auto& spoil) { offer.refuses(what, [&](auto& m) { spoil(m.image); }); });
   offer.refuses("no number", [](auto& m) { m.command.seq = 0; });
@@ -350,6 +366,7 @@ TEST(Validation, Verdicts) {
 
 TEST(Validation, RelocQuery) {
   const Spoiler<RelocQuery> query([](const auto& m) { return !m.corners.empty(); });
+  refuse_bad_ups(query, &RelocQuery::up);
   query.refuses("too many corners", [](auto& m) { m.corners.resize(1025, m.corners[0]); });
   query.refuses("unknown level", [](auto& m) { m.corners[0].level = kPyramidLevels; });
   query.refuses("not a number", [](auto& m) { m.corners[0].pixel.x() = kNan; });
