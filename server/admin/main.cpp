@@ -23,6 +23,7 @@
 #include "common/io/text.h"
 #include "common/map/ids.h"
 #include "common/wire/log_redirect.h"
+#include "server/admin/access_commands.h"
 #include "server/admin/admin_client.h"
 #include "server/admin/export_folder.h"
 #include "server/admin/interruption.h"
@@ -51,6 +52,9 @@ constexpr const char* kFooter =
     "  cairnctl labels                                 lists the labels of all maps\n"
     "  cairnctl labels desk rename 3 'small vice'\n"
     "  cairnctl labels desk remove 3\n"
+    "  cairnctl rights grant phone-1 desk write        who may do what; see `cairnctl rights --help`\n"
+    "  cairnctl map desk freeze                        it takes nothing from anybody\n"
+    "  cairnctl audit                                  who did what\n"
     "  cairnctl rigs                                   lists the rigs that the server hears\n"
     "  cairnctl rig shoulder stop                      emergency stop of a rig";
 
@@ -376,7 +380,7 @@ class WholeLine : public CLI::Formatter {
 using Action = std::function<Status(AdminClient*, const Options&)>;
 
 /// The words of the command line; `action` is what they ask for.
-void describe(CLI::App* app, Options* options, Action* action) {
+void describe(CLI::App* app, Options* options, Action* action, AccessAction* access) {
   app->footer(kFooter);
   app->formatter(std::make_shared<WholeLine>());
   app->require_subcommand(1);
@@ -447,6 +451,7 @@ void describe(CLI::App* app, Options* options, Action* action) {
   add("delete", "takes it out of service; with --store it can be had back", "delete")
       ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
+  describe_freeze(map, &options->map, access);
 }
 
 std::string check_label_id(const std::string& text) {
@@ -488,7 +493,9 @@ int run(int argc, char** argv) {
   CLI::App app("Looks after the maps of a cairn-server and what is written in them.", "cairnctl");
   Options options;
   Action action;
-  describe(&app, &options, &action);
+  AccessAction access;
+  describe(&app, &options, &action, &access);
+  describe_access(&app, &access);
   describe_labels(&app, &options, &action);
   RigAction rig_action;
   describe_rig(&app, &rig_action);
@@ -501,6 +508,7 @@ int run(int argc, char** argv) {
     std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
     return exit_code(ErrorCode::kUsage);
   }
+  if (access) action = [access](AdminClient* client, const Options& o) { return access(client, o.as_json); };
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
   const Logger log = make_logger("cairnctl");
   const wire::LogRedirect middleware_log(log);

@@ -61,14 +61,19 @@ OperatorAct act_of(const std::string& verb) {
   const bool is_transfer =
       verb == "export" || verb == "import" || verb.starts_with("export-") || verb.starts_with("import-");
   if (is_transfer) return OperatorAct::kTransfer;
-  const bool is_look =
-      verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" || verb == "labels";
+  const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
+                       verb == "labels" || verb == "rights" || verb == "rights-explain" ||
+                       verb == "clients" || verb == "audit";
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
 /// Of an archive, which goes over in hundreds.
 bool is_piece(const std::string& verb) {
   return verb == "import-write" || verb == "export-read";
+}
+
+bool is_audited(const std::string& verb) {
+  return act_of(verb) != OperatorAct::kSee && !is_piece(verb);
 }
 
 /// Onto a page, from a number on, as many as fit.
@@ -122,15 +127,17 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
 }
 
 void Switchboard::carry_out(const std::string& operator_name, const wire::AdminRequest& message,
-                            const AdminAnswer& answer) {
+                            const AdminAnswer& tell) {
   const json request = parse_request(message.request);
-  if (!request.is_object()) return answer(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
+  if (!request.is_object()) return tell(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
+  const AdminAnswer answer = is_audited(verb) ? audited(operator_name, request, tell) : tell;
   const std::string wanted = text_of(request, "map");
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             cut_text(json_text(request), kLoggedBytes));
   if (const Status may = options_.access->may_ask(operator_principal(operator_name), act_of(verb)); !may)
     return answer(refusal(may.error()));
+  if (administers_access(operator_name, verb, request, answer)) return;
   if (verb == "status") return describe_server(answer);
   if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(steady_clock::now())}}));
   if (verb == "maps") {

@@ -4,6 +4,7 @@
 #include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 
@@ -89,6 +90,7 @@ struct Client {
 
   int status_readers = 0;                       ///< discovered; 0: not connected
   std::optional<ClientWriters> writers;         ///< while connected
+  std::set<MapId> maps_told;                    ///< by MapInfo, while connected
   std::map<MapId, int> wanted;                  ///< map readers discovered, by map
   std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that exist
   MonotonicTime left_at;                        ///< when the last reader went

@@ -375,13 +375,7 @@ void Switchboard::forget_map(MapId map) {
     const std::scoped_lock lock(mutex_);
     published_.erase(map);
   }
-  wire::MapInfo gone;
-  gone.map = map;
-  for (auto& [name, client] : clients_) {
-    client.feeds.erase(map);
-    if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
-    forget_cameras(map, client);
-  }
+  for (auto& [name, client] : clients_) unlist_map(map, client);
 }
 
 /// Before the revision that names them.
@@ -457,6 +451,7 @@ void Switchboard::list_map(MapId map, const MapEntry& entry, Client& client) {
   if (!client.writers) return;
   const Right right = options_.access->in_map(client.principal(), map).right;
   if (right < Right::kRead) return;
+  client.maps_told.insert(map);
   report(client.writers->maps.write(make_map_info(options_.server, map, entry, right)), "MapInfo");
 }
 

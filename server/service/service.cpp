@@ -10,7 +10,9 @@
 
 #include "common/wire/participant.h"
 #include "server/service/map_persistence.h"
+#include "server/service/site_access.h"
 #include "server/service/switchboard.h"
+#include "server/service/wall_clock.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -58,6 +60,7 @@ struct Service::State {
     if (switchboard && store) switchboard->save_last_changes();
     store.reset();
   }
+  std::unique_ptr<SiteAccess> site;  ///< outlives who uses it
   std::unique_ptr<MapPersistence> store;
   std::unique_ptr<Switchboard> switchboard;
   WorkerPool urgent;
@@ -86,9 +89,14 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
+  const Rights standard(options.is_open_site ? Right::kWrite : Right::kNone, options.is_open_site);
+  auto site = SiteAccess::open(options.store, standard, wall_time, log);
+  if (!site) return tl::unexpected(site.error());
+  state->site = std::move(*site);
+  if (known.access == nullptr) known.access = state->site->policy();
   auto switchboard =
       Switchboard::start(known, {state->urgent, state->background, state->questions, state->idle},
-                         state->store.get(), std::move(restored), std::move(log));
+                         state->store.get(), *state->site, std::move(restored), std::move(log));
   if (!switchboard) return tl::unexpected(switchboard.error());
   state->switchboard = std::move(*switchboard);
   return std::unique_ptr<Service>(new Service(std::move(state)));

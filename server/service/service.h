@@ -42,7 +42,8 @@ struct ServiceOptions {
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;
-  std::shared_ptr<const AccessPolicy> access = std::make_shared<OpenAccess>();
+  std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
+  bool is_open_site = true;  ///< until its operators decide otherwise, everybody may write and make maps
   WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
   int loss_per_mille = 0;           ///< outgoing packets dropped on purpose; for tests
 };

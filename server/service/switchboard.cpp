@@ -35,7 +35,7 @@ bool is_map_topic(std::string_view topic) {
 }  // namespace
 
 Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& options, Lanes lanes,
-                                                        MapPersistence* store,
+                                                        MapPersistence* store, SiteAccess& site,
                                                         std::vector<RestoredMap> restored, Logger log) {
   wire::ParticipantOptions joining = joining_options(options);
   joining.log = log;
@@ -61,7 +61,7 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
     return tl::unexpected(attached.error());
   }
   std::unique_ptr<Switchboard> board(
-      new Switchboard(options, lanes, store, std::move(*participant),
+      new Switchboard(options, lanes, store, site, std::move(*participant),
                       {std::move(*discovered), std::move(cameras), std::move(states), std::move(seeds),
                        std::move(offers), std::move(queries), std::move(client_requests),
                        std::move(*requests), std::move(*rigs), std::move(*waiter)},
@@ -71,11 +71,12 @@ Result<std::unique_ptr<Switchboard>> Switchboard::start(const ServiceOptions& op
   return board;
 }
 
-Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
                          wire::Participant participant, Readers readers, Logger log)
     : options_(options),
       lanes_(lanes),
       store_(store),
+      site_(site),
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(std::move(log)),
@@ -85,6 +86,8 @@ Switchboard::Switchboard(const ServiceOptions& options, Lanes lanes, MapPersiste
       wearers_(options.wearers),
       next_tick_(steady_clock::now()) {
   watch_for_overlaps();
+  site_.run_by({[this](Task task) { store_->run_beside([task = std::move(task)](Store&) { task(); }); },
+                [this](Task task) { post(std::move(task)); }});
   if (store_ == nullptr) return;
   overlaps_.restore(store_->overlaps());
   transfers_ = std::make_shared<Transfers>(store_->folder() / "transfer");
@@ -255,6 +258,7 @@ std::string Switchboard::health() const {
     if (!words.empty() && !word.empty()) words += "; ";
     words += word;
   };
+  add(site_.trouble());
   add(word_of_unloaded(unloaded_));
   if (store_) add(word_of_damage(damaged_.size(), store_->folder() / "damaged"));
   for (const auto& [map, entry] : maps_.all()) {
@@ -267,6 +271,7 @@ std::string Switchboard::health() const {
 
 void Switchboard::tick(MonotonicTime now) {
   next_tick_ = now + kTick;
+  if (site_.has_expired()) enforce_rights();
   const wire::ServerStatus status{options_.server,
                                   options_.start_count,
                                   std::string(version()),
@@ -350,6 +355,7 @@ void Switchboard::connect(Client& client) {
   auto writers = ClientWriters::create(participant_, client.name);
   if (!writers) return log_->error("{}: cannot be served: {}", client.name, writers.error().message);
   client.writers = std::move(*writers);
+  client.maps_told.clear();
   log_->info("{}: connected", client.name);
   next_tick_ = steady_clock::now();  // the newcomer learns at once who serves it
   write_verdicts(client);

@@ -28,6 +28,7 @@
 #include "server/service/presence.h"
 #include "server/service/rig_list.h"
 #include "server/service/service.h"
+#include "server/service/site_access.h"
 #include "server/service/transfers.h"
 #include "server/service/wearer_rule.h"
 #include "server/service/worker_pool.h"
@@ -48,7 +49,7 @@ class Switchboard {
   };
   /// With all `restored` maps being served on return.
   [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
-                                                                  MapPersistence* store,
+                                                                  MapPersistence* store, SiteAccess& site,
                                                                   std::vector<RestoredMap> restored,
                                                                   Logger log);
   ~Switchboard() { stop(); }
@@ -81,7 +82,7 @@ class Switchboard {
     wire::Reader<wire::RigState> rigs;
     wire::Waiter waiter;
   };
-  Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store,
+  Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
               wire::Participant participant, Readers readers, Logger log);
 
   void watch_for_overlaps();
@@ -120,6 +121,18 @@ class Switchboard {
                  const AdminAnswer& answer);
   /// The last answer to this operator, once more.
   void repeat_answer(const std::string& operator_name);
+  // About who may do what (site_administration.cpp).
+  /// False: the verb is about something else.
+  [[nodiscard]] bool administers_access(const std::string& operator_name, const std::string& verb,
+                                        const nlohmann::json& request, const AdminAnswer& answer);
+  [[nodiscard]] std::optional<NamedMap> named_map(const std::string& name_or_id);
+  [[nodiscard]] nlohmann::json describe_clients() const;
+  void enforce_rights();
+  void unlist_map(MapId map, Client& client);
+  /// The answer is told, and what the operator did, or tried to, is written down.
+  [[nodiscard]] AdminAnswer audited(const std::string& operator_name, const nlohmann::json& request,
+                                    const AdminAnswer& tell);
+
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
   /// Where a page of maps begins: beyond an id, and at numbers of the lists behind them.
@@ -232,6 +245,7 @@ class Switchboard {
   const ServiceOptions options_;
   Lanes lanes_;
   MapPersistence* store_;
+  SiteAccess& site_;
   wire::Participant participant_;
   Readers readers_;
   Logger log_;

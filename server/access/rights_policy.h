@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <utility>
+
+#include "server/access/access_policy.h"
+#include "server/access/rights.h"
+
+namespace cairn {
+
+/// What the rights of a site allow, at the time that the clock says. Used from one thread.
+class RightsPolicy : public AccessPolicy {
+ public:
+  using Clock = std::function<Timestamp()>;  ///< the wall clock: grants expire by it
+  RightsPolicy(Rights rights, Clock clock) : rights_(std::move(rights)), clock_(std::move(clock)) {}
+
+  [[nodiscard]] Ruling in_map(const Principal& client, const MapId& map) const override {
+    return rights_.rule(client.name, map, clock_());
+  }
+  [[nodiscard]] Ruling on_creating(const Principal& client) const override {
+    return rights_.rule_on_creating(client.name);
+  }
+  /// Operators are told apart by their certificates only; who is one may do all.
+  [[nodiscard]] Status may_ask(const Principal& /*operator_*/, OperatorAct /*act*/) const override {
+    return {};
+  }
+
+  [[nodiscard]] const Rights& rights() const { return rights_; }
+  /// From now on.
+  void put(Rights rights) { rights_ = std::move(rights); }
+  [[nodiscard]] Timestamp now() const { return clock_(); }
+
+ private:
+  Rights rights_;
+  Clock clock_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/rights_verbs.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+constexpr Timestamp kNow{1'800'000'000'000'000'000};  // 2027-01-15T08:00:00Z
+const MapId kDesk{{1}};
+
+class RightsVerbsTest : public testing::Test {
+ protected:
+  static std::optional<NamedMap> find(const std::string& name) {
+    if (name != "desk" && name != to_hex(kDesk.bytes)) return std::nullopt;
+    return NamedMap{kDesk, "desk", {{0, 0, 0}, {2, 1, 1}}};
+  }
+  /// The error's message, or what was done, which is in force then.
+  std::string ask(const json& request) {
+    auto change = change_rights(rights_, request, "ann", find, kNow);
+    if (!change) return change.error().message;
+    rights_ = std::move(change->rights);
+    entry_ = change->entry;
+    return change->answer["done"];
+  }
+  [[nodiscard]] Ruling ruling(const std::string& client) const { return rights_.rule(client, kDesk, kNow); }
+
+  Rights rights_{Right::kNone, false};
+  AuditEntry entry_;
+};
+
+TEST_F(RightsVerbsTest, WhatIsGrantedCountsAndIsWrittenDown) {
+  EXPECT_EQ(ask({{"verb", "rights-grant"},
+                 {"to", "bob"},
+                 {"map", "desk"},
+                 {"right", "write"},
+                 {"until", "2027-02-01"}}),
+            "rights grant: client bob, map desk: write until 2027-02-01T00:00:00Z");
+  EXPECT_EQ(ruling("bob").right, Right::kWrite);
+  EXPECT_EQ(entry_, (AuditEntry{0, kNow, "operator ann", "rights grant",
+                                "client bob, map desk: write until 2027-02-01T00:00:00Z", "done"}));
+  EXPECT_EQ(ask({{"verb", "rights-revoke"}, {"to", "bob"}, {"map", "desk"}}),
+            "rights revoke: client bob, map desk");
+  EXPECT_EQ(ruling("bob").right, Right::kNone);
+}
+
+TEST_F(RightsVerbsTest, AnExtentIsABoxASphereOrTheMapsBoundsWithAMargin) {
+  const auto grant = [&](json within) {
+    return ask(
+        {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "write"}, {"within", within}});
+  };
+  EXPECT_THAT(grant({{"margin", 0.5}}), HasSubstr("within box -0.50 -0.50 -0.50 to 2.50 1.50 1.50"));
+  EXPECT_TRUE(contains(*ruling("bob").extent, {2.4, 0, 0}));
+  EXPECT_THAT(grant({{"center", {0, 0, 0}}, {"radius", 2}}), HasSubstr("within 2.00 around"));
+  EXPECT_THAT(grant({{"box", {{0, 0, 0}, {1, 1, 1}}}}), HasSubstr("within box"));
+  EXPECT_THAT(grant({{"box", {{0, 0, 0}}}}), HasSubstr("two corners"));
+  EXPECT_THAT(grant({{"margin", -1}}), HasSubstr("negative"));
+  EXPECT_THAT(grant({{"center", {0, 0}}, {"radius", 2}}), HasSubstr("three numbers"));
+  EXPECT_THAT(grant("everywhere"), HasSubstr("no extent"));
+}
+
+TEST_F(RightsVerbsTest, GroupsDefaultsAndWhoMakesMaps) {
+  EXPECT_EQ(ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"bob", "eve"}}}),
+            "rights group: group crew: bob eve");
+  ask({{"verb", "rights-grant"}, {"to", "group crew"}, {"map", "all"}, {"right", "add"}});
+  EXPECT_EQ(ruling("eve").right, Right::kAdd);
+  ask({{"verb", "rights-default"}, {"right", "read"}});
+  EXPECT_EQ(ruling("zoe").right, Right::kRead);
+  EXPECT_EQ(rights_.rule_on_creating("eve").right, Right::kNone);
+  ask({{"verb", "rights-create"}, {"to", "group crew"}, {"may", true}});
+  EXPECT_EQ(rights_.rule_on_creating("eve").right, Right::kWrite);
+  ask({{"verb", "rights-create"}, {"to", "group crew"}, {"may", nullptr}});
+  EXPECT_EQ(rights_.rule_on_creating("eve").right, Right::kNone);
+}
+
+TEST_F(RightsVerbsTest, MapsAreFrozenAndClientsBlockedUntilThatIsTakenBack) {
+  ask({{"verb", "rights-default"}, {"right", "write"}});
+  EXPECT_EQ(ask({{"verb", "map-freeze"}, {"map", "desk"}, {"why", "on show"}}),
+            "map freeze: map desk: on show");
+  EXPECT_EQ(ruling("bob").right, Right::kRead);
+  EXPECT_EQ(ask({{"verb", "map-unfreeze"}, {"map", "desk"}}), "map unfreeze: map desk");
+  EXPECT_THAT(ask({{"verb", "map-unfreeze"}, {"map", "desk"}}), HasSubstr("is not frozen"));
+  ask({{"verb", "client-block"}, {"client", "bob"}});
+  EXPECT_EQ(ruling("bob").right, Right::kNone);
+  ask({{"verb", "client-unblock"}, {"client", "bob"}});
+  EXPECT_EQ(ruling("bob").right, Right::kWrite);
+  EXPECT_THAT(ask({{"verb", "client-unblock"}, {"client", "bob"}}), HasSubstr("is not blocked"));
+}
+
+TEST_F(RightsVerbsTest, WhatCannotBeIsRefusedAndChangesNothing) {
+  const auto before = rights_.table();
+  EXPECT_THAT(ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "bench"}, {"right", "read"}}),
+              HasSubstr("no map is called 'bench'"));
+  EXPECT_THAT(ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "reed"}}),
+              HasSubstr("did you mean read?"));
+  EXPECT_THAT(ask({{"verb", "rights-grant"},
+                   {"to", "bob"},
+                   {"map", "desk"},
+                   {"right", "read"},
+                   {"until", "2020-01-01"}}),
+              HasSubstr("is over already"));
+  EXPECT_THAT(ask({{"verb", "rights-grant"}, {"map", "desk"}, {"right", "read"}}),
+              HasSubstr("'to' is missing"));
+  EXPECT_THAT(ask({{"verb", "rights-grant"}, {"to", 7}, {"map", "desk"}, {"right", "read"}}),
+              HasSubstr("is no text"));
+  EXPECT_THAT(ask({{"verb", "rights-revoke"}, {"to", "bob"}, {"map", "all"}}),
+              HasSubstr("nothing is granted"));
+  EXPECT_THAT(ask({{"verb", "rights-group"}, {"group", "crew"}, {"members", {"B!"}}}), HasSubstr("'B!'"));
+  EXPECT_THAT(ask({{"verb", "rights-gift"}}), HasSubstr("'rights-gift'"));
+  EXPECT_EQ(rights_.table(), before);
+}
+
+TEST_F(RightsVerbsTest, AnExplanationSaysWhatDecides) {
+  ask({{"verb", "rights-grant"}, {"to", "everyone"}, {"map", "all"}, {"right", "read"}});
+  ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "manage"}});
+  const auto said = explain_rights(rights_, {{"client", "bob"}, {"map", "desk"}}, find, kNow);
+  ASSERT_TRUE(said) << said.error().message;
+  EXPECT_EQ((*said)["right"], "manage");
+  EXPECT_EQ((*said)["rules"][0], (json{{"rule", "client bob, this map: manage"}, {"part", "decides"}}));
+  EXPECT_EQ((*said)["rules"][1]["part"], "is outweighed");
+  EXPECT_FALSE(explain_rights(rights_, {{"client", "group crew"}, {"map", "desk"}}, find, kNow));
+}
+
+TEST_F(RightsVerbsTest, AllRulesAreShown) {
+  ask({{"verb", "rights-grant"},
+       {"to", "bob"},
+       {"map", "desk"},
+       {"right", "write"},
+       {"within", {{"margin", 1}}}});
+  ask({{"verb", "map-freeze"}, {"map", "desk"}});
+  const json shown = describe_rights(
+      rights_, [](const MapId&) { return "desk"; }, kNow);
+  EXPECT_EQ(shown["default"], "none");
+  EXPECT_EQ(shown["grants"][0]["name"], "desk");
+  EXPECT_THAT(shown["grants"][0]["within"].get<std::string>(), HasSubstr("box"));
+  EXPECT_EQ(shown["frozen"][0]["by"], "ann");
+}
+
+TEST_F(RightsVerbsTest, AnAuditQueryIsReadWithItsBounds) {
+  const auto query =
+      audit_query_of({{"who", "ann"}, {"from", "2027-01-01"}, {"before", 7}, {"limit", 100000}});
+  ASSERT_TRUE(query);
+  EXPECT_EQ(query->who, "ann");
+  EXPECT_EQ(query->before_number, 7);
+  EXPECT_LE(query->limit, 500U);
+  EXPECT_FALSE(audit_query_of({{"from", "yesterday"}}));
+}
+
+}  // namespace
+}  // namespace cairn

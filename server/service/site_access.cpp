@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/site_access.h"
+
+#include <utility>
+
+#include "server/access/rights_file.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kFile = "site.db";
+constexpr int64_t kEntriesKept = 1'000'000;  // 200 MB: decades of what operators do by hand
+
+struct Opened {
+  SiteFile file;
+  std::optional<Rights> rights;  ///< nothing: none were ever kept
+};
+
+Result<Opened> open_file(const fs::path& path) {
+  auto file = SiteFile::open(path);
+  if (!file) return tl::unexpected(file.error());
+  const auto text = file->rights();
+  if (!text) return tl::unexpected(text.error());
+  Opened opened{std::move(*file), std::nullopt};
+  if (!*text) return opened;
+  auto rights = read_rights(**text);
+  if (!rights) return tl::unexpected(rights.error());
+  opened.rights = std::move(*rights);
+  return opened;
+}
+
+/// Out of the way; the path under which it is kept.
+fs::path set_aside(const fs::path& path, Timestamp now) {
+  fs::path aside = path.parent_path() / "damaged" / ("site-" + std::to_string(now.nanoseconds) + ".db");
+  std::error_code ignored;
+  fs::create_directories(aside.parent_path(), ignored);
+  for (const char* companion : {"", "-wal", "-shm"})
+    fs::rename(path.string() + companion, aside.string() + companion, ignored);
+  return aside;
+}
+
+}  // namespace
+
+Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, const Rights& standard,
+                                                     Clock clock, const Logger& log) {
+  const Timestamp now = clock();
+  const auto make = [&](const Rights& rights, std::shared_ptr<SiteFile> file, std::string trouble) {
+    auto policy = std::make_shared<RightsPolicy>(rights, clock);
+    return std::unique_ptr<SiteAccess>(
+        new SiteAccess(std::move(policy), std::move(file), std::move(trouble), log));  // NOLINT: private
+  };
+  if (folder.empty()) return make(standard, nullptr, {});
+  const fs::path path = folder / kFile;
+  auto opened = open_file(path);
+  if (opened)
+    return make(opened->rights.value_or(standard), std::make_shared<SiteFile>(std::move(opened->file)), {});
+  if (opened.error().code != ErrorCode::kDamaged) return tl::unexpected(opened.error());
+  const std::string why = opened.error().message;
+  const fs::path aside = set_aside(path, now);
+  auto anew = open_file(path);
+  if (!anew) return tl::unexpected(anew.error());
+  // Open to all until somebody notices would be the worse mistake.
+  const Rights closed(Right::kNone, false);
+  const AuditEntry entry{0, now, "server", "rights closed", {}, why};
+  if (Status kept = anew->file.keep_rights(to_text(closed), entry); !kept)
+    return tl::unexpected(kept.error());
+  std::string trouble = "the rights could not be read and lie in " + aside.string() +
+                        "; nobody may do anything until `cairnctl rights` says who may";
+  log->error("{}: {}", why, trouble);
+  return make(closed, std::make_shared<SiteFile>(std::move(anew->file)), std::move(trouble));
+}
+
+void SiteAccess::put_in_force(const Rights& rights) {
+  policy_->put(rights);
+  next_expiry_ = rights.next_expiry(policy_->now());
+}
+
+void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)> done) {
+  newest_ = change.rights;
+  if (file_ == nullptr) {
+    put_in_force(change.rights);
+    return done({});
+  }
+  executors_.beside([this, file = file_, change = std::move(change), done = std::move(done)] {
+    const Status kept = file->keep_rights(to_text(change.rights), change.entry);
+    executors_.service([this, kept, rights = change.rights, done] {
+      if (kept) {
+        put_in_force(rights);
+        trouble_.clear();
+      } else {
+        newest_ = policy_->rights();
+      }
+      done(kept);
+    });
+  });
+}
+
+void SiteAccess::note(AuditEntry entry) {
+  if (file_ == nullptr) return;
+  executors_.beside([file = file_, log = log_, entry = std::move(entry)] {
+    const Status written = file->append({&entry, 1});
+    if (!written) log->error("the audit log: {}", written.error().message);
+    if (const auto pruned = file->prune(kEntriesKept); !pruned)
+      log->error("the audit log: {}", pruned.error().message);
+  });
+}
+
+void SiteAccess::find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done) {
+  if (file_ == nullptr)
+    return done(fail(ErrorCode::kRefused, "this server has no --store: it keeps no audit log"));
+  executors_.beside([this, file = file_, query = std::move(query), done = std::move(done)] {
+    auto found = file->find(query);
+    executors_.service([found = std::move(found), done] { done(found); });
+  });
+}
+
+bool SiteAccess::has_expired() {
+  const Timestamp now = policy_->now();
+  if (!next_expiry_ || *next_expiry_ > now) return false;
+  next_expiry_ = policy_->rights().next_expiry(now);
+  return true;
+}
+
+}  // namespace cairn

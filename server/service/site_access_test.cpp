@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/site_access.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <fstream>
+
+#include "common/io/test_directory.h"
+
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+constexpr int64_t kSecond = 1'000'000'000;
+const MapId kDesk{{1}};
+
+/// A site whose tasks run when the test says, by a clock of its own.
+class SiteAccessTest : public testing::Test {
+ protected:
+  [[nodiscard]] std::unique_ptr<SiteAccess> open(const std::filesystem::path& folder) {
+    auto site = SiteAccess::open(
+        folder, Rights(Right::kWrite, true), [this] { return now_; }, null_logger());
+    if (!site) throw std::runtime_error(site.error().message);
+    (*site)->run_by({[this](SiteAccess::Task task) { beside_.push_back(std::move(task)); },
+                     [this](SiteAccess::Task task) { service_.push_back(std::move(task)); }});
+    return std::move(*site);
+  }
+  void run() {
+    while (!beside_.empty() || !service_.empty()) {
+      auto& tasks = beside_.empty() ? service_ : beside_;
+      const auto task = std::move(tasks.front());
+      tasks.pop_front();
+      task();
+    }
+  }
+  void put(SiteAccess* site, json request) {
+    auto change = change_rights(
+        site->rights(), request, "ann",
+        [](const std::string&) {
+          return NamedMap{kDesk, "desk", {}};
+        },
+        now_);
+    ASSERT_TRUE(change) << change.error().message;
+    site->put(std::move(*change), [this](const Status& kept) { kept_.push_back(kept.has_value()); });
+  }
+  [[nodiscard]] Right right(const SiteAccess& site) const {
+    return site.policy()->in_map(client_principal("bob"), kDesk).right;
+  }
+  [[nodiscard]] std::vector<std::string> audit(SiteAccess* site) {
+    std::vector<std::string> lines;
+    site->find({}, [&](const Result<std::vector<AuditEntry>>& found) {
+      for (const AuditEntry& e : *found) lines.push_back(e.who + " " + e.action + " " + e.outcome);
+    });
+    run();
+    return lines;
+  }
+
+  TestDirectory directory_;
+  const std::filesystem::path& folder_ = directory_.path();
+  Timestamp now_{1'800'000'000 * kSecond};
+  std::deque<SiteAccess::Task> beside_;
+  std::deque<SiteAccess::Task> service_;
+  std::vector<bool> kept_;
+};
+
+TEST_F(SiteAccessTest, ARightIsInForceOnceItIsKeptAndAfterTheNextStart) {
+  {
+    const auto site = open(folder_);
+    EXPECT_EQ(right(*site), Right::kWrite) << "of a site that has decided nothing";
+    put(site.get(), {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "read"}});
+    EXPECT_EQ(right(*site), Right::kWrite) << "not kept yet";
+    run();
+    EXPECT_EQ(right(*site), Right::kRead);
+    EXPECT_THAT(kept_, testing::ElementsAre(true));
+  }
+  const auto site = open(folder_);
+  EXPECT_EQ(right(*site), Right::kRead);
+  EXPECT_THAT(audit(site.get()), testing::ElementsAre("operator ann rights grant done"));
+}
+
+TEST_F(SiteAccessTest, ChangesThatFollowEachOtherAreAllThere) {
+  const auto site = open(folder_);
+  put(site.get(), {{"verb", "rights-default"}, {"right", "none"}});
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "add"}});
+  run();
+  EXPECT_EQ(right(*site), Right::kAdd);
+  EXPECT_EQ(site->policy()->in_map(client_principal("eve"), kDesk).right, Right::kNone);
+}
+
+TEST_F(SiteAccessTest, AGrantThatExpiresIsToldOnce) {
+  const auto site = open(folder_);
+  put(site.get(),
+      {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "read"}, {"until", "2027-01-16"}});
+  run();
+  EXPECT_FALSE(site->has_expired());
+  now_.nanoseconds += 86'400 * kSecond;
+  EXPECT_TRUE(site->has_expired());
+  EXPECT_FALSE(site->has_expired());
+  EXPECT_EQ(right(*site), Right::kWrite);
+}
+
+TEST_F(SiteAccessTest, RightsThatCannotBeReadCloseTheSiteAlsoAtTheNextStart) {
+  { const auto site = open(folder_); }
+  std::ofstream(folder_ / "site.db") << "nothing that a database would say, and more of that, and more";
+  {
+    const auto site = open(folder_);
+    EXPECT_EQ(right(*site), Right::kNone);
+    EXPECT_THAT(site->trouble(), HasSubstr("nobody may do anything until"));
+  }
+  const auto site = open(folder_);
+  EXPECT_EQ(right(*site), Right::kNone);
+  put(site.get(), {{"verb", "rights-default"}, {"right", "write"}, {"create", true}});
+  run();
+  EXPECT_EQ(right(*site), Right::kWrite);
+  EXPECT_TRUE(site->trouble().empty());
+}
+
+TEST_F(SiteAccessTest, WithoutAStoreRightsAreInMemoryAndThereIsNoLog) {
+  const auto site = open({});
+  put(site.get(), {{"verb", "rights-default"}, {"right", "read"}});
+  EXPECT_EQ(right(*site), Right::kRead);
+  Error error;
+  site->find({}, [&](const Result<std::vector<AuditEntry>>& found) { error = found.error(); });
+  EXPECT_EQ(error.code, ErrorCode::kRefused);
+  EXPECT_THAT(error.message, HasSubstr("no --store"));
+}
+
+}  // namespace
+}  // namespace cairn

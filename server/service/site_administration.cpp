@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "server/service/admin_reply.h"
+#include "server/service/switchboard.h"
+
+/// What operators ask about who may do what, and how it comes into force.
+namespace cairn {
+
+using nlohmann::json;
+
+std::optional<NamedMap> Switchboard::named_map(const std::string& name_or_id) {
+  const auto [id, entry] = find_map(name_or_id);
+  if (entry == nullptr) return std::nullopt;
+  const MapStatistics& now = entry->statistics;
+  return NamedMap{id, entry->name, {now.bounds_min.cast<double>(), now.bounds_max.cast<double>()}};
+}
+
+bool Switchboard::administers_access(const std::string& operator_name, const std::string& verb,
+                                     const json& request, const AdminAnswer& answer) {
+  const FindMap find = [this](const std::string& name) { return named_map(name); };
+  const auto tell = [&](const Result<json>& content) {
+    answer(content ? success(*content) : refusal(content.error()));
+  };
+  if (changes_rights(verb)) {
+    auto change = change_rights(site_.rights(), request, operator_name, find, site_.policy()->now());
+    if (!change) {
+      answer(refusal(change.error()));
+      return true;
+    }
+    site_.put(std::move(*change), [this, answer, done = change->answer](const Status& kept) {
+      if (!kept) return answer(refusal(kept.error()));
+      enforce_rights();
+      answer(success(done));
+    });
+    return true;
+  }
+  if (verb == "rights") {
+    json content = describe_rights(
+        site_.rights(),
+        [this](const MapId& map) {
+          const MapEntry* entry = maps_.find(map);
+          return entry == nullptr ? std::string() : entry->name;
+        },
+        site_.policy()->now());
+    if (!site_.is_kept()) content["note"] = "this server has no --store: its rights are gone when it ends";
+    answer(success(content));
+    return true;
+  }
+  if (verb == "rights-explain") {
+    tell(explain_rights(site_.rights(), request, find, site_.policy()->now()));
+    return true;
+  }
+  if (verb == "clients") {
+    answer(success(describe_clients()));
+    return true;
+  }
+  if (verb != "audit") return false;
+  const auto query = audit_query_of(request);
+  if (!query) {
+    answer(refusal(query.error()));
+    return true;
+  }
+  site_.find(*query, [answer](const Result<std::vector<AuditEntry>>& found) {
+    if (!found) return answer(refusal(found.error()));
+    ReplyPage page{"entries"};
+    for (const AuditEntry& entry : *found) {
+      if (!page.add("entries", describe(entry))) break;  // the next page begins before the last of these
+    }
+    answer(success(page.content()));
+  });
+  return true;
+}
+
+json Switchboard::describe_clients() const {
+  const Rights::Table rights = site_.rights().table();
+  json clients = json::array();
+  for (const auto& [name, client] : clients_) {
+    json told{{"name", name},
+              {"connected", client.writers.has_value()},
+              {"blocked", rights.blocked.contains(name)}};
+    if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) told["wearer"] = wearer;
+    clients.push_back(std::move(told));
+  }
+  for (const auto& [name, closure] : rights.blocked) {
+    if (!clients_.contains(name))
+      clients.push_back({{"name", name}, {"connected", false}, {"blocked", true}});
+  }
+  return {{"clients", std::move(clients)}};
+}
+
+/// What a client may no longer read is taken from it at once, and what it may read now is offered.
+void Switchboard::enforce_rights() {
+  for (auto& [name, client] : clients_) {
+    for (const auto& [map, entry] : maps_.all()) {
+      if (entry.snapshot == nullptr) continue;
+      if (options_.access->may_read(client.principal(), map)) {
+        list_map(map, entry, client);
+        if (client.writers) tell_cameras(map, entry);
+      } else {
+        unlist_map(map, client);
+      }
+    }
+    open_wanted_feeds(client);
+  }
+}
+
+/// A map that it was never told of is not named to it now.
+void Switchboard::unlist_map(MapId map, Client& client) {
+  client.feeds.erase(map);
+  if (client.maps_told.erase(map) == 0) return;
+  wire::MapInfo gone;
+  gone.map = map;
+  if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
+  forget_cameras(map, client);
+}
+
+Switchboard::AdminAnswer Switchboard::audited(const std::string& operator_name, const json& request,
+                                              const AdminAnswer& tell) {
+  const std::string verb = request.value("verb", "");
+  AuditEntry entry{0, {}, "operator " + operator_name, verb, {}, {}};
+  std::replace(entry.action.begin(), entry.action.end(), '-', ' ');
+  if (const auto map = request.find("map"); map != request.end() && map->is_string())
+    entry.object = "map " + map->get<std::string>();
+  return [this, entry, tell, is_kept_with_rights = changes_rights(verb)](wire::AdminReply reply) mutable {
+    const bool is_done = reply.result == 0;
+    if (!is_done || !is_kept_with_rights) {
+      entry.time = site_.policy()->now();
+      entry.outcome = is_done ? "done" : reply.text;
+      site_.note(entry);
+    }
+    tell(std::move(reply));
+  };
+}
+
+}  // namespace cairn

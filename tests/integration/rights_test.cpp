@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who may do what, over real DDS: each right against each request and each thing that is sent.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/base/utc.h"
+#include "common/image/frame_images.h"
+#include "common/image/place.h"
+#include "server/admin/admin_client.h"
+#include "server/service/wall_clock.h"
+#include "tests/integration/label_fixture.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using testing::eventually;
+using ::testing::HasSubstr;
+
+class RightsOverDds : public testing::LabelFixture {
+ protected:
+  RightsOverDds() { connect(); }
+  void connect() {
+    AdminClientOptions connection;
+    connection.domain = service_options_.domain;
+    auto admin = AdminClient::connect(connection);
+    if (!admin) throw std::runtime_error(admin.error().message);
+    admin_.emplace(std::move(*admin));
+  }
+  json ask_server(const json& request) {
+    auto answer = admin_->ask(request);
+    EXPECT_TRUE(answer) << request.dump() << ": " << answer.error().message;
+    return answer ? answer->content : json();
+  }
+  void grant(const std::string& to, const std::string& right, json more = json::object()) {
+    json request{{"verb", "rights-grant"}, {"to", to}, {"map", to_hex(map_.bytes)}, {"right", right}};
+    if (!more.is_null()) request.update(more);
+    ask_server(request);
+  }
+
+  [[nodiscard]] bool is_answered(Session& session) {
+    FrameImages images;
+    images.build_pyramid(scene_.render(testing::Scene::pose(testing::kFirstView), 0)->view());
+    session.send_question(
+        std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners())),
+        Timestamp{++asked_});
+    std::optional<PlaceAnswer> answer;
+    EXPECT_TRUE(eventually([&] { return (answer = session.take_place_answer()).has_value(); }));
+    return answer && std::ranges::any_of(answer->candidates, [&](const auto& c) { return c.map == map_; });
+  }
+  /// Within what a replica takes that is allowed: some tens of milliseconds.
+  [[nodiscard]] bool is_sent(Session& session, bool is_expected) {
+    session.use_map(map_);
+    return session.wait_for_map(is_expected ? 60s : 1s);
+  }
+  /// Nothing: taken, or refused for what it is and not for who offers it.
+  [[nodiscard]] std::string why_no_offer(Session& session) {
+    testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 4);
+    session.send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{4});
+    std::vector<OfferReply> replies;
+    EXPECT_TRUE(eventually([&] { return !(replies = session.take_offer_replies()).empty(); }));
+    if (replies.empty() || replies[0].accepted) return {};
+    const std::string& reason = replies[0].reason;
+    for (const char* word : {"granted", "at this site", "frozen", "blocked", "does not know the map"})
+      if (reason.find(word) != std::string::npos) return reason;
+    return {};
+  }
+  [[nodiscard]] bool may_label(Session& session) {
+    const auto reply = ask(session, new_label("of " + std::to_string(++asked_)));
+    return reply && reply->done;
+  }
+  [[nodiscard]] bool may_remove(Session& session, LabelId label) {
+    wire::ClientRequest request;
+    request.action = wire::RequestAction::kRemoveLabel;
+    request.map = map_;
+    request.label = label;
+    const auto reply = ask(session, request);
+    return reply && reply->done;
+  }
+
+  std::optional<AdminClient> admin_;
+  int64_t asked_ = 0;
+};
+
+struct Case {
+  const char* name;
+  const char* right;  ///< that is granted; empty: none is
+  json more;          ///< of the grant
+  json before;        ///< another request, before the client comes; null: none
+  json after;         ///< that takes it back
+  bool reads, adds, writes;
+};
+
+TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
+  make_map();
+  const std::string id = to_hex(map_.bytes);
+  LabelId annas = add(*anna_, "vice");
+  ask_server({{"verb", "rights-grant"}, {"to", "anna"}, {"map", id}, {"right", "manage"}});
+  ask_server({{"verb", "rights-default"}, {"right", "none"}, {"create", false}});
+  const json frozen{{"verb", "map-freeze"}, {"map", id}, {"why", "on show"}};
+  const json thawed{{"verb", "map-unfreeze"}, {"map", id}};
+  // Soon over: the client comes when it is.
+  const std::string soon = to_utc({wall_time().nanoseconds + 2'000'000'000});
+  const std::vector<Case> cases{
+      {"none", "none", {}, {}, {}, false, false, false},
+      {"default", "", {}, {}, {}, false, false, false},
+      {"read", "read", {}, {}, {}, true, false, false},
+      {"add", "add", {}, {}, {}, true, true, false},
+      {"write", "write", {}, {}, {}, true, true, true},
+      {"manage", "manage", {}, {}, {}, true, true, true},
+      {"expired", "write", {{"until", soon}}, {}, {}, false, false, false},
+      {"frozen", "write", {}, frozen, thawed, true, false, false},
+      {"blocked", "write", {}, {{"verb", "client-block"}, {"client", "blocked"}}, {}, false, false, false},
+  };
+  for (const Case& c : cases)
+    if (*c.right != '\0') grant(c.name, c.right, c.more);
+  ASSERT_TRUE(eventually([&] { return to_utc(wall_time()) > soon; }));
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.name);
+    if (!c.before.is_null()) ask_server(c.before);
+    const auto session = open(c.name);
+    EXPECT_EQ(is_answered(*session), c.reads);
+    EXPECT_EQ(is_sent(*session, c.reads), c.reads);
+    EXPECT_EQ(why_no_offer(*session).empty(), c.adds) << why_no_offer(*session);
+    EXPECT_EQ(may_label(*session), c.adds);
+    EXPECT_EQ(may_remove(*session, annas), c.writes);
+    if (c.writes) annas = add(*anna_, "vice");
+    if (!c.after.is_null()) ask_server(c.after);
+  }
+}
+
+TEST_F(RightsOverDds, WhatIsRevokedIsGoneWithinASecondAndWhatIsGrantedComes) {
+  make_map();
+  const auto bob = open("bob");
+  ASSERT_TRUE(is_sent(*bob, true));
+  grant("bob", "none");  // in force when it is answered
+  const Revision last = bob->snapshot()->revision;
+  EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+  ASSERT_TRUE(eventually([&] { return anna_->snapshot()->revision > last; }));
+  EXPECT_FALSE(eventually([&] { return bob->snapshot()->revision > last; }, 1s)) << "goes on receiving";
+  EXPECT_FALSE(is_answered(*bob));
+  EXPECT_THAT(why_no_offer(*bob), HasSubstr("does not know the map"));
+  grant("bob", "read");
+  EXPECT_TRUE(is_sent(*bob, true));
+  EXPECT_TRUE(is_answered(*bob));
+  EXPECT_THAT(why_no_offer(*bob), HasSubstr("read, as granted to client bob"));
+  EXPECT_NE(anna_->snapshot(), nullptr) << "others are not disturbed";
+}
+
+TEST_F(RightsOverDds, WhoMayNotMakeMapsIsToldWhy) {
+  ask_server({{"verb", "rights-create"}, {"to", "anna"}, {"may", false}});
+  anna_->send_seed(testing::make_seed(scene_));
+  std::optional<SeedReply> reply;
+  ASSERT_TRUE(eventually([&] { return (reply = anna_->take_seed_reply()).has_value(); }));
+  EXPECT_FALSE(reply->answer);
+  EXPECT_EQ(reply->reason, "client anna may not make maps");
+}
+
+TEST_F(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
+  make_map();
+  grant("bob", "read");
+  ask_server({{"verb", "rename"}, {"map", "map-1"}, {"name", "desk"}});
+  admin_.reset();
+  service_.reset();
+  start_service_again();
+  connect();
+  const json rights = ask_server({{"verb", "rights"}});
+  ASSERT_EQ(rights["grants"].size(), 1U);
+  EXPECT_EQ(rights["grants"][0]["to"], "client bob");
+  EXPECT_EQ(rights["grants"][0]["name"], "desk");
+  const json entries = ask_server({{"verb", "audit"}})["entries"];
+  ASSERT_EQ(entries.size(), 2U);
+  EXPECT_EQ(entries[0]["action"], "rename");
+  EXPECT_EQ(entries[0]["object"], "map map-1");
+  EXPECT_EQ(entries[1]["action"], "rights grant");
+  EXPECT_THAT(entries[1]["who"].get<std::string>(), HasSubstr("operator "));
+}
+
+/// The builder's frames beyond the extent are refused by name; those within are taken.
+TEST_F(RightsOverDds, AnExtentBoundsWhatOneAddsAndNobodyElse) {
+  make_map();
+  const Eigen::Vector3d at = anna_->snapshot()->find(KeyframeId{1})->camera_from_map.center();
+  const auto sphere = [&](double radius) {
+    return json{{"within", {{"center", {at.x(), at.y(), at.z() + 50}}, {"radius", radius}}}};
+  };
+  grant("bob", "write", sphere(10));
+  const auto bob = open("bob");
+  testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 4);
+  bob->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{4});
+  std::vector<OfferReply> replies;
+  ASSERT_TRUE(eventually([&] { return !(replies = bob->take_offer_replies()).empty(); }));
+  EXPECT_FALSE(replies[0].accepted);
+  EXPECT_THAT(replies[0].reason, HasSubstr("is outside of where this client may let the map grow"));
+  EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+}
+
+}  // namespace
+}  // namespace cairn
