@@ -27,6 +27,7 @@
 #include "server/admin/admin_client.h"
 #include "server/admin/export_folder.h"
 #include "server/admin/interruption.h"
+#include "server/admin/keys_commands.h"
 #include "server/admin/listing.h"
 #include "server/admin/rig_commands.h"
 #include "server/store/store.h"
@@ -56,7 +57,8 @@ constexpr const char* kFooter =
     "  cairnctl map desk freeze                        it takes nothing from anybody\n"
     "  cairnctl audit                                  who did what\n"
     "  cairnctl rigs                                   lists the rigs that the server hears\n"
-    "  cairnctl rig shoulder stop                      emergency stop of a rig";
+    "  cairnctl rig shoulder stop                      emergency stop of a rig\n"
+    "  cairnctl keys list                              who may take part in a secured site";
 
 constexpr const char* kExportFooter =
     "COLMAP, and what reads its models (3-D Gaussian splatting, nerfstudio and other radiance fields) with\n"
@@ -499,6 +501,8 @@ int run(int argc, char** argv) {
   describe_labels(&app, &options, &action);
   RigAction rig_action;
   describe_rig(&app, &rig_action);
+  KeysAction keys_action;
+  describe_keys(&app, &keys_action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -514,7 +518,9 @@ int run(int argc, char** argv) {
   const wire::LogRedirect middleware_log(log);
   Result<AdminClient> client = fail(ErrorCode::kInternal, "not connected");
   Status done;
-  if (rig_action) {
+  if (keys_action) {
+    done = keys_action(options.as_json);
+  } else if (rig_action) {
     const AdminClientOptions& network = options.connection;
     done = rig_action({"", "", network.domain, network.profile, network.listen}, options.as_json);
   } else {

@@ -6,6 +6,7 @@
 #include <openssl/x509v3.h>
 #include <sys/stat.h>
 
+#include <chrono>
 #include <string>
 
 #include "common/io/test_directory.h"
@@ -19,7 +20,11 @@ namespace fs = std::filesystem;
 using std::chrono::hours;
 using ::testing::HasSubstr;
 
-constexpr Timestamp kNow{1'800'000'000'000'000'000};
+/// Of this moment, to the second: libcrypto judges signatures by the machine's clock.
+const Timestamp kNow{
+    std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch())
+        .count() *
+    1'000'000'000};
 constexpr hours kMonth{24 * 30};
 
 mode_t mode_of(const fs::path& path) {
@@ -86,6 +91,27 @@ TEST_F(KeystoreTest, AnIdentityCanSignNoDocumentAndTheAuthoritiesAreTwo) {
   EXPECT_TRUE(belongs_to(*read_private_key(phone / "key.pem").value(), *own));
   EXPECT_EQ(subject_of(*own), "CN=phone-1,OU=client,O=cairn");
   EXPECT_EQ(facts_of(*own).expires, kNow + kMonth);
+}
+
+TEST_F(KeystoreTest, PermissionsAreGoodWithTheSignatureOfTheirAuthorityAlone) {
+  const fs::path phone = issue(IdentityRole::kClient, "phone-1");
+  const auto identities = read_certificate(phone / "identity_ca.cert.pem").value();
+  const auto documents = read_certificate(phone / "permissions_ca.cert.pem").value();
+  const std::string text = read_file(phone / "permissions.p7s").value();
+  const auto verified = verify_document(text, *documents);
+  ASSERT_TRUE(verified) << verified.error().message;
+  EXPECT_THAT(*verified, HasSubstr("<subject_name>CN=phone-1,OU=client,O=cairn</subject_name>"));
+  EXPECT_FALSE(verify_document(text, *identities));
+  std::string changed = text;
+  changed.replace(changed.find("client.phone-1"), 14, "client.phone-2");
+  EXPECT_FALSE(verify_document(changed, *documents));
+  EXPECT_FALSE(verify_document(text.substr(0, text.size() / 2), *documents));
+
+  // Whoever has an identity signs with it: the signature is good, and nobody's who may.
+  const KeyPair own{read_private_key(phone / "key.pem").value(),
+                    read_certificate(phone / "cert.pem").value()};
+  EXPECT_FALSE(verify_document(sign_document(own, "x").value(), *documents));
+  EXPECT_FALSE(verify_document(sign_document(own, "x").value(), *identities));
 }
 
 TEST_F(KeystoreTest, ANameIsIssuedOnceAndRenewedWithANewSerial) {
