@@ -28,6 +28,8 @@ struct ParticipantOptions {
   std::string listen;
   std::string profile = "loopback";  ///< "loopback", "wifi" or the path of a file like deploy/dds/wifi.xml
   std::string tag = "cairn";         ///< of the site; peers with another tag are not heard
+  /// Folder with the keys of a secured site (security.h); empty: an open one, which hears everybody.
+  std::string security;
   std::chrono::milliseconds lease{30000};  ///< silence after which a peer is taken as gone
   int loss_per_mille = 0;                  ///< outgoing packets dropped on purpose; for tests
   Logger log = null_logger();              ///< is told of samples that are dropped as unfit
@@ -79,8 +81,9 @@ class Context;
 class Participant {
  public:
   /// Joins the domain with a configuration of its own making; the environment (CYCLONEDDS_URI) has no say.
-  /// The other end need not be there. Errors: those of find_path(), kRefused (role server and its port in
-  /// this domain is taken; role wearer's camera and all places are).
+  /// The other end need not be there. Errors: those of find_path() and read_security(), kConfiguration (keys
+  /// of another role), kRefused (role server and its port in this domain is taken; role wearer's camera and
+  /// all places are).
   [[nodiscard]] static Result<Participant> create(const ParticipantOptions& options);
 
   [[nodiscard]] Traffic traffic() const;

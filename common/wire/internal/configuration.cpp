@@ -103,6 +103,26 @@ void remove_interfaces(std::string* profile) {
   profile->erase(begin, end + kEnd.size() - begin);
 }
 
+/// Our part of DDS Security: which plugins, and whose keys. The names of the plugins are found by the
+/// middleware itself, in Debian beside its library.
+std::string security_element(const Security& security) {
+  const auto plugin = [](const std::string& name, const std::string& functions) {
+    return "<Library path=\"dds_security_" + name + "\" initFunction=\"init_" + functions +
+           "\" finalizeFunction=\"finalize_" + functions + "\" />";
+  };
+  const auto file = [&](const char* element, const char* name) {
+    return std::string("<") + element + ">file:" + xml_escaped((security.folder / name).string()) + "</" +
+           element + ">";
+  };
+  return "<Security><Authentication>" + plugin("auth", "authentication") +
+         file("IdentityCA", "identity_ca.cert.pem") + file("IdentityCertificate", "cert.pem") +
+         file("PrivateKey", "key.pem") + (security.has_revocations ? file("CRL", "crl.pem") : "") +
+         "</Authentication><Cryptographic>" + plugin("crypto", "crypto") + "</Cryptographic><AccessControl>" +
+         plugin("ac", "access_control") + file("PermissionsCA", "permissions_ca.cert.pem") +
+         file("Governance", "governance.p7s") + file("Permissions", "permissions.p7s") +
+         "</AccessControl></Security>";
+}
+
 }  // namespace
 
 Result<std::string> read_profile(const std::string& profile) {
@@ -140,7 +160,7 @@ std::optional<std::string> interface_of_profile(std::string_view text) {
 }
 
 Result<std::string> make_configuration(const ParticipantOptions& options, const NetworkPath& path,
-                                       uint16_t place) {
+                                       uint16_t place, const Security* security) {
   if (options.domain > kMaxDomain) {
     return fail(ErrorCode::kConfiguration, "domain " + std::to_string(options.domain) + ": 0 to " +
                                                std::to_string(kMaxDomain) + " are possible");
@@ -162,9 +182,9 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
   std::ostringstream xml;
   xml << *profile << ",<CycloneDDS><Domain Id=\"any\"><General><AllowMulticast>false</AllowMulticast>"
       << interfaces << "</General><Discovery><ExternalDomainId>" << options.domain
-      << "</ExternalDomainId><Tag>" << xml_escaped(options.tag)
-      << "</Tag><SPDPInterval>1s</SPDPInterval><LeaseDuration>" << options.lease.count()
-      << "ms</LeaseDuration>";
+      << "</ExternalDomainId><Tag>" << (security != nullptr ? security->tag + "." : "")
+      << xml_escaped(options.tag) << "</Tag><SPDPInterval>1s</SPDPInterval><LeaseDuration>"
+      << options.lease.count() << "ms</LeaseDuration>";
   xml << "<ParticipantIndex>" << index_of(options.role, place) << "</ParticipantIndex>";
   if (const auto ports = peer_ports(options); !ports.empty()) {
     xml << "<Peers>";
@@ -181,6 +201,7 @@ Result<std::string> make_configuration(const ParticipantOptions& options, const 
   if (options.loss_per_mille > 0)
     xml << "<Test><XmitLossiness>" << options.loss_per_mille << "</XmitLossiness></Test>";
   xml << "</Internal>";
+  if (security != nullptr) xml << security_element(*security);
   xml << "</Domain></CycloneDDS>";
   return xml.str();
 }

@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/wire/participant.h"
+#include "common/wire/security.h"
 
 namespace cairn::wire::internal {
 
@@ -26,8 +27,10 @@ constexpr size_t kMaxSampleBytes = 36'000'000;
 
 /// The configuration of the middleware as XML: the profile with the interface of the path, where it does not
 /// name one itself or `listen` does, then what makes the star. Reads the profile's file; otherwise pure.
-/// `place`: of a kWearerCamera, below kMaxWearerCameras. Errors: kConfiguration (domain, profile).
+/// `place`: of a kWearerCamera, below kMaxWearerCameras. `security`: null for an open site. Errors:
+/// kConfiguration (domain, profile).
 [[nodiscard]] Result<std::string> make_configuration(const ParticipantOptions& options,
-                                                     const NetworkPath& path, uint16_t place = 0);
+                                                     const NetworkPath& path, uint16_t place = 0,
+                                                     const Security* security = nullptr);
 
 }  // namespace cairn::wire::internal

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/wire/internal/context.h"
 
+#include <algorithm>
+#include <initializer_list>
 #include <optional>
+#include <string_view>
 
 #include "common/wire/internal/configuration.h"
 #include "common/wire/internal/port_holder.h"
@@ -11,17 +14,17 @@ namespace cairn::wire::internal {
 namespace {
 
 /// The middleware allows a process one domain of each number. On the network the number is ExternalDomainId;
-/// inside, each participant of ours has a number of its own, the first free one of this series.
-constexpr dds_domainid_t kDomainStride = 1000;
-constexpr int kMaxParticipants = 1000;
+/// inside, each participant of ours has a number of its own, the first free one from that on and, behind the
+/// last one, from 0 on: the documents of a secured site speak of these and know none above kMaxDomain.
+constexpr uint32_t kMaxParticipants = kMaxDomain + 1;
 
 constexpr std::chrono::minutes kUnfitInterval{1};  ///< a peer that sends rubbish cannot fill the disk
 
 Result<std::pair<Entity, dds_domainid_t>> create_domain(uint32_t first, const std::string& configuration) {
   dds_entity_t created = DDS_RETCODE_PRECONDITION_NOT_MET;
   dds_domainid_t id = first;
-  for (int i = 0; i < kMaxParticipants && created == DDS_RETCODE_PRECONDITION_NOT_MET; ++i) {
-    id = first + kDomainStride * static_cast<dds_domainid_t>(i);
+  for (uint32_t i = 0; i < kMaxParticipants && created == DDS_RETCODE_PRECONDITION_NOT_MET; ++i) {
+    id = (first + i) % kMaxParticipants;
     created = dds_create_domain(id, configuration.c_str());
   }
   auto domain = checked(created, "DDS domain");
@@ -71,6 +74,27 @@ Error explain(const ParticipantOptions& options, const NetworkPath& path, const 
                                          "); the lines above say more"};
 }
 
+/// The keys of a secured site, which must be of one who may play that role; nothing on an open site.
+Result<std::optional<Security>> keys_of(const ParticipantOptions& options) {
+  if (options.security.empty()) return std::nullopt;
+  auto security = read_security(options.security);
+  if (!security) return tl::unexpected(security.error());
+  const std::string& role = security->role;
+  const auto is_any_of = [&](std::initializer_list<std::string_view> fitting) {
+    return std::find(fitting.begin(), fitting.end(), role) != fitting.end();
+  };
+  const bool fits = options.role == Role::kServer         ? is_any_of({"server"})
+                    : options.role == Role::kRig          ? is_any_of({"rig"})
+                    : options.role == Role::kWearerCamera ? is_any_of({"client"})
+                                                          : is_any_of({"client", "operator"});
+  if (fits) return std::optional(*std::move(security));
+  const char* needed = options.role == Role::kServer ? "a server"
+                       : options.role == Role::kRig  ? "a rig"
+                                                     : "a client";
+  return fail(ErrorCode::kConfiguration, options.security + ": the keys are of " + role + " " +
+                                             security->name + "; those of " + needed + " are needed here");
+}
+
 /// The first free one of a wearer's camera.
 Result<uint16_t> find_place(const ParticipantOptions& options) {
   if (options.role != Role::kWearerCamera) return uint16_t{0};
@@ -88,19 +112,24 @@ Result<uint16_t> find_place(const ParticipantOptions& options) {
 }  // namespace
 
 Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& options) {
+  const auto security = keys_of(options);
+  if (!security) return tl::unexpected(security.error());
   Result<NetworkPath> path = find_path(options);
   if (!path) return tl::unexpected(path.error());
   const auto place = find_place(options);
   if (!place) return tl::unexpected(place.error());
-  const Result<std::string> configuration = make_configuration(options, *path, *place);
+  const Result<std::string> configuration =
+      make_configuration(options, *path, *place, *security ? &**security : nullptr);
   if (!configuration) return tl::unexpected(configuration.error());
   auto domain = create_domain(options.domain, *configuration);
   if (!domain) return tl::unexpected(explain(options, *path, domain.error()));
   const dds_entity_t participant = dds_create_participant(domain->second, nullptr, nullptr);
   if (participant < 0) {
-    return tl::unexpected(
-        explain(options, *path,
-                {ErrorCode::kInternal, std::string("DDS participant: ") + dds_strretcode(-participant)}));
+    // The domain has the ports by now: whoever is said to hold them would be ourselves.
+    return fail(ErrorCode::kConfiguration,
+                std::string("DDS participant: ") + dds_strretcode(-participant) +
+                    (options.security.empty() ? "" : ", with the keys of " + options.security) +
+                    "; the lines above say more");
   }
   return std::shared_ptr<Context>(
       new Context(std::move(domain->first), participant, *std::move(path), options.log));

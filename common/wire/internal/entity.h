@@ -30,8 +30,11 @@ class Entity {
   dds_entity_t handle_ = 0;
 };
 
-/// The entity that a dds_create_* function returned, or an error "<what>: <the middleware's reason>".
+/// The entity that a dds_create_* function returned, or an error "<what>: <the middleware's reason>":
+/// kRefused where our own keys do not permit it.
 [[nodiscard]] inline Result<Entity> checked(dds_entity_t created, const std::string& what) {
+  if (created == DDS_RETCODE_NOT_ALLOWED_BY_SECURITY)
+    return fail(ErrorCode::kRefused, what + ": the permissions of our keys (--security) do not allow it");
   if (created < 0) return fail(ErrorCode::kInternal, what + ": " + dds_strretcode(-created));
   return Entity(created);
 }

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/wire/security.h"
+
+#include <sys/stat.h>
+
+#include <chrono>
+
+#include "common/base/utc.h"
+#include "common/certificates/certificate.h"
+#include "common/io/text.h"
+#include "common/map/ids.h"
+
+namespace cairn::wire {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMostBytes = 1 << 20;
+
+tl::unexpected<Error> wrong(const fs::path& file, const std::string& what) {
+  return fail(ErrorCode::kConfiguration, file.string() + ": " + what);
+}
+
+/// Errors of a file that is missing or not readable are those of a folder that is no security folder.
+Result<std::string> text_in(const fs::path& file) {
+  auto text = read_file(file, kMostBytes);
+  if (text) return text;
+  return fail(
+      ErrorCode::kConfiguration,
+      text.error().message + "; --security takes a folder that `cairnctl keys issue` has made, whole");
+}
+
+Status check_secret(const fs::path& file) {
+  struct stat status {};
+  if (stat(file.c_str(), &status) == 0 && (status.st_mode & 077) != 0)
+    return wrong(file, "others can read it; `chmod 600` is what it needs");
+  return {};
+}
+
+Status check_signed(const fs::path& file, X509& authority) {
+  const auto text = text_in(file);
+  if (!text) return tl::unexpected(text.error());
+  const auto content = verify_document(*text, authority);
+  return content ? Status() : wrong(file, content.error().message);
+}
+
+Status check_time(const fs::path& file, const CertificateFacts& facts, Timestamp now) {
+  const std::string who = facts.role + " " + facts.name;
+  if (facts.expires <= now)
+    return wrong(file, "has expired at " + to_utc(facts.expires) + "; `cairnctl keys renew " + who +
+                           "` makes new keys");
+  if (facts.begins > now)
+    return wrong(file, "is good from " + to_utc(facts.begins) + " on, and it is " + to_utc(now) +
+                           " here: is the clock right?");
+  return {};
+}
+
+/// What is in a file of one line.
+Result<std::string> read_tag(const fs::path& file) {
+  const auto text = text_in(file);
+  if (!text) return tl::unexpected(text.error());
+  std::string tag = text->substr(0, text->find('\n'));
+  const bool is_hex = tag.size() == 32 && tag.find_first_not_of("0123456789abcdef") == std::string::npos;
+  if (!is_hex) return wrong(file, "expected the 32 hex digits of the site");
+  return tag;
+}
+
+}  // namespace
+
+Result<Security> read_security(const fs::path& folder, Timestamp now) {
+  std::error_code problem;
+  const fs::path place = fs::absolute(folder, problem).lexically_normal();
+  for (const char* file : {"identity_ca.cert.pem", "permissions_ca.cert.pem", "cert.pem", "key.pem"})
+    if (const auto text = text_in(place / file); !text) return tl::unexpected(text.error());
+  if (Status secret = check_secret(place / "key.pem"); !secret) return tl::unexpected(secret.error());
+  const auto identities = read_certificate(place / "identity_ca.cert.pem");
+  if (!identities) return tl::unexpected(identities.error());
+  const auto documents = read_certificate(place / "permissions_ca.cert.pem");
+  if (!documents) return tl::unexpected(documents.error());
+  const auto own = read_certificate(place / "cert.pem");
+  if (!own) return tl::unexpected(own.error());
+  const auto key = read_private_key(place / "key.pem");
+  if (!key) return tl::unexpected(key.error());
+  const CertificateFacts facts = facts_of(**own);
+  if (is_signed_by(**documents, **identities))
+    return wrong(place / "permissions_ca.cert.pem", "is, or is of, the authority of the identities too");
+  if (!is_signed_by(**own, **identities))
+    return wrong(place / "cert.pem", "not signed by the authority of identity_ca.cert.pem; of another site?");
+  if (!belongs_to(**key, **own)) return wrong(place / "key.pem", "not the key of cert.pem");
+  if (!is_valid_name(facts.name)) return wrong(place / "cert.pem", in_quotes(facts.name) + " is no name");
+  if (Status time = check_time(place / "cert.pem", facts, now); !time) return tl::unexpected(time.error());
+  for (const char* file : {"governance.p7s", "permissions.p7s"}) {
+    if (Status good = check_signed(place / file, **documents); !good) return tl::unexpected(good.error());
+  }
+  const auto tag = read_tag(place / "tag");
+  if (!tag) return tl::unexpected(tag.error());
+  return Security{place, facts.role, facts.name, *tag, facts.expires, fs::exists(place / "crl.pem", problem)};
+}
+
+Result<Security> read_security(const fs::path& folder) {
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return read_security(folder, {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()});
+}
+
+Result<std::string> secured_name(const std::string& folder, const std::string& wanted) {
+  const auto security = read_security(folder);
+  if (!security) return tl::unexpected(security.error());
+  if (wanted.empty() || wanted == security->name) return security->name;
+  return fail(ErrorCode::kUsage,
+              folder + ": the keys are of " + security->role + " " + security->name + ", not of " + wanted);
+}
+
+}  // namespace cairn::wire

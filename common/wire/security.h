@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "common/base/result.h"
+#include "common/base/time.h"
+#include "common/wire/participant.h"
+
+namespace cairn::wire {
+
+/// A security folder, as `cairnctl keys issue` leaves it and `--security` takes it.
+struct Security {
+  std::filesystem::path folder;  ///< absolute
+  std::string role;              ///< client, server, operator or rig
+  std::string name;              ///< by which the partitions go that it may use
+  std::string tag;               ///< of the site; who does not know it draws no answer
+  Timestamp expires;
+  bool has_revocations = false;  ///< of a server: certificates that are turned away
+};
+
+/// Reads and checks a folder before anybody joins with it: all files are there and belong together, the key
+/// is for its owner only, it is not expired. Error kConfiguration names the file and what to do.
+[[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder, Timestamp now);
+[[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder);  ///< at this moment
+
+/// The name in a security folder (read_security()) of a program that is called `wanted`; empty: it is called
+/// as its keys are. Error kUsage: they are somebody else's.
+[[nodiscard]] Result<std::string> secured_name(const std::string& folder, const std::string& wanted);
+
+}  // namespace cairn::wire
