@@ -151,10 +151,12 @@ class Rig(unittest.TestCase):
             print(f"{what:34} " + " ".join(f"{word:>7}" for word in words), flush=True)
 
     def until_done(self, *words, meanwhile=lambda: None):
-        """Until the rig takes it: who commanded before does so for 60 ms more, and drives must be heard again."""
+        """Until the rig takes it: who commanded before does so for 60 ms more, drives must be heard again, and on a busy machine it takes
+        a while until rig and commander have found each other."""
         deadline = time.monotonic() + PATIENCE
+        not_yet = (4, 5)  # no rig answers; it refuses
         while (done := commands("rig_commander", *words)).returncode != 0:
-            self.assertEqual(done.returncode, 5, done.stdout + done.stderr)
+            self.assertIn(done.returncode, not_yet, done.stdout + done.stderr)
             self.assertLess(time.monotonic(), deadline, done.stdout + done.stderr)
             meanwhile()
 
