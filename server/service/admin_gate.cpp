@@ -26,10 +26,11 @@ AdminGate::Judgement AdminGate::admit(const std::string& name, wire::CommandId c
   return {};
 }
 
-void AdminGate::answered(const std::string& name, wire::AdminReply reply) {
+void AdminGate::answered(const std::string& name, wire::AdminReply reply, MonotonicTime now) {
   const auto known = operators_.find(name);
   if (known == operators_.end()) return;
   if (known->second.in_work == reply.command) known->second.in_work.reset();
+  known->second.last_heard = now;  // he may not have it yet, however long it took
   known->second.last = std::move(reply);
 }
 

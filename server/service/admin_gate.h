@@ -30,7 +30,7 @@ class AdminGate {
     std::string why;  ///< of a refusal
   };
   [[nodiscard]] Judgement admit(const std::string& name, wire::CommandId command, MonotonicTime now);
-  void answered(const std::string& name, wire::AdminReply reply);
+  void answered(const std::string& name, wire::AdminReply reply, MonotonicTime now);
   /// Null when there is none.
   [[nodiscard]] const wire::AdminReply* last(const std::string& name) const;
   [[nodiscard]] bool knows(const std::string& name) const { return operators_.contains(name); }

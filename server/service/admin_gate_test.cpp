@@ -25,7 +25,7 @@ class AdminGateTest : public ::testing::Test {
   void answer(const std::string& name, uint64_t seq) {
     wire::AdminReply reply;
     reply.command = {kSession, seq};
-    gate_.answered(name, reply);
+    gate_.answered(name, reply, now_);
   }
 
   AdminGate gate_;
@@ -54,6 +54,19 @@ TEST_F(AdminGateTest, WhoSendsRequestsWithoutWaitingIsRefusedAllButTheFirst) {
   }
   answer("ann", 1);
   EXPECT_EQ(ask("ann", 10'000).admission, Admission::kNew);
+}
+
+TEST_F(AdminGateTest, WhoWasAnsweredLateIsNotTheFirstToBeForgotten) {
+  EXPECT_EQ(ask("long", 1).admission, Admission::kNew);
+  for (size_t i = 1; i < AdminGate::kMaxOperators; ++i) {
+    const std::string name = "op-" + std::to_string(i);
+    ASSERT_EQ(ask(name, 1).admission, Admission::kNew);
+    answer(name, 1);
+  }
+  answer("long", 1);
+  EXPECT_EQ(ask("one-more", 1).admission, Admission::kNew);
+  ASSERT_NE(gate_.last("long"), nullptr) << "it may not have its answer yet";
+  EXPECT_EQ(gate_.last("op-1"), nullptr);
 }
 
 TEST_F(AdminGateTest, FewAreUnderWayAtATimeHoweverManyAsk) {

@@ -8,16 +8,14 @@
 #include "common/base/utf8.h"
 #include "common/base/version.h"
 #include "common/io/json_text.h"
-#include "common/wire/partition.h"
 #include "server/service/admin_reply.h"
-#include "server/service/switchboard.h"
+#include "server/service/map_service.h"
 
 /// What operators ask for (idl/README.md, AdminRequest).
 namespace cairn {
 namespace {
 
 using nlohmann::json;
-using std::chrono::steady_clock;
 
 constexpr int kMostNested = 8;             ///< of a request: what is written deeper would take the stack
 constexpr size_t kLoggedBytes = 200;       ///< of a request
@@ -96,18 +94,38 @@ json first_of(const std::vector<Item>& items, Describe describe_one) {
 
 }  // namespace
 
-void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRequest& message) {
+/// A request of an operator, from when it is taken on until it is answered. One whose answer is lost, with an
+/// exception or a task that is dropped, is answered with that: its place is given back whatever happens.
+class MapService::Ticket {
+ public:
+  using Answer = std::function<void(wire::AdminReply reply)>;
+  Ticket(Answer answer, Post post) : answer_(std::move(answer)), post_(std::move(post)) {}
+  ~Ticket() {
+    if (answer_) post_([answer = std::move(answer_)] { answer(refusal(ErrorCode::kInternal, kLost)); });
+  }
+  Ticket(const Ticket&) = delete;
+  Ticket& operator=(const Ticket&) = delete;
+
+  void answer(wire::AdminReply reply) {
+    if (const Answer once = std::exchange(answer_, nullptr)) once(std::move(reply));
+  }
+
+ private:
+  static constexpr const char* kLost = "internal error; the server's log says more";
+  Answer answer_;
+  const Post post_;
+};
+
+void MapService::take(const Principal& who, const wire::AdminRequest& message) {
+  const std::string& operator_name = who.name;
   const auto tell = [this, operator_name, command = message.command](wire::AdminReply reply) {
     reply.operator_id = client_id_from_name(operator_name);
     reply.command = command;
-    admin_gate_.answered(operator_name, std::move(reply));
+    if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
+    admin_gate_.answered(operator_name, std::move(reply), clock_.now());
     repeat_answer(operator_name);
   };
-  const auto answer = [this, operator_name, tell](wire::AdminReply reply) {
-    if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
-    tell(std::move(reply));
-  };
-  const AdminGate::Judgement judged = admin_gate_.admit(operator_name, message.command, steady_clock::now());
+  const AdminGate::Judgement judged = admin_gate_.admit(operator_name, message.command, clock_.now());
   switch (judged.admission) {
     case AdminGate::Admission::kNew:
       break;
@@ -116,18 +134,31 @@ void Switchboard::on_admin(const std::string& operator_name, const wire::AdminRe
     case AdminGate::Admission::kRepeated:
       return repeat_answer(operator_name);
     case AdminGate::Admission::kRefused:
-      return tell(refusal(ErrorCode::kRefused, judged.why));  // not in the log: there may be many
+      return refuse_for_now(operator_name, message.command, judged.why);
   }
+  const AdminAnswer answer = [ticket = std::make_shared<Ticket>(tell, post_)](wire::AdminReply reply) {
+    ticket->answer(std::move(reply));
+  };
   try {
-    carry_out(operator_name, message, answer);
+    carry_out(who, message, answer);
   } catch (const std::exception& problem) {
     log_->error("internal error in a request of operator {}: {}", operator_name, problem.what());
     answer(refusal(ErrorCode::kInternal, "internal error; the server's log says more"));
   }
 }
 
-void Switchboard::carry_out(const std::string& operator_name, const wire::AdminRequest& message,
-                            const AdminAnswer& tell) {
+/// Not in the log: there may be many.
+void MapService::refuse_for_now(const std::string& operator_name, wire::CommandId command,
+                                const std::string& why) {
+  wire::AdminReply reply = refusal(ErrorCode::kRefused, why);
+  reply.operator_id = client_id_from_name(operator_name);
+  reply.command = command;
+  admin_gate_.answered(operator_name, std::move(reply), clock_.now());
+  repeat_answer(operator_name);
+}
+
+void MapService::carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& tell) {
+  const std::string& operator_name = who.name;
   const json request = parse_request(message.request);
   if (!request.is_object()) return tell(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
@@ -135,11 +166,11 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
   const std::string wanted = text_of(request, "map");
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             cut_text(json_text(request), kLoggedBytes));
-  if (const Status may = options_.access->may_ask(operator_principal(operator_name), act_of(verb)); !may)
+  if (const Status may = options_.access->may_ask(who, act_of(verb)); !may)
     return answer(refusal(may.error()));
   if (administers_access(operator_name, verb, request, answer)) return;
   if (verb == "status") return describe_server(answer);
-  if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(steady_clock::now())}}));
+  if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(clock_.now())}}));
   if (verb == "maps") {
     return list_maps({text_of(request, "after"), number_of(request, "deleted_from"),
                       number_of(request, "damaged_from"), number_of(request, "unloaded_from")},
@@ -166,25 +197,20 @@ void Switchboard::carry_out(const std::string& operator_name, const wire::AdminR
     wish.map = id;
     wish.label = label;
     wish.text = text_of(request, "text");
-    return edit_label(*entry, wish, operator_name, answer);
+    return edit_label(*entry, wish, who, answer);
   }
   answer(refusal(ErrorCode::kUsage, "this server does not know '" + verb + "'"));
 }
 
-void Switchboard::repeat_answer(const std::string& operator_name) {
+void MapService::repeat_answer(const std::string& operator_name) {
   const wire::AdminReply* reply = admin_gate_.last(operator_name);
   if (reply == nullptr) return;
-  std::erase_if(operators_, [this](const auto& known) { return !admin_gate_.knows(known.first); });
-  auto known = operators_.find(operator_name);
-  if (known == operators_.end()) {
-    auto made = wire::Writer<wire::AdminReply>::create(participant_, wire::operator_partition(operator_name));
-    if (!made) return log_->error("operator {} cannot be answered: {}", operator_name, made.error().message);
-    known = operators_.emplace(operator_name, std::move(*made)).first;
-  }
-  report(known->second.write(*reply), "AdminReply");
+  const Status written = output_.answer(operator_name, *reply);
+  if (!written && output_trouble_.due(clock_.now()))
+    log_->error("operator {} cannot be answered: {}", operator_name, written.error().message);
 }
 
-std::pair<MapId, MapEntry*> Switchboard::find_map(const std::string& name_or_id) {
+std::pair<MapId, MapEntry*> MapService::find_map(const std::string& name_or_id) {
   for (const auto& [id, entry] : maps_.all()) {
     if (entry.snapshot != nullptr && (entry.name == name_or_id || to_hex(id.bytes) == name_or_id))
       return {id, maps_.find(id)};
@@ -192,11 +218,11 @@ std::pair<MapId, MapEntry*> Switchboard::find_map(const std::string& name_or_id)
   return {};
 }
 
-void Switchboard::describe_server(const AdminAnswer& answer) {
+void MapService::describe_server(const AdminAnswer& answer) {
   json clients = json::array();
   json wearers = json::object();
   for (const auto& [name, client] : clients_) {
-    if (!client.writers) continue;
+    if (!client.connected) continue;
     clients.push_back(name);
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) wearers[name] = wearer;
   }
@@ -222,7 +248,7 @@ void Switchboard::describe_server(const AdminAnswer& answer) {
                   {"wearers", std::move(wearers)}}));
 }
 
-json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
+json MapService::describe_map(MapId id, const MapEntry& entry) const {
   json map = describe(id, entry);
   json& overlaps = map["overlaps"] = json::array();
   for (const OverlapList::Neighbour& neighbour : overlaps_.of(id)) {
@@ -233,7 +259,7 @@ json Switchboard::describe_map(MapId id, const MapEntry& entry) const {
   return map;
 }
 
-void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
+void MapService::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
   ReplyPage page{"maps", "deleted", "damaged", "unloaded"};
   std::set<MapId> served;
   bool has_room = true;
@@ -261,21 +287,21 @@ void Switchboard::list_maps(const PageBegin& begin, const AdminAnswer& answer) {
              });
 }
 
-void Switchboard::look_for_damage() {
+void MapService::look_for_damage() {
   store_->run_beside([this](const Store& store) {
-    post([this, damaged = store.damaged_files(), unloaded = store_->unloaded()] {
+    post_([this, damaged = store.damaged_files(), unloaded = store_->unloaded()] {
       damaged_ = damaged;
       unloaded_ = unloaded;
     });
   });
 }
 
-void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
+void MapService::show_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
   json map = describe_map(id, entry);
   map["labels"] = entry.labels.all().size();
   if (entry.runner == nullptr) return answer(success(map));
   entry.runner->measure([this, map = std::move(map), answer](const MapMeasures& measures) {
-    post([map, answer, measures]() mutable {
+    post_([map, answer, measures]() mutable {
       map["reprojection_px"] = measures.reprojection_rms;
       map["cameras"] = describe(measures.cameras);
       answer(success(map));
@@ -283,8 +309,8 @@ void Switchboard::show_map(MapId id, const MapEntry& entry, const AdminAnswer& a
   });
 }
 
-void Switchboard::edit_label(const MapEntry& entry, const wire::ClientRequest& wish,
-                             const std::string& operator_name, const AdminAnswer& answer) {
+void MapService::edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const Principal& who,
+                            const AdminAnswer& answer) {
   const std::string which = "label " + std::to_string(wish.label.value) + " of map '" + entry.name + "'";
   const std::optional<Label> before = entry.labels.find(wish.label);
   if (!before) {
@@ -300,7 +326,7 @@ void Switchboard::edit_label(const MapEntry& entry, const wire::ClientRequest& w
     }
     answer(success(describe(name, judgement.changed ? label_of(*judgement.changed) : before)));
   };
-  change_label(wish, operator_principal(operator_name), std::nullopt, done);
+  change_label(wish, who, std::nullopt, done);
 }
 
 }  // namespace cairn

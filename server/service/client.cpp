@@ -3,21 +3,7 @@
 
 #include <algorithm>
 
-#include "common/wire/partition.h"
-
 namespace cairn {
-
-Result<ClientWriters> ClientWriters::create(const wire::Participant& participant, const std::string& client) {
-  auto writers =
-      wire::create_all<wire::Writer<wire::ServerStatus>, wire::Writer<wire::MapInfo>,
-                       wire::Writer<wire::SeedVerdict>, wire::Writer<wire::OfferVerdict>,
-                       wire::Writer<wire::RelocAnswer>, wire::Writer<wire::CameraEstimate>,
-                       wire::Writer<wire::ClientReply>>(participant, wire::client_partition(client));
-  if (!writers) return tl::unexpected(writers.error());
-  auto& [status, maps, seeds, offers, places, cameras, replies] = *writers;
-  return ClientWriters{std::move(status), std::move(maps),    std::move(seeds),  std::move(offers),
-                       std::move(places), std::move(cameras), std::move(replies)};
-}
 
 wire::OfferOutcome notice_to_process(const std::string& reason) {
   wire::OfferOutcome notice;

@@ -11,28 +11,13 @@
 #include "common/base/rate_limit.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/camera_guess.h"
-#include "common/wire/participant.h"
-#include "common/wire/topic.h"
+#include "common/wire/messages.h"
+#include "common/wire/peers.h"
 #include "server/access/principal.h"
 #include "server/mapping/map_camera.h"
 #include "server/service/command_gate.h"
-#include "server/service/map_feed.h"
 
 namespace cairn {
-
-/// The server's writers in the partition of one client.
-struct ClientWriters {
-  wire::Writer<wire::ServerStatus> status;
-  wire::Writer<wire::MapInfo> maps;
-  wire::Writer<wire::SeedVerdict> seeds;
-  wire::Writer<wire::OfferVerdict> offers;
-  wire::Writer<wire::RelocAnswer> places;
-  wire::Writer<wire::CameraEstimate> cameras;
-  wire::Writer<wire::ClientReply> replies;
-
-  [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
-                                                    const std::string& client);
-};
 
 struct AnnouncedCamera {
   CameraPtr camera;
@@ -88,13 +73,9 @@ struct Client {
   std::map<std::pair<MapId, uint32_t>, std::pair<Epoch, uint32_t>> cameras_told;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
-  int status_readers = 0;                       ///< discovered; 0: not connected
-  std::optional<ClientWriters> writers;         ///< while connected
-  std::set<MapId> maps_told;                    ///< by MapInfo, while connected
-  std::map<MapId, int> wanted;                  ///< map readers discovered, by map
-  std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that exist
-  MonotonicTime left_at;                        ///< when the last reader went
-  std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
+  bool connected = false;     ///< it is told what there is
+  std::set<MapId> maps_told;  ///< by MapInfo, while connected
+  MonotonicTime left_at;      ///< when it was not any more
   std::optional<MonotonicTime> intruder_told_at;
   SessionId intruder;             ///< the latest: logged once, told again and again
   bool repeat_verdicts = false;   ///< an intruder's notice may have replaced ours

@@ -3,14 +3,11 @@
 #include <algorithm>
 #include <utility>
 
-#include "server/service/switchboard.h"
-#include "server/service/wall_clock.h"
+#include "server/service/map_service.h"
 
 /// Seeds, offers and questions on their way from the wire to the queue of a map and back.
 namespace cairn {
 namespace {
-
-using std::chrono::steady_clock;
 
 constexpr std::chrono::seconds kCameraGrace{3};  ///< commands and cameras are not in order with each other
 
@@ -19,8 +16,7 @@ constexpr const char* kNoLockstep =
     "start cairn-server with --lockstep allow";
 
 /// Whether a command whose camera is not known should be left until it is sent again.
-bool may_yet_come(Client& client) {
-  const MonotonicTime now = steady_clock::now();
+bool may_yet_come(Client& client, MonotonicTime now) {
   if (!client.camera_missed_at) client.camera_missed_at = now;
   return now - *client.camera_missed_at < kCameraGrace;
 }
@@ -46,7 +42,7 @@ std::string unknown_camera(uint32_t camera, uint32_t version) {
 }  // namespace
 
 /// In lockstep all work of a map, whole adjustments included, holds up who else waits for a worker.
-bool Switchboard::refuses_lockstep(Client& client, bool lockstep) {
+bool MapService::refuses_lockstep(Client& client, bool lockstep) {
   if (!lockstep || options_.lockstep) return false;
   if (!std::exchange(client.lockstep_refused, true)) {
     log_->warn("{}: refused: {}", client.name, kNoLockstep);
@@ -55,11 +51,12 @@ bool Switchboard::refuses_lockstep(Client& client, bool lockstep) {
   return true;
 }
 
-void Switchboard::on_seed(Client& client, wire::MapSeed message) {
+void MapService::take(const Principal& who, wire::MapSeed message) {
+  Client& client = client_of(who.name);
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
-  if (client.seed_in_work || (camera == nullptr && may_yet_come(client))) return;
+  if (client.seed_in_work || (camera == nullptr && may_yet_come(client, clock_.now()))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
     case SeedGate::Admission::kNew:
       break;
@@ -109,14 +106,14 @@ void Switchboard::on_seed(Client& client, wire::MapSeed message) {
   if (may_die_young) young_.made(map, client.name, message.command.session);
   runner->start(std::move(job),
                 [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
-                  post([this, name, verdict, result = std::move(result), snapshot = std::move(snapshot)] {
+                  post_([this, name, verdict, result = std::move(result), snapshot = std::move(snapshot)] {
                     on_seed_decided(name, verdict, result, snapshot);
                   });
                 });
 }
 
-void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
-                                  const Result<SeedResult>& result, const MapSnapshotPtr& snapshot) {
+void MapService::on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
+                                 const Result<SeedResult>& result, const MapSnapshotPtr& snapshot) {
   MapEntry* entry = maps_.find(verdict.map);
   verdict.accepted = result && entry != nullptr && entry->undecided;
   if (verdict.accepted) {
@@ -143,11 +140,12 @@ void Switchboard::on_seed_decided(const std::string& client_name, wire::SeedVerd
   if (client->second.seed_gate.decide(verdict)) write_verdicts(client->second);
 }
 
-void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
+void MapService::take(const Principal& who, wire::KeyframeOffer message) {
+  Client& client = client_of(who.name);
   if (!presence_.holds(client.name, message.command.session)) return;
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
-  if (camera == nullptr && may_yet_come(client)) return;
+  if (camera == nullptr && may_yet_come(client, clock_.now())) return;
   wire::OfferOutcome outcome;
   outcome.seq = message.command.seq;
   outcome.map = message.map;
@@ -200,14 +198,14 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
   outcome.epoch = entry->snapshot->epoch;
-  entry->used_at = steady_clock::now();
+  entry->used_at = clock_.now();
   const auto done = [this, name = client.name, session, outcome,
                      runner = entry->runner](OfferJudgement judgement) mutable {
     outcome.decision = judgement.decision;
     outcome.reason = std::move(judgement.reason);
     outcome.keyframe = judgement.keyframe;
     outcome.revision = judgement.revision;
-    post([this, name, session, outcome, runner] {
+    post_([this, name, session, outcome, runner] {
       MapEntry* judged = maps_.find(outcome.map);
       if (judged != nullptr && judged->runner == runner) maps_.end_offer(judged);
       on_offer_decided(name, session, outcome);
@@ -217,8 +215,8 @@ void Switchboard::on_offer(Client& client, wire::KeyframeOffer message) {
   maps_.begin_offer(entry);
 }
 
-void Switchboard::on_offer_decided(const std::string& client_name, SessionId session,
-                                   wire::OfferOutcome outcome) {
+void MapService::on_offer_decided(const std::string& client_name, SessionId session,
+                                  wire::OfferOutcome outcome) {
   log_->debug("{}: offer {}: {}", client_name, outcome.seq,
               outcome.reason.empty() ? "keyframe " + std::to_string(outcome.keyframe.value) : outcome.reason);
   if (outcome.decision == wire::OfferDecision::kAccepted) young_.forget(outcome.map);
@@ -228,8 +226,8 @@ void Switchboard::on_offer_decided(const std::string& client_name, SessionId ses
   write_verdicts(client->second);
 }
 
-CameraPtr Switchboard::best_known(const Client& client, uint32_t camera,
-                                  const AnnouncedCamera& announced) const {
+CameraPtr MapService::best_known(const Client& client, uint32_t camera,
+                                 const AnnouncedCamera& announced) const {
   if (!announced.doubt) return announced.camera;
   for (const auto& [map, entry] : maps_.all()) {
     for (const CameraEstimate& estimate : entry.statistics.cameras) {
@@ -240,38 +238,39 @@ CameraPtr Switchboard::best_known(const Client& client, uint32_t camera,
   return announced.camera;
 }
 
-void Switchboard::on_query(Client& client, wire::RelocQuery message) {
+void MapService::take(const Principal& who, wire::RelocQuery message) {
+  Client& client = client_of(who.name);
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
-  if (announced == nullptr && may_yet_come(client)) return;  // it will be asked again
+  if (announced == nullptr && may_yet_come(client, clock_.now())) return;  // it will be asked again
   if (announced == nullptr) {
     std::string why = unknown_camera(message.camera, message.camera_version);
     return on_query_answered(client.name, message.command, {PlaceVerdict::kNotThere, {}, std::move(why)});
   }
   client.camera_missed_at.reset();
   client.query_in_work = true;
-  const WearerRule::Search search = wearers_.search(client.name, readable(client), steady_clock::now());
+  const WearerRule::Search search = wearers_.search(client.name, readable(client), clock_.now());
   lanes_.questions.submit([this, name = client.name, camera = best_known(client, message.camera, *announced),
                            message = std::move(message), search]() mutable {
     const wire::CommandId command = message.command;
     try {
       look_up(name, camera, std::move(message), search);
     } catch (const std::exception& problem) {  // memory, a library
-      post([this, name, command, why = std::string("internal error: ") + problem.what()] {
+      post_([this, name, command, why = std::string("internal error: ") + problem.what()] {
         on_query_answered(name, command, {PlaceVerdict::kNotThere, {}, why});
       });
     }
   });
 }
 
-void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
-                          const WearerRule::Search& search) {
+void MapService::look_up(const std::string& client, const CameraPtr& camera, wire::RelocQuery message,
+                         const WearerRule::Search& search) {
   const auto done = [this, client, command = message.command, in_part = search.in_part](PlaceAnswer answer) {
-    post([this, client, command, in_part, answer = std::move(answer)]() mutable {
+    post_([this, client, command, in_part, answer = std::move(answer)]() mutable {
       const auto asking = clients_.find(client);
       if (asking == clients_.end()) return;
-      const MonotonicTime now = steady_clock::now();
+      const MonotonicTime now = clock_.now();
       on_query_answered(client, command,
                         wearers_.narrow(client, readable(asking->second), in_part, std::move(answer), now));
     });
@@ -288,28 +287,29 @@ void Switchboard::look_up(const std::string& client, const CameraPtr& camera, wi
   places_->ask(std::move(query), done);
 }
 
-void Switchboard::on_query_answered(const std::string& client_name, wire::CommandId command,
-                                    const PlaceAnswer& answer) {
+void MapService::on_query_answered(const std::string& client_name, wire::CommandId command,
+                                   const PlaceAnswer& answer) {
   const auto found = clients_.find(client_name);
   if (found == clients_.end()) return;
   Client& client = found->second;
   client.query_in_work = false;
   log_->debug("{}: place {}: {}", client_name, to_string(answer.verdict), describe(answer));
-  if (client.writers) report(client.writers->places.write({client.id, command, answer}), "RelocAnswer");
+  tell(client, wire::RelocAnswer{client.id, command, answer});
 }
 
-std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
+std::shared_ptr<MapRunner> MapService::make_runner(MapId map) {
   MapRunner::Listener listener;
   listener.changed = [this, map](MapRevision revision) {
-    post([this, map, revision = std::move(revision)]() mutable { on_map_changed(map, std::move(revision)); });
+    post_(
+        [this, map, revision = std::move(revision)]() mutable { on_map_changed(map, std::move(revision)); });
   };
   listener.frozen = [this, map](const std::string& why) {
-    post([this, map, why] {
+    post_([this, map, why] {
       if (MapEntry* entry = maps_.find(map)) entry->frozen = why;
     });
   };
   listener.rested = [this, map](MapStatistics now) {
-    post([this, map, now = std::move(now)]() mutable {
+    post_([this, map, now = std::move(now)]() mutable {
       MapEntry* entry = maps_.find(map);
       if (entry == nullptr) return;
       memory_freed_ = memory_freed_ || now.without_images > entry->statistics.without_images;
@@ -320,7 +320,7 @@ std::shared_ptr<MapRunner> Switchboard::make_runner(MapId map) {
                                      store_, std::move(listener), log_, options_.work_times);
 }
 
-void Switchboard::on_map_changed(MapId map, MapRevision revision) {
+void MapService::on_map_changed(MapId map, MapRevision revision) {
   MapEntry* entry = maps_.find(map);
   if (entry == nullptr) return;  // deleted meanwhile
   if (entry->seeding) {
@@ -329,7 +329,7 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
   }
   const MapSnapshotPtr snapshot = revision.snapshot;
   maps_.show(entry, snapshot, std::move(revision.statistics));
-  entry->used_at = steady_clock::now();
+  entry->used_at = clock_.now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.
   if (entry->runner != nullptr)
     places_->report(snapshot, std::move(revision.views), std::move(revision.indexed),
@@ -341,28 +341,21 @@ void Switchboard::on_map_changed(MapId map, MapRevision revision) {
     published_[map] = snapshot;
   }
   tell_cameras(map, *entry);
-  for (auto& [name, client] : clients_) {
-    const auto feed = client.feeds.find(map);
-    if (feed != client.feeds.end()) {
-      feed->second.update(snapshot);
-    } else if (client.wanted.contains(map)) {
-      open_wanted_feeds(client);
-    }
-  }
+  output_.revised(map, snapshot);
 }
 
-void Switchboard::on_overlap(const Overlap& overlap) {
+void MapService::on_overlap(const Overlap& overlap) {
   const MapEntry* one = maps_.find(overlap.maps.one);
   const MapEntry* other = maps_.find(overlap.maps.other);
   if (one == nullptr || other == nullptr) return;  // deleted meanwhile
-  if (!overlaps_.note(overlap, wall_time())) return;
+  if (!overlaps_.note(overlap, clock_.wall())) return;
   log_->warn(
       "map {} overlaps map {}: {} of its keyframes show what is in that map, {} of that map's what is in "
       "this; `cairnctl maps` keeps count",
       one->name, other->name, overlap.of_one, overlap.of_other);
 }
 
-void Switchboard::forget_map(MapId map) {
+void MapService::forget_map(MapId map) {
   young_.forget(map);
   const MapEntry* entry = maps_.find(map);
   if (entry == nullptr) return;
@@ -375,48 +368,44 @@ void Switchboard::forget_map(MapId map) {
     const std::scoped_lock lock(mutex_);
     published_.erase(map);
   }
+  output_.ended(map);
   for (auto& [name, client] : clients_) unlist_map(map, client);
 }
 
 /// Before the revision that names them.
-void Switchboard::tell_cameras(MapId map, const MapEntry& entry) {
+void MapService::tell_cameras(MapId map, const MapEntry& entry) {
   for (const CameraEstimate& estimate : entry.statistics.cameras) {
     const auto name = names_.find(estimate.version.client);
     const auto client = name == names_.end() ? clients_.end() : clients_.find(name->second);
-    if (client != clients_.end() && client->second.writers &&
+    if (client != clients_.end() && client->second.connected &&
         options_.access->may_read(client->second.principal(), map))
       tell_camera({map, entry.snapshot->epoch}, estimate, client->second);
   }
 }
 
-void Switchboard::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client) {
+void MapService::tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client) {
   const auto& [map, epoch] = where;
   const CameraVersion& version = estimate.version;
   const std::pair now(epoch, version.version);
   auto& told = client.cameras_told[{map, version.camera}];
   if (told == now) return;
   const CameraParameters& parameters = estimate.camera->parameters();
-  const Status written =
-      client.writers->cameras.write({version.client, version.camera, map, epoch, version.version, parameters,
-                                     sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
-                                     estimate.frozen, estimate.cannot_be_known});
-  report(written, "CameraEstimate");
+  const Status written = tell(
+      client, wire::CameraEstimate{version.client, version.camera, map, epoch, version.version, parameters,
+                                   sigma_of_values({parameters, estimate.sigma[0], estimate.sigma[1]}),
+                                   estimate.frozen, estimate.cannot_be_known});
   if (written) told = now;  // else with the next tick
 }
 
-void Switchboard::forget_cameras(MapId map, Client& client) {
+void MapService::forget_cameras(MapId map, Client& client) {
   for (auto told = client.cameras_told.lower_bound({map, 0});
        told != client.cameras_told.end() && told->first.first == map;
        told = client.cameras_told.erase(told)) {
-    wire::CameraEstimate gone;
-    gone.client = client.id;
-    gone.camera = told->first.second;
-    gone.map = map;
-    if (client.writers) report(client.writers->cameras.dispose(gone), "CameraEstimate");
+    tell(client, EstimateDropped{client.id, told->first.second, map});
   }
 }
 
-std::string Switchboard::why_memory_is_full(size_t more) const {
+std::string MapService::why_memory_is_full(size_t more) const {
   constexpr size_t kMegabyte = 1'000'000;
   const size_t bytes = maps_.bytes();
   if (bytes + more < options_.max_memory_bytes) return {};
@@ -425,37 +414,37 @@ std::string Switchboard::why_memory_is_full(size_t more) const {
   return why + " (--max-memory)";
 }
 
-std::string Switchboard::why_full() const {
+std::string MapService::why_full() const {
   if (maps_.all().size() >= options_.max_maps)
     return "the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)";
   return why_memory_is_full();
 }
 
-void Switchboard::write_verdicts(Client& client) {
-  if (!client.writers || !client.offer_gate.session()) return;
+void MapService::write_verdicts(Client& client) {
+  if (!client.connected || !client.offer_gate.session()) return;
   wire::OfferVerdict offers = client.offer_gate.verdict(client.id);
   if (client.lockstep_refused) offers.recent = {notice_to_process(kNoLockstep)};
-  report(client.writers->offers.write(offers), "OfferVerdict");
+  tell(client, offers);
   if (client.seed_gate.verdict().command.seq != 0) {
-    report(client.writers->seeds.write(client.seed_gate.verdict()), "SeedVerdict");
+    tell(client, client.seed_gate.verdict());
   }
-  report(client.writers->replies.write(client.request_gate.verdict(client.id)), "ClientReply");
+  tell(client, client.request_gate.verdict(client.id));
 }
 
-void Switchboard::list_map(MapId map, const MapEntry& entry) {
+void MapService::list_map(MapId map, const MapEntry& entry) {
   info_due_.erase(map);
   for (auto& [name, client] : clients_) list_map(map, entry, client);
 }
 
-void Switchboard::list_map(MapId map, const MapEntry& entry, Client& client) {
-  if (!client.writers) return;
+void MapService::list_map(MapId map, const MapEntry& entry, Client& client) {
+  if (!client.connected) return;
   const Right right = options_.access->in_map(client.principal(), map).right;
   if (right < Right::kRead) return;
   client.maps_told.insert(map);
-  report(client.writers->maps.write(make_map_info(options_.server, map, entry, right)), "MapInfo");
+  tell(client, make_map_info(options_.server, map, entry, right));
 }
 
-MapSet Switchboard::readable(const Client& client) const {
+MapSet MapService::readable(const Client& client) const {
   std::vector<MapId> served;
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.snapshot) served.push_back(map);
@@ -463,8 +452,12 @@ MapSet Switchboard::readable(const Client& client) const {
   return options_.access->readable(client.principal(), served);
 }
 
-void Switchboard::report(const Status& written, const char* what) {
-  if (!written) log_->error("{} could not be written: {}", what, written.error().message);
+Status MapService::tell(const Client& client, const ClientEvent& event) {
+  // Its readers of maps may be there before and after those that it is told by.
+  if (!client.connected && !std::holds_alternative<MapUnlisted>(event)) return {};
+  Status told = output_.tell(client.name, event);
+  if (!told && output_trouble_.due(clock_.now())) log_->error("{}: {}", client.name, told.error().message);
+  return told;
 }
 
 }  // namespace cairn

@@ -7,14 +7,13 @@
 #include <utility>
 
 #include "server/service/admin_reply.h"
-#include "server/service/switchboard.h"
+#include "server/service/map_service.h"
 
 /// What operators do to maps. The store's part is done beside its writer, so that no verdict waits for it.
 namespace cairn {
 namespace {
 
 using nlohmann::json;
-using std::chrono::steady_clock;
 
 constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
 constexpr const char* kMadeElsewhere = "this map is made elsewhere";
@@ -45,7 +44,7 @@ Error ambiguous(const std::string& wanted, const std::vector<DeletedMap>& maps, 
 
 }  // namespace
 
-void Switchboard::with_store(const AdminAnswer& answer, std::function<Task(Store& store)> work) {
+void MapService::with_store(const AdminAnswer& answer, std::function<Task(Store& store)> work) {
   if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
   store_->run_beside([this, answer, work = std::move(work)](Store& store) {
     Task next;
@@ -57,11 +56,11 @@ void Switchboard::with_store(const AdminAnswer& answer, std::function<Task(Store
         answer(refusal(ErrorCode::kInternal, "internal error; the server's log says more"));
       };
     }
-    if (next) post(std::move(next));
+    if (next) post_(std::move(next));
   });
 }
 
-void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer) {
+void MapService::rename_map(MapId id, MapEntry* entry, const std::string& name, const AdminAnswer& answer) {
   if (!is_valid_name(name))
     return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
   if (entry->name == name) return answer(success(describe_map(id, *entry)));
@@ -73,7 +72,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   maps_.begin_renaming(entry, name);
   young_.forget(id);
   entry->runner->rename(name, [this, id, answer](const Status& kept) {
-    post([this, id, answer, kept] {
+    post_([this, id, answer, kept] {
       MapEntry* renamed = maps_.find(id);
       if (renamed == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
       maps_.end_renaming(renamed, kept.has_value());
@@ -84,7 +83,7 @@ void Switchboard::rename_map(MapId id, MapEntry* entry, const std::string& name,
   });
 }
 
-void Switchboard::delete_map(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer) {
+void MapService::delete_map(MapId id, MapEntry* entry, bool for_good, const AdminAnswer& answer) {
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (store_ == nullptr && !for_good) {
     return answer(refusal(ErrorCode::kRefused,
@@ -106,7 +105,7 @@ void Switchboard::delete_map(MapId id, MapEntry* entry, bool for_good, const Adm
   const auto remove = [this, id, runner = entry->runner, answer](Store& store) {
     const Status removed = store.remove(id);
     if (removed) runner->retire();
-    post([this, id, removed, answer] { finish_deletion(id, removed, answer); });
+    post_([this, id, removed, answer] { finish_deletion(id, removed, answer); });
   };
   entry->runner->flush([this, answer, remove] {
     store_->run([this, answer, remove](const Store&) {
@@ -118,7 +117,7 @@ void Switchboard::delete_map(MapId id, MapEntry* entry, bool for_good, const Adm
   });
 }
 
-void Switchboard::finish_deletion(MapId id, const Status& removed, const AdminAnswer& answer) {
+void MapService::finish_deletion(MapId id, const Status& removed, const AdminAnswer& answer) {
   MapEntry* entry = maps_.find(id);
   if (entry == nullptr) return answer(success({{"id", to_hex(id.bytes)}}));  // by another operator meanwhile
   if (!removed) {
@@ -131,7 +130,7 @@ void Switchboard::finish_deletion(MapId id, const Status& removed, const AdminAn
   answer(success(deleted));
 }
 
-void Switchboard::drop_dead_maps(MonotonicTime now) {
+void MapService::drop_dead_maps(MonotonicTime now) {
   if (options_.drop_after.count() == 0) return;
   for (const YoungMaps::Dead& dead : young_.dead(now, options_.drop_after)) {
     MapEntry* entry = maps_.find(dead.map);
@@ -149,8 +148,8 @@ void Switchboard::drop_dead_maps(MonotonicTime now) {
   }
 }
 
-void Switchboard::answer_without_map(const std::string& verb, const std::string& wanted,
-                                     const AdminAnswer& answer) {
+void MapService::answer_without_map(const std::string& verb, const std::string& wanted,
+                                    const AdminAnswer& answer) {
   if (store_ == nullptr) return answer(unknown_map(wanted));
   with_store(answer, [verb, wanted, answer](const Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
@@ -164,7 +163,7 @@ void Switchboard::answer_without_map(const std::string& verb, const std::string&
   });
 }
 
-void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& answer) {
+void MapService::undelete_map(const std::string& wanted, const AdminAnswer& answer) {
   const auto [id, entry] = find_map(wanted);
   const bool is_live = entry != nullptr;
   const json live = is_live ? describe_map(id, *entry) : json();
@@ -188,7 +187,7 @@ void Switchboard::undelete_map(const std::string& wanted, const AdminAnswer& ans
   });
 }
 
-void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer) {
+void MapService::purge_map(const std::string& wanted, const AdminAnswer& answer) {
   with_store(answer, [this, wanted, answer](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
     const auto say = [answer](const wire::AdminReply& reply) -> Task {
@@ -207,25 +206,25 @@ void Switchboard::purge_map(const std::string& wanted, const AdminAnswer& answer
   });
 }
 
-void Switchboard::take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer) {
+void MapService::take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer) {
   const auto serve = [this, id, undo, answer](Result<RestoredMap> restored) {
     look_for_damage();
-    if (!restored) return post([answer, error = restored.error()] { answer(refusal(error)); });
+    if (!restored) return post_([answer, error = restored.error()] { answer(refusal(error)); });
     const std::string name = restored->header.name;
     try {
-      post([this, undo, answer, map = prepare(std::move(*restored))]() mutable {
+      post_([this, undo, answer, map = prepare(std::move(*restored))]() mutable {
         serve_anew(std::move(map), undo, answer);
       });
     } catch (const std::exception& problem) {  // memory
       const std::string why = std::string("cannot be served: ") + problem.what();
       store_->take_back(id, name, undo, why);
-      post([answer, why] { answer(refusal(ErrorCode::kRefused, "the map " + why)); });
+      post_([answer, why] { answer(refusal(ErrorCode::kRefused, "the map " + why)); });
     }
   };
   store_->restore_one(id, options_.mapping, restored_images(options_.rest_after), undo, serve);
 }
 
-void Switchboard::serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer) {
+void MapService::serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer) {
   const MapId id = map.header.id;
   const std::string old_name = map.header.name;
   const std::string name = maps_.free_name(old_name);
@@ -239,7 +238,7 @@ void Switchboard::serve_anew(ResumedMap map, MapPersistence::Undo undo, const Ad
         store_->take_back(id, old_name, undo, why);
       });
     }
-    post([this, id, answer, kept] {
+    post_([this, id, answer, kept] {
       const MapEntry* entry = maps_.find(id);
       if (!kept) forget_map(id);
       if (!kept) return answer(refusal(kept.error()));
@@ -251,14 +250,14 @@ void Switchboard::serve_anew(ResumedMap map, MapPersistence::Undo undo, const Ad
   runner->rename(name, done);
 }
 
-void Switchboard::export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer) {
+void MapService::export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer) {
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
   if (entry->leaving) return answer(refusal(ErrorCode::kRefused, "the map is being deleted"));
   const auto copy = [this, id, name = entry->name, answer](const Store& store) -> Task {
-    const auto token = transfers_->begin_export(steady_clock::now());
+    const auto token = transfers_->begin_export(clock_.now());
     if (!token) return [answer, error = token.error()] { answer(refusal(error)); };
-    const std::filesystem::path path = *transfers_->find(*token, steady_clock::now());
+    const std::filesystem::path path = *transfers_->find(*token, clock_.now());
     const Status exported = store.export_map(id, path);
     if (!exported) {
       transfers_->end(*token);
@@ -276,10 +275,10 @@ void Switchboard::export_map(MapId id, const MapEntry* entry, const AdminAnswer&
   });
 }
 
-void Switchboard::transfer(const std::string& verb, const std::string& token, uint64_t offset,
-                           std::vector<uint8_t> data, const AdminAnswer& answer) {
+void MapService::transfer(const std::string& verb, const std::string& token, uint64_t offset,
+                          std::vector<uint8_t> data, const AdminAnswer& answer) {
   with_store(answer, [this, verb, token, offset, data = std::move(data), answer](const Store&) -> Task {
-    const MonotonicTime now = steady_clock::now();
+    const MonotonicTime now = clock_.now();
     wire::AdminReply reply = success(json::object());
     if (verb == "export-read") {
       auto piece = transfers_->read(token, offset, wire::kMaxAdminData, now);
@@ -297,7 +296,7 @@ void Switchboard::transfer(const std::string& verb, const std::string& token, ui
   });
 }
 
-void Switchboard::import_map(const std::string& token, const AdminAnswer& answer) {
+void MapService::import_map(const std::string& token, const AdminAnswer& answer) {
   const size_t used = maps_.bytes();
   const uint64_t room = options_.max_memory_bytes - std::min(used, options_.max_memory_bytes);
   with_store(answer, [this, token, full = why_full(), room, answer](Store& store) -> Task {
@@ -305,7 +304,7 @@ void Switchboard::import_map(const std::string& token, const AdminAnswer& answer
       transfers_->end(token);
       return [answer, error] { answer(refusal(error)); };
     };
-    const auto path = transfers_->find(token, steady_clock::now());
+    const auto path = transfers_->find(token, clock_.now());
     if (!path) return refuse(path.error());
     if (!full.empty()) return refuse({ErrorCode::kRefused, full});
     // What is not pictures is about as large in memory; those are packed in there.

@@ -5,19 +5,18 @@
 
 #include "common/base/utf8.h"
 #include "server/service/map_runner.h"
-#include "server/service/wall_clock.h"
 
 /// A map's way into the store.
 namespace cairn {
 namespace {
 
-DecisionRecord record_of(const JobOrigin& origin, CommandKind kind) {
+DecisionRecord record_of(const JobOrigin& origin, CommandKind kind, Timestamp now) {
   DecisionRecord record;
   record.client = origin.client;
   record.session = origin.command.session;
   record.seq = origin.command.seq;
   record.kind = kind;
-  record.time = wall_time();
+  record.time = now;
   return record;
 }
 
@@ -27,11 +26,11 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, const Se
   epochs_ = {{job.input.epoch, 0, 0}};
   if (store_ == nullptr) return done(result, published_);
   MapUpdate whole = take_update();
-  DecisionRecord decision = record_of(job.origin, CommandKind::kSeed);
+  DecisionRecord decision = record_of(job.origin, CommandKind::kSeed, clock_->wall());
   decision.keyframe = result.second_keyframe;
   decision.seed_points = result.points;
   whole.decisions.push_back(std::move(decision));
-  MapHeader header{job.input.map, job.input.map_name, job.input.epoch, false, wall_time()};
+  MapHeader header{job.input.map, job.input.map_name, job.input.epoch, false, clock_->wall()};
   store_->create(std::move(header), std::move(whole),
                  [self = shared_from_this(), result, snapshot = published_, done](const Status& kept) {
                    if (kept) return done(result, snapshot);
@@ -42,7 +41,7 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, const Se
 
 void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done) {
   if (store_ == nullptr || maker_ == nullptr || frozen_ || deleted_) return done(judgement);
-  DecisionRecord decision = record_of(origin, CommandKind::kOffer);
+  DecisionRecord decision = record_of(origin, CommandKind::kOffer, clock_->wall());
   decision.decision = static_cast<uint8_t>(judgement.decision);
   decision.reason = judgement.reason;
   decision.keyframe = judgement.keyframe;

@@ -79,12 +79,13 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
 }
 
 MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
-                     Logger log, WorkTimes* times)
+                     Logger log, WorkTimes* times, std::shared_ptr<const Clock> clock)
     : background_(lanes.background),
       queue_(lanes.urgent),
       options_(options),
       store_(store),
       times_(times),
+      clock_(std::move(clock)),
       listener_(std::move(listener)),
       log_(std::move(log)),
       urgent_(lanes.urgent) {}
@@ -181,7 +182,7 @@ Result<SeedResult> MapRunner::make_map(SeedJob* job) {
 
 void MapRunner::offer(OfferJob job, OfferDone done) {
   ++waiting_offers_;
-  const MonotonicTime arrival = std::chrono::steady_clock::now();
+  const MonotonicTime arrival = clock_->now();
   auto take = [self = shared_from_this(), job = std::move(job), done = std::move(done), arrival]() mutable {
     --self->waiting_offers_;
     if (job.reference_command == 0 || self->maker_ == nullptr || self->deleted_ || self->frozen_)
@@ -263,7 +264,7 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
-  if (times_ != nullptr) times_->waited(std::chrono::steady_clock::now() - arrival);
+  if (times_ != nullptr) times_->waited(clock_->now() - arrival);
   Result<GrayImagePtr> image = decode_image(job.image);
   if (!image) return {OfferDecision::kDamaged, image.error().message, {}, {}};
   if (!fits(**image, *job.input.camera)) {
@@ -383,7 +384,7 @@ void MapRunner::publish() {
       {snapshot, maker_->statistics(), maker_->keyframe_views(), {}, std::exchange(offered_, {})});
   published_ = std::move(snapshot);
   for (const MonotonicTime arrival : std::exchange(pointed_, {}))
-    times_->points_published(std::chrono::steady_clock::now() - arrival);
+    times_->points_published(clock_->now() - arrival);
   save_soon();
 }
 

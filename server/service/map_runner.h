@@ -15,6 +15,7 @@
 #include "common/base/time.h"
 #include "common/wire/messages.h"
 #include "server/mapping/map_maker.h"
+#include "server/service/clock.h"
 #include "server/service/map_persistence.h"
 #include "server/service/offer_chain.h"
 #include "server/service/serial_queue.h"
@@ -100,7 +101,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
   /// `store` and `times` outlive the lanes; null: nothing is kept, nothing is counted.
   MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener, Logger log,
-            WorkTimes* times = nullptr);
+            WorkTimes* times = nullptr, std::shared_ptr<const Clock> clock = std::make_shared<SystemClock>());
 
   /// Makes the map; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
@@ -192,6 +193,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   MapMakerOptions options_;
   MapPersistence* store_;
   WorkTimes* times_;
+  std::shared_ptr<const Clock> clock_;
   Listener listener_;
   Logger log_;
   WorkerPool& urgent_;

@@ -5,9 +5,9 @@
 #include <map>
 #include <string>
 
+#include "common/base/time.h"
 #include "common/map/ids.h"
-#include "common/wire/topic.h"
-#include "server/service/map_publisher.h"
+#include "common/wire/peers.h"
 
 namespace cairn {
 

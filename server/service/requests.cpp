@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <utility>
 
-#include "server/service/switchboard.h"
-#include "server/service/wall_clock.h"
+#include "server/service/map_service.h"
 
 /// Labels: what people ask for, on its way to the store and to all who read the map.
 namespace cairn {
@@ -20,12 +19,13 @@ std::string why_not(const Ruling& ruling, const wire::ClientRequest& request, co
 }  // namespace
 
 /// An operator has been asked about as such.
-Ruling Switchboard::ruling_on_labels(const Principal& author, MapId map) const {
+Ruling MapService::ruling_on_labels(const Principal& author, MapId map) const {
   if (author.kind == Principal::Kind::kOperator) return {Right::kManage, {}, {}, {}};
   return options_.access->in_map(author, map);
 }
 
-void Switchboard::on_request(Client& client, const wire::ClientRequest& request) {
+void MapService::take(const Principal& who, const wire::ClientRequest& request) {
+  Client& client = client_of(who.name);
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
   const MapEntry* entry = maps_.find(request.map);
   if (entry != nullptr && entry->labels.is_busy(request.label)) return;
@@ -55,8 +55,8 @@ void Switchboard::on_request(Client& client, const wire::ClientRequest& request)
                });
 }
 
-void Switchboard::on_request_decided(const std::string& client_name, const wire::ClientRequest& request,
-                                     const LabelBook::Judgement& judgement) {
+void MapService::on_request_decided(const std::string& client_name, const wire::ClientRequest& request,
+                                    const LabelBook::Judgement& judgement) {
   log_->debug("{}: request {}: label {} {}", client_name, request.command.seq, judgement.label.value,
               judgement.reason);
   const auto client = clients_.find(client_name);
@@ -67,8 +67,8 @@ void Switchboard::on_request_decided(const std::string& client_name, const wire:
   write_verdicts(client->second);
 }
 
-void Switchboard::change_label(const wire::ClientRequest& request, const Principal& author,
-                               std::optional<DecisionRecord> decision, const LabelDone& done) {
+void MapService::change_label(const wire::ClientRequest& request, const Principal& author,
+                              std::optional<DecisionRecord> decision, const LabelDone& done) {
   MapEntry* entry = maps_.find(request.map);
   const Ruling ruling = ruling_on_labels(author, request.map);
   if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone)
@@ -77,7 +77,7 @@ void Switchboard::change_label(const wire::ClientRequest& request, const Princip
     return done({wire::RequestDecision::kNoRight, std::move(why), request.label, {}});
   if (entry->runner == nullptr)
     return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
-  const Timestamp now = wall_time();
+  const Timestamp now = clock_.wall();
   const LabelBook::Judgement judged = entry->labels.judge(request, author.name, now, *entry->snapshot);
   if (judged.decision != wire::RequestDecision::kDone) return done(judged);
   young_.forget(request.map);
@@ -108,20 +108,19 @@ void Switchboard::change_label(const wire::ClientRequest& request, const Princip
     update.decisions.push_back(std::move(*decision));
   }
   store_->write(request.map, std::move(update),
-                [this, settle](const Status& kept) { post([settle, kept] { settle(kept); }); });
+                [this, settle](const Status& kept) { post_([settle, kept] { settle(kept); }); });
 }
 
-void Switchboard::tell_label(MapId map, const MapEntry& entry, LabelId id) {
+void MapService::tell_label(MapId map, const MapEntry& entry, LabelId id) {
   const std::optional<Label> label = entry.labels.find(id);
-  for (auto& [name, client] : clients_) {
-    const auto feed = client.feeds.find(map);
-    if (feed == client.feeds.end()) continue;
-    report(label ? feed->second.show({map, entry.snapshot->epoch, *label}) : feed->second.hide(map, id),
-           "Label");
+  if (label) {
+    output_.labelled({map, entry.snapshot->epoch, *label});
+  } else {
+    output_.label_removed(map, id);
   }
 }
 
-void Switchboard::move_labels(MapId map, MapEntry& entry) {
+void MapService::move_labels(MapId map, MapEntry& entry) {
   LabelBook::Moves moves = entry.labels.follow(*entry.snapshot);
   for (const LabelId label : moves.moved) tell_label(map, entry, label);
   if (moves.anchored.empty() || store_ == nullptr) return;

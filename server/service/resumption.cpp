@@ -4,14 +4,14 @@
 #include <exception>
 #include <utility>
 
+#include "server/service/map_service.h"
 #include "server/service/resume.h"
-#include "server/service/switchboard.h"
 
 /// What the store has kept, taken up at the start; what it gets at the end; and what between need not be in
 /// memory, since the store has it.
 namespace cairn {
 
-void Switchboard::resume(std::vector<RestoredMap> restored) {
+void MapService::resume(std::vector<RestoredMap> restored) {
   resume_clients(restored);
   for (RestoredMap& map : restored) {
     const auto [id, name] = std::pair(map.header.id, map.header.name);
@@ -27,7 +27,7 @@ void Switchboard::resume(std::vector<RestoredMap> restored) {
   if (std::string why = why_full(); !why.empty()) log_->warn("{}", why);
 }
 
-Switchboard::ResumedMap Switchboard::prepare(RestoredMap restored) {
+MapService::ResumedMap MapService::prepare(RestoredMap restored) {
   ResumedMap map{restored.header,
                  restored.plane_aligned,
                  std::move(restored.labels),
@@ -37,7 +37,7 @@ Switchboard::ResumedMap Switchboard::prepare(RestoredMap restored) {
   return map;
 }
 
-void Switchboard::take_up(ResumedMap map) {
+void MapService::take_up(ResumedMap map) {
   const MapId id = map.header.id;
   MapEntry& entry = maps_.add(id, MapEntry{map.header.name, map.runner, {}, {}, map.plane_aligned});
   entry.labels.restore(map.labels);
@@ -45,7 +45,7 @@ void Switchboard::take_up(ResumedMap map) {
   map.runner->go_on();
 }
 
-void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
+void MapService::resume_clients(const std::vector<RestoredMap>& restored) {
   std::vector<KeptDecisions> kept;
   kept.reserve(restored.size());
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
@@ -61,7 +61,7 @@ void Switchboard::resume_clients(const std::vector<RestoredMap>& restored) {
   }
 }
 
-void Switchboard::let_maps_rest(MonotonicTime now) {
+void MapService::let_maps_rest(MonotonicTime now) {
   if (store_ == nullptr || options_.rest_after.count() == 0) return;
   // The allocator keeps most of what is freed here and there otherwise: images lie between what stays. Some
   // milliseconds, with locks that anybody who allocates may wait for: on a thread that does not stand back
@@ -78,24 +78,22 @@ void Switchboard::let_maps_rest(MonotonicTime now) {
   }
 }
 
-void Switchboard::keep_overlaps() {
+void MapService::keep_overlaps() {
   static constexpr std::chrono::seconds kRetryAfter(30);  // a full disk is not full for a second only
-  if (store_ == nullptr || std::chrono::steady_clock::now() < overlaps_wait_until_ ||
-      !overlaps_.take_changed())
-    return;
+  if (store_ == nullptr || clock_.now() < overlaps_wait_until_ || !overlaps_.take_changed()) return;
   store_->run([this, log = log_, all = overlaps_.all()](const Store& store) {
     const Status kept = store.keep_overlaps(all);
     if (kept) return;
     log->error("overlaps of maps are not kept: {}; tried again in {} s", kept.error().message,
                kRetryAfter.count());
-    post([this] {
+    post_([this] {
       overlaps_.change_again();
-      overlaps_wait_until_ = std::chrono::steady_clock::now() + kRetryAfter;
+      overlaps_wait_until_ = clock_.now() + kRetryAfter;
     });
   });
 }
 
-void Switchboard::save_last_changes() {
+void MapService::save_last_changes() {
   keep_overlaps();
   for (const auto& [map, entry] : maps_.all()) {
     if (entry.runner) entry.runner->save_last_changes();

@@ -4,22 +4,22 @@
 #include <utility>
 
 #include "server/service/admin_reply.h"
-#include "server/service/switchboard.h"
+#include "server/service/map_service.h"
 
 /// What operators ask about who may do what, and how it comes into force.
 namespace cairn {
 
 using nlohmann::json;
 
-std::optional<NamedMap> Switchboard::named_map(const std::string& name_or_id) {
+std::optional<NamedMap> MapService::named_map(const std::string& name_or_id) {
   const auto [id, entry] = find_map(name_or_id);
   if (entry == nullptr) return std::nullopt;
   const MapStatistics& now = entry->statistics;
   return NamedMap{id, entry->name, {now.bounds_min.cast<double>(), now.bounds_max.cast<double>()}};
 }
 
-bool Switchboard::administers_access(const std::string& operator_name, const std::string& verb,
-                                     const json& request, const AdminAnswer& answer) {
+bool MapService::administers_access(const std::string& operator_name, const std::string& verb,
+                                    const json& request, const AdminAnswer& answer) {
   const FindMap find = [this](const std::string& name) { return named_map(name); };
   const auto tell = [&](const Result<json>& content) {
     answer(content ? success(*content) : refusal(content.error()));
@@ -74,13 +74,11 @@ bool Switchboard::administers_access(const std::string& operator_name, const std
   return true;
 }
 
-json Switchboard::describe_clients() const {
+json MapService::describe_clients() const {
   const Rights::Table rights = site_.rights().table();
   json clients = json::array();
   for (const auto& [name, client] : clients_) {
-    json told{{"name", name},
-              {"connected", client.writers.has_value()},
-              {"blocked", rights.blocked.contains(name)}};
+    json told{{"name", name}, {"connected", client.connected}, {"blocked", rights.blocked.contains(name)}};
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) told["wearer"] = wearer;
     clients.push_back(std::move(told));
   }
@@ -92,33 +90,29 @@ json Switchboard::describe_clients() const {
 }
 
 /// What a client may no longer read is taken from it at once, and what it may read now is offered.
-void Switchboard::enforce_rights() {
+void MapService::enforce_rights() {
   for (auto& [name, client] : clients_) {
     for (const auto& [map, entry] : maps_.all()) {
       if (entry.snapshot == nullptr) continue;
       if (options_.access->may_read(client.principal(), map)) {
         list_map(map, entry, client);
-        if (client.writers) tell_cameras(map, entry);
+        if (client.connected) tell_cameras(map, entry);
       } else {
         unlist_map(map, client);
       }
     }
-    open_wanted_feeds(client);
   }
 }
 
 /// A map that it was never told of is not named to it now.
-void Switchboard::unlist_map(MapId map, Client& client) {
-  client.feeds.erase(map);
-  if (client.maps_told.erase(map) == 0) return;
-  wire::MapInfo gone;
-  gone.map = map;
-  if (client.writers) report(client.writers->maps.dispose(gone), "MapInfo");
+void MapService::unlist_map(MapId map, Client& client) {
+  const bool was_listed = client.maps_told.erase(map) > 0;
+  tell(client, MapUnlisted{map, was_listed});
   forget_cameras(map, client);
 }
 
-Switchboard::AdminAnswer Switchboard::audited(const std::string& operator_name, const json& request,
-                                              const AdminAnswer& tell) {
+MapService::AdminAnswer MapService::audited(const std::string& operator_name, const json& request,
+                                            const AdminAnswer& tell) {
   const std::string verb = request.value("verb", "");
   AuditEntry entry{0, {}, "operator " + operator_name, verb, {}, {}};
   std::replace(entry.action.begin(), entry.action.end(), '-', ' ');

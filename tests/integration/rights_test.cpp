@@ -9,7 +9,7 @@
 #include "common/image/frame_images.h"
 #include "common/image/place.h"
 #include "server/admin/admin_client.h"
-#include "server/service/wall_clock.h"
+#include "server/service/clock.h"
 #include "tests/integration/label_fixture.h"
 
 namespace cairn {
@@ -103,7 +103,7 @@ TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
   const json frozen{{"verb", "map-freeze"}, {"map", id}, {"why", "on show"}};
   const json thawed{{"verb", "map-unfreeze"}, {"map", id}};
   // Soon over: the client comes when it is.
-  const std::string soon = to_utc({wall_time().nanoseconds + 2'000'000'000});
+  const std::string soon = to_utc({SystemClock().wall().nanoseconds + 2'000'000'000});
   const std::vector<Case> cases{
       {"none", "none", {}, {}, {}, false, false, false},
       {"default", "", {}, {}, {}, false, false, false},
@@ -117,7 +117,7 @@ TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
   };
   for (const Case& c : cases)
     if (*c.right != '\0') grant(c.name, c.right, c.more);
-  ASSERT_TRUE(eventually([&] { return to_utc(wall_time()) > soon; }));
+  ASSERT_TRUE(eventually([&] { return to_utc(SystemClock().wall()) > soon; }));
   for (const Case& c : cases) {
     SCOPED_TRACE(c.name);
     if (!c.before.is_null()) ask_server(c.before);

@@ -6,7 +6,7 @@
 #include <memory>
 
 #include "client/session/session.h"
-#include "server/service/service.h"
+#include "server/endpoint/service.h"
 
 /// What the integration tests share: a domain of their own, polling with a deadline.
 namespace cairn::testing {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/map_feed.h"
+#include "server/endpoint/map_feed.h"
 
 #include <utility>
 

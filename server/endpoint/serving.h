@@ -8,7 +8,7 @@
 
 #include "common/base/log.h"
 #include "common/base/result.h"
-#include "server/service/service.h"
+#include "server/endpoint/service.h"
 
 namespace cairn {
 

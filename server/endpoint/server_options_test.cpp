@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/server_options.h"
+#include "server/endpoint/server_options.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

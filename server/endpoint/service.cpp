@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/service.h"
+#include "server/endpoint/service.h"
 
 #include <malloc.h>
 
@@ -9,10 +9,9 @@
 #include <utility>
 
 #include "common/wire/participant.h"
+#include "server/endpoint/endpoint.h"
 #include "server/service/map_persistence.h"
 #include "server/service/site_access.h"
-#include "server/service/switchboard.h"
-#include "server/service/wall_clock.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -41,7 +40,7 @@ wire::ParticipantOptions joining_options(const ServiceOptions& options) {
   return joining;
 }
 
-/// close(), in order: the switchboard takes nothing more, all lanes end (running work may still call it and
+/// close(), in order: the endpoint takes nothing more, all lanes end (running work may still call it and
 /// the other lanes), the last changes go to the store, whose writer ends (its callbacks may call all of
 /// them), then all go.
 struct Service::State {
@@ -52,17 +51,17 @@ struct Service::State {
         idle(1, kIdleNice, log) {}
   ~State() { close(); }
   void close() {
-    if (switchboard) switchboard->stop();
+    if (endpoint) endpoint->stop();
     urgent.stop();
     background.stop();
     questions.stop();
     idle.stop();
-    if (switchboard && store) switchboard->save_last_changes();
+    if (endpoint && store) endpoint->save_last_changes();
     store.reset();
   }
   std::unique_ptr<SiteAccess> site;  ///< outlives who uses it
   std::unique_ptr<MapPersistence> store;
-  std::unique_ptr<Switchboard> switchboard;
+  std::unique_ptr<Endpoint> endpoint;
   WorkerPool urgent;
   WorkerPool background;
   WorkerPool questions;
@@ -90,15 +89,15 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
   const Rights standard(options.is_open_site ? Right::kWrite : Right::kNone, options.is_open_site);
-  auto site = SiteAccess::open(options.store, standard, wall_time, log);
+  const auto wall = [clock = options.clock] { return clock->wall(); };
+  auto site = SiteAccess::open(options.store, standard, wall, log);
   if (!site) return tl::unexpected(site.error());
   state->site = std::move(*site);
   if (known.access == nullptr) known.access = state->site->policy();
-  auto switchboard =
-      Switchboard::start(known, {state->urgent, state->background, state->questions, state->idle},
-                         state->store.get(), *state->site, std::move(restored), std::move(log));
-  if (!switchboard) return tl::unexpected(switchboard.error());
-  state->switchboard = std::move(*switchboard);
+  auto endpoint = Endpoint::start(known, {state->urgent, state->background, state->questions, state->idle},
+                                  state->store.get(), *state->site, std::move(restored), std::move(log));
+  if (!endpoint) return tl::unexpected(endpoint.error());
+  state->endpoint = std::move(*endpoint);
   return std::unique_ptr<Service>(new Service(std::move(state)));
 }
 
@@ -107,15 +106,15 @@ void Service::close() {
 }
 
 const wire::NetworkPath& Service::network() const {
-  return state_->switchboard->network();
+  return state_->endpoint->network();
 }
 
 void Service::publish(MapSnapshotPtr snapshot) {
-  state_->switchboard->publish(std::move(snapshot));
+  state_->endpoint->publish(std::move(snapshot));
 }
 
 std::vector<MapSnapshotPtr> Service::maps() const {
-  return state_->switchboard->maps();
+  return state_->endpoint->maps();
 }
 
 }  // namespace cairn

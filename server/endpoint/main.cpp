@@ -22,9 +22,9 @@
 #include "common/base/utf8.h"
 #include "common/wire/log_redirect.h"
 #include "common/wire/participant.h"
-#include "server/service/server_options.h"
-#include "server/service/service.h"
-#include "server/service/serving.h"
+#include "server/endpoint/server_options.h"
+#include "server/endpoint/service.h"
+#include "server/endpoint/serving.h"
 #include "server/service/wearer_list.h"
 
 namespace {

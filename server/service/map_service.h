@@ -8,17 +8,16 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/base/log.h"
+#include "common/base/rate_limit.h"
 #include "common/map/map_set.h"
-#include "common/wire/discovered_readers.h"
-#include "common/wire/participant.h"
+#include "common/wire/messages.h"
+#include "common/wire/peers.h"
 #include "common/wire/rig_messages.h"
-#include "common/wire/topic.h"
-#include "common/wire/waiter.h"
+#include "server/access/principal.h"
 #include "server/service/admin_gate.h"
 #include "server/service/client.h"
 #include "server/service/map_array.h"
@@ -27,7 +26,8 @@
 #include "server/service/place_desk.h"
 #include "server/service/presence.h"
 #include "server/service/rig_list.h"
-#include "server/service/service.h"
+#include "server/service/service_options.h"
+#include "server/service/service_output.h"
 #include "server/service/site_access.h"
 #include "server/service/transfers.h"
 #include "server/service/wearer_rule.h"
@@ -36,10 +36,16 @@
 
 namespace cairn {
 
-/// The server's I/O thread and all that belongs to it: readers, clients and their writers, the list of maps.
-/// It takes messages, passes seeds and offers to the queues of their maps and writes what these decide.
-/// Nothing here is shared: other threads call post().
-class Switchboard {
+/// What a reader of a map has at first; what comes then, ServiceOutput tells.
+struct FollowedMap {
+  MapSnapshotPtr newest;
+  std::vector<wire::LabelMessage> labels;
+};
+
+/// The map service without a transport: it takes typed requests, each with who asks, passes them to the
+/// queues of their maps and says by ServiceOutput what these decide. One access policy is asked about each.
+/// Nothing here is shared: all is called on one thread, the home of the service, unless said otherwise.
+class MapService {
  public:
   struct Lanes {
     WorkerPool& urgent;
@@ -47,78 +53,66 @@ class Switchboard {
     WorkerPool& questions;
     WorkerPool& idle;
   };
-  /// With all `restored` maps being served on return.
-  [[nodiscard]] static Result<std::unique_ptr<Switchboard>> start(const ServiceOptions& options, Lanes lanes,
-                                                                  MapPersistence* store, SiteAccess& site,
-                                                                  std::vector<RestoredMap> restored,
-                                                                  Logger log);
-  ~Switchboard() { stop(); }
-  Switchboard(const Switchboard&) = delete;
-  Switchboard& operator=(const Switchboard&) = delete;
+  /// Runs a task on the service's thread, soon; thread-safe.
+  using Post = std::function<void(Task task)>;
+  /// The lanes, `store` (null: nothing is kept), `site`, `output` and what `post` needs outlive the service.
+  MapService(const MapServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
+             ServiceOutput& output, Post post, Logger log);
+  MapService(const MapService&) = delete;
+  MapService& operator=(const MapService&) = delete;
 
-  /// Ends the thread and tells the maps to stop. Running work may call post() until its lane has ended:
-  /// outlive the lanes.
+  /// Serves all `restored` maps. Before anything else.
+  void resume(std::vector<RestoredMap> restored);
+  /// Tells the maps to stop: running work ends soon.
   void stop();
-
-  /// Runs `task` on the I/O thread, soon; dropped once that has ended. Thread-safe.
-  void post(Task task);
-  /// See Service. Thread-safe.
-  void publish(MapSnapshotPtr snapshot);
-  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
-  [[nodiscard]] const wire::NetworkPath& network() const { return participant_.path(); }
   /// Hands what has changed in all maps to the store. After stop(), when the lanes have ended.
   void save_last_changes();
+  /// What is due by time; when the next is, next_tick() says.
+  void tick(MonotonicTime now);
+  [[nodiscard]] MonotonicTime next_tick() const { return next_tick_; }
+
+  /// A client listens: it is told what there is. And does so no more.
+  void connect(const Principal& who);
+  void disconnect(const Principal& who);
+  /// Its process is not heard any more.
+  void fell_silent(ClientId client);
+  /// From a process under this name; more of them may send.
+  void take(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera);
+  /// Whether it counts: another live process may hold the name.
+  bool take(const Principal& who, wire::PublicationHandle publication, std::optional<wire::PeerId> process,
+            const wire::TrackerStateMessage& state);
+  /// Commands and questions, of the process that holds the name; of others they are passed over.
+  void take(const Principal& who, wire::MapSeed seed);
+  void take(const Principal& who, wire::KeyframeOffer offer);
+  void take(const Principal& who, wire::RelocQuery query);
+  void take(const Principal& who, const wire::ClientRequest& request);
+  void take(const Principal& who, const wire::AdminRequest& request);
+  void take(const wire::RigState& rig);
+  /// Nothing where there is no such map for this client (yet).
+  [[nodiscard]] std::optional<FollowedMap> follow(const Principal& who, MapId map) const;
+
+  /// See Service.
+  void publish(MapSnapshotPtr snapshot);
+  /// Thread-safe.
+  [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
 
  private:
-  struct Readers {
-    wire::DiscoveredReaders discovered;
-    wire::Reader<wire::CameraMessage> cameras;
-    wire::Reader<wire::TrackerStateMessage> states;
-    wire::Reader<wire::MapSeed> seeds;
-    wire::Reader<wire::KeyframeOffer> offers;
-    wire::Reader<wire::RelocQuery> queries;
-    wire::Reader<wire::ClientRequest> client_requests;
-    wire::Reader<wire::AdminRequest> requests;
-    wire::Reader<wire::RigState> rigs;
-    wire::Waiter waiter;
-  };
-  Switchboard(const ServiceOptions& options, Lanes lanes, MapPersistence* store, SiteAccess& site,
-              wire::Participant participant, Readers readers, Logger log);
-
   void watch_for_overlaps();
 
-  // The loop (switchboard.cpp).
-  void run();
-  [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
-  void run_posted();
-  void take_messages();
-  void take_rigs(MonotonicTime now);
-  void feed_clients();
   [[nodiscard]] std::string health() const;
-  void tick(MonotonicTime now);
 
-  // Who is there (switchboard.cpp).
-  void on_discovered(const wire::DiscoveredReader& reader);
-  void connect(Client& client);
-  void disconnect(Client& client);
-  void open_wanted_feeds(Client& client);
+  // Who is there (map_service.cpp).
   [[nodiscard]] Client& client_of(const std::string& name);
   void forget_old_clients(const std::string& keep);
-  void refuse_identity(std::string_view topic, const std::string& partition, ClientId claimed);
-  template <typename Message>
-  [[nodiscard]] Client* identify(const wire::Reader<Message>& reader, const wire::Sample<Message>& sample);
-  void on_state(Client& client, wire::PublicationHandle publication,
-                const wire::TrackerStateMessage& message);
-  void on_gone(ClientId id);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
   /// Whether this server does not serve the client since it works in lockstep; then it is told.
   [[nodiscard]] bool refuses_lockstep(Client& client, bool lockstep);
 
   // What operators ask (administration.cpp).
   using AdminAnswer = std::function<void(wire::AdminReply reply)>;  ///< to be called on the I/O thread
-  void on_admin(const std::string& operator_name, const wire::AdminRequest& message);
-  void carry_out(const std::string& operator_name, const wire::AdminRequest& message,
-                 const AdminAnswer& answer);
+  class Ticket;
+  void refuse_for_now(const std::string& operator_name, wire::CommandId command, const std::string& why);
+  void carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& answer);
   /// The last answer to this operator, once more.
   void repeat_answer(const std::string& operator_name);
   // About who may do what (site_administration.cpp).
@@ -149,7 +143,7 @@ class Switchboard {
   /// What operators are told of a map that is served.
   [[nodiscard]] nlohmann::json describe_map(MapId id, const MapEntry& entry) const;
   /// Renames or removes one (`wish`: action, map, label, text).
-  void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const std::string& operator_name,
+  void edit_label(const MapEntry& entry, const wire::ClientRequest& wish, const Principal& who,
                   const AdminAnswer& answer);
 
   // Of these, the ones that change maps (map_administration.cpp).
@@ -175,8 +169,6 @@ class Switchboard {
   void import_map(const std::string& token, const AdminAnswer& answer);
 
   // Maps and clients from before a restart (resumption.cpp).
-  /// Before the thread begins.
-  void resume(std::vector<RestoredMap> restored);
   struct ResumedMap {
     MapHeader header;
     bool plane_aligned = false;
@@ -196,12 +188,9 @@ class Switchboard {
   void keep_overlaps();
 
   // What they want (commands.cpp).
-  void on_seed(Client& client, wire::MapSeed message);
   void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
                        const MapSnapshotPtr& snapshot);
-  void on_offer(Client& client, wire::KeyframeOffer message);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
-  void on_query(Client& client, wire::RelocQuery message);
   /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
   [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
                                      const AnnouncedCamera& announced) const;
@@ -210,7 +199,6 @@ class Switchboard {
                const WearerRule::Search& search);
   void on_query_answered(const std::string& client, wire::CommandId command, const PlaceAnswer& answer);
   // Labels (requests.cpp).
-  void on_request(Client& client, const wire::ClientRequest& request);
   void on_request_decided(const std::string& client, const wire::ClientRequest& request,
                           const LabelBook::Judgement& judgement);
   /// Somebody wants a label added, renamed or removed; `done` is called on this thread, when it is durable or
@@ -240,14 +228,16 @@ class Switchboard {
   void tell_cameras(MapId map, const MapEntry& entry);
   void tell_camera(std::pair<MapId, Epoch> where, const CameraEstimate& estimate, Client& client);
   void forget_cameras(MapId map, Client& client);
-  void report(const Status& written, const char* what);
+  /// If it is connected.
+  Status tell(const Client& client, const ClientEvent& event);
 
-  const ServiceOptions options_;
+  const MapServiceOptions options_;
+  const Clock& clock_;
   Lanes lanes_;
   MapPersistence* store_;
   SiteAccess& site_;
-  wire::Participant participant_;
-  Readers readers_;
+  ServiceOutput& output_;
+  const Post post_;
   Logger log_;
 
   MapArray maps_;
@@ -261,22 +251,17 @@ class Switchboard {
   RigList rigs_;
   YoungMaps young_;
   AdminGate admin_gate_;
-  std::map<std::string, wire::Writer<wire::AdminReply>> operators_;  ///< those that the gate knows
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
   std::vector<DamagedFile> damaged_;      ///< as they were when last looked for
   std::vector<UnloadedMap> unloaded_;     ///< likewise
   bool memory_freed_ = false;             ///< by a map that rests, since memory was last given back
   MonotonicTime next_tick_;
-  MonotonicTime identity_logged_;
+  RateLimit output_trouble_;
   int ticks_ = 0;
 
   mutable std::mutex mutex_;  ///< of what follows
-  std::vector<Task> posted_;
   std::map<MapId, MapSnapshotPtr> published_;
-  bool stopping_ = false;
-
-  std::thread thread_;
 };
 
 }  // namespace cairn

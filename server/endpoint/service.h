@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
-#include <cstdint>
 #include <filesystem>
-#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -13,39 +10,19 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "common/wire/participant.h"
-#include "server/access/access_policy.h"
-#include "server/mapping/map_maker.h"
-#include "server/relocalization/relocalizer.h"
-#include "server/service/wearer_rule.h"
-#include "server/service/work_times.h"
+#include "server/service/service_options.h"
 
 namespace cairn {
 
-struct ServiceOptions {
+/// The map service of a DDS domain.
+struct ServiceOptions : MapServiceOptions {
   int domain = 0;
   std::string listen;  ///< interface or address; empty: by profile
   std::string profile = "loopback";
-  uint64_t seed = 0;            ///< of map ids; 0: random
   std::filesystem::path store;  ///< folder in which all is kept; empty: in memory only
-  ServerId server;              ///< without a store: new with every start
-  uint64_t start_count = 1;     ///< without a store: larger with every start, the epoch of its maps
   int workers = 2;              ///< of the urgent lane
-  size_t max_maps = 1000;
-  size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
-  /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
-  /// to do, are let go until it has again; 0: never.
-  std::chrono::seconds rest_after{60};
-  /// A map that its maker lost at once (YoungMaps) is deleted when that has been elsewhere for so long; 0:
-  /// never. What is made in lockstep stays, since a replay does not go by this clock.
-  std::chrono::seconds drop_after{0};
-  bool lockstep = true;  ///< whether clients may ask for it; who does is not served otherwise
-  MapMakerOptions mapping;
-  RelocOptions relocalization;
-  WearerOptions wearers;
-  std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
-  bool is_open_site = true;  ///< until its operators decide otherwise, everybody may write and make maps
-  WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
-  int loss_per_mille = 0;           ///< outgoing packets dropped on purpose; for tests
+  bool is_open_site = true;     ///< until its operators decide otherwise, everybody may write and make maps
+  int loss_per_mille = 0;       ///< outgoing packets dropped on purpose; for tests
 };
 
 /// A random ServerId and a start count from the wall clock, for servers without a store.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/serving.h"
+#include "server/endpoint/serving.h"
 
 #include <cerrno>
 #include <ctime>

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+
+#include "common/base/log.h"
+#include "common/base/time.h"
+#include "common/wire/participant.h"
+#include "common/wire/topic.h"
+#include "server/endpoint/map_feed.h"
+#include "server/service/service_output.h"
+
+namespace cairn {
+
+/// The server's writers in the partition of one client.
+struct ClientWriters {
+  wire::Writer<wire::ServerStatus> status;
+  wire::Writer<wire::MapInfo> maps;
+  wire::Writer<wire::SeedVerdict> seeds;
+  wire::Writer<wire::OfferVerdict> offers;
+  wire::Writer<wire::RelocAnswer> places;
+  wire::Writer<wire::CameraEstimate> cameras;
+  wire::Writer<wire::ClientReply> replies;
+
+  [[nodiscard]] static Result<ClientWriters> create(const wire::Participant& participant,
+                                                    const std::string& client);
+};
+
+/// Writes an event to its topic.
+Status write(ClientWriters& writers, const ClientEvent& event);
+
+/// What leads to one client: made of its readers as they are discovered.
+struct ClientLink {
+  int status_readers = 0;                       ///< discovered; 0: not connected
+  std::optional<ClientWriters> writers;         ///< while connected
+  std::map<MapId, int> wanted;                  ///< map readers discovered, by map
+  std::map<MapId, MapFeed> feeds;               ///< of the wanted maps that there are for it
+  std::optional<MonotonicTime> feed_failed_at;  ///< one more could not be made, or was one too many
+};
+
+}  // namespace cairn

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <limits>
+#include <memory>
+
+#include "common/map/ids.h"
+#include "server/access/access_policy.h"
+#include "server/mapping/map_maker.h"
+#include "server/relocalization/relocalizer.h"
+#include "server/service/clock.h"
+#include "server/service/wearer_rule.h"
+#include "server/service/work_times.h"
+
+namespace cairn {
+
+/// How the map service works, whatever it is reached by.
+struct MapServiceOptions {
+  uint64_t seed = 0;         ///< of map ids; 0: random
+  ServerId server;           ///< without a store: new with every start
+  uint64_t start_count = 1;  ///< without a store: larger with every start, the epoch of its maps
+  size_t max_maps = 1000;
+  size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
+  /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
+  /// to do, are let go until it has again; 0: never.
+  std::chrono::seconds rest_after{60};
+  /// A map that its maker lost at once (YoungMaps) is deleted when that has been elsewhere for so long; 0:
+  /// never. What is made in lockstep stays, since a replay does not go by this clock.
+  std::chrono::seconds drop_after{0};
+  bool lockstep = true;  ///< whether clients may ask for it; who does is not served otherwise
+  MapMakerOptions mapping;
+  RelocOptions relocalization;
+  WearerOptions wearers;
+  std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
+  std::shared_ptr<const Clock> clock = std::make_shared<SystemClock>();
+  WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
+};
+
+}  // namespace cairn

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <variant>
+
+#include "common/map/snapshot.h"
+#include "common/wire/messages.h"
+
+namespace cairn {
+
+/// A map is not there any more, or not for this client: it is sent no more of it.
+struct MapUnlisted {
+  MapId map;
+  bool was_listed = true;  ///< else its name is not to be learnt from this either
+};
+/// Nothing is said any more of what a map has found out about a client's camera.
+struct EstimateDropped {
+  ClientId client;
+  uint32_t camera = 0;
+  MapId map;
+};
+
+/// What one client is told. Of each kind, the newest counts (of maps and cameras: of each of those).
+using ClientEvent =
+    std::variant<wire::ServerStatus, wire::MapInfo, MapUnlisted, wire::SeedVerdict, wire::OfferVerdict,
+                 wire::RelocAnswer, wire::CameraEstimate, EstimateDropped, wire::ClientReply>;
+
+/// What the map service brings about outside: an adapter carries it out, by DDS or in the same process.
+/// Called on the service's thread, and never waits for a peer.
+class ServiceOutput {
+ public:
+  virtual ~ServiceOutput() = default;
+
+  /// To a client that is connected. Error: it could not be written, and is lost.
+  virtual Status tell(const std::string& client, const ClientEvent& event) = 0;
+  /// To an operator, once more where he asks again.
+  virtual Status answer(const std::string& operator_name, const wire::AdminReply& reply) = 0;
+
+  /// A map has another revision, its first perhaps: for all that follow it (MapService::follow()).
+  virtual void revised(MapId map, const MapSnapshotPtr& newest) = 0;
+  virtual void labelled(const wire::LabelMessage& label) = 0;
+  virtual void label_removed(MapId map, LabelId label) = 0;
+  /// A map is not there any more: nobody follows it.
+  virtual void ended(MapId map) = 0;
+};
+
+}  // namespace cairn
