@@ -9,6 +9,7 @@ namespace cairn {
 namespace {
 
 constexpr int64_t kFrameTime = 33'333'333;  // [ns]
+constexpr int64_t kSamplesPerFrame = 8;     // 240 Hz; what turns between samples is not known
 constexpr double kReach = 30.0 / 525;       // [rad]
 
 /// Frames of a camera at rest, whose gyro has a bias; how many it is carried blindly.
@@ -16,8 +17,10 @@ int frames_carried(int frames_before, double bias) {
   GyroPrior gyro;
   gyro.use(ImuMount{});
   for (int i = 0; i < 2000; ++i) {
-    const std::array<ImuSample, 1> sample = {{{{i * kFrameTime}, {0, bias, 0}, {0, -9.8, 0}}}};
-    gyro.add(sample);
+    for (int64_t k = 1; k <= kSamplesPerFrame; ++k) {
+      const int64_t time = (i - 1) * kFrameTime + k * kFrameTime / kSamplesPerFrame;
+      gyro.add(std::array<ImuSample, 1>{{{{time}, {0, bias, 0}, {0, -9.8, 0}}}});
+    }
     gyro.next_frame({i * kFrameTime});
     if (i < frames_before) {
       gyro.tracked(SE3());
