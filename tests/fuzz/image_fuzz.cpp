@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <opencv2/imgcodecs.hpp>
+
+#include "common/image/limits.h"
+#include "common/io/image_file.h"
+#include "tests/fuzz/fuzz_target.h"
+
+namespace cairn::fuzz {
+
+void decode(std::span<const uint8_t> bytes) {
+  const auto image = decode_gray_image(bytes);
+  if (image) {
+    demand(image->width() > 0 && image->width() <= kMaxImageSide, "an image is no wider than kMaxImageSide");
+    demand(image->height() > 0 && image->height() <= kMaxImageSide,
+           "an image is no higher than kMaxImageSide");
+  }
+  const auto deep = decode_deep_image(bytes);
+  if (deep) {
+    demand(deep->pixels.size() == static_cast<size_t>(deep->width) * static_cast<size_t>(deep->height),
+           "an image has all its pixels");
+  }
+}
+
+std::vector<std::vector<uint8_t>> seeds() {
+  std::vector<std::vector<uint8_t>> files;
+  for (const int type : {CV_8UC1, CV_8UC3, CV_16UC1}) {
+    cv::Mat picture(24, 32, type);
+    cv::randu(picture, 0, 255);
+    for (const char* suffix : {".png", ".jpg", ".pgm", ".ppm"}) {
+      const bool is_possible = type == CV_16UC1 ? suffix != std::string(".jpg") : true;
+      std::vector<uint8_t> bytes;
+      if (is_possible && (suffix != std::string(".ppm") || picture.channels() == 3) &&
+          (suffix != std::string(".pgm") || picture.channels() == 1) && cv::imencode(suffix, picture, bytes))
+        files.push_back(std::move(bytes));
+    }
+  }
+  return files;
+}
+
+}  // namespace cairn::fuzz
