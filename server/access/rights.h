@@ -23,7 +23,7 @@ enum class Right : uint8_t {
   kRead,    ///< sees it listed, finds itself in it, receives it
   kAdd,     ///< adds keyframes and labels; what others put there stays as it is
   kWrite,   ///< changes and removes labels, too
-  kManage,  ///< renames and deletes it, says who else may
+  kManage,  ///< no request of a client needs it yet
 };
 
 /// The word of the command line and of the file: "none", "read", "add", "write", "manage".
