@@ -10,6 +10,7 @@
 #include "common/base/utc.h"
 #include "common/base/utf8.h"
 #include "common/io/json_text.h"
+#include "server/admin/asking.h"
 #include "server/admin/listing.h"
 
 namespace cairn {
@@ -53,31 +54,13 @@ struct Words {
   int limit = 50;
 };
 
-std::string check_text(const std::string& text) {
-  const auto fault = fault_of_text(text);
-  return fault ? "'" + one_line(text) + "': " + *fault : std::string();
-}
-
-/// Asks, and prints the answer as JSON or by `print`.
-Status ask(AdminClient* client, const json& request, bool as_json,
-           const std::function<void(const json&)>& print) {
-  const auto answer = client->ask(request);
-  if (!answer) return tl::unexpected(answer.error());
-  if (as_json) {
-    std::printf("%s\n", json_text(answer->content, 2).c_str());
-  } else {
-    print(answer->content);
-  }
-  return {};
-}
-
 void print_done(const json& answer) {
   std::printf("%s\n", text_of(answer, "done").c_str());
 }
 
 AccessAction change(json request) {
   return [request = std::move(request)](AdminClient* client, bool as_json) {
-    return ask(client, request, as_json, print_done);
+    return ask_and_print(client, request, as_json, print_done);
   };
 }
 
@@ -146,7 +129,7 @@ Status grant(AdminClient* client, const Words& words, bool as_json) {
         std::chrono::system_clock::now().time_since_epoch() + std::chrono::hours(24 * words.days);
     request["until"] = to_utc({std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()});
   }
-  return ask(client, request, as_json, print_done);
+  return ask_and_print(client, request, as_json, print_done);
 }
 
 void describe_grant(CLI::App* rights, const std::shared_ptr<Words>& words, AccessAction* action) {
@@ -154,8 +137,8 @@ void describe_grant(CLI::App* rights, const std::shared_ptr<Words>& words, Acces
       rights->add_subcommand("grant", "lets somebody do something; replaces what was granted");
   grant_words->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")
       ->required()
-      ->check(check_text);
-  grant_words->add_option("MAP", words->map, "name or id, or all")->required()->check(check_text);
+      ->check(fault_of_word);
+  grant_words->add_option("MAP", words->map, "name or id, or all")->required()->check(fault_of_word);
   grant_words->add_option("RIGHT", words->right, "none, read, add, write or manage")->required();
   CLI::Option* box =
       grant_words->add_option("--box", words->box, "the map grows within: x y z of both corners [m]")
@@ -183,23 +166,26 @@ void describe_rights(CLI::App* app, AccessAction* action) {
   rights->callback([action] {
     if (*action) return;
     *action = [](AdminClient* client, bool as_json) {
-      return ask(client, {{"verb", "rights"}}, as_json, print_rights);
+      return ask_and_print(client, {{"verb", "rights"}}, as_json, print_rights);
     };
   });
   describe_grant(rights, words, action);
   CLI::App* revoke = rights->add_subcommand("revoke", "takes back what was granted");
-  revoke->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")->required()->check(check_text);
-  revoke->add_option("MAP", words->map, "name or id, or all")->required()->check(check_text);
+  revoke->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")
+      ->required()
+      ->check(fault_of_word);
+  revoke->add_option("MAP", words->map, "name or id, or all")->required()->check(fault_of_word);
   revoke->callback([action, words] {
     *action = change({{"verb", "rights-revoke"}, {"to", words->to}, {"map", words->map}});
   });
   CLI::App* explain = rights->add_subcommand("explain", "why a client may or may not do something in a map");
-  explain->add_option("CLIENT", words->client, "its name")->required()->check(check_text);
-  explain->add_option("MAP", words->map, "name or id")->required()->check(check_text);
+  explain->add_option("CLIENT", words->client, "its name")->required()->check(fault_of_word);
+  explain->add_option("MAP", words->map, "name or id")->required()->check(fault_of_word);
   explain->callback([action, words] {
     *action = [words](AdminClient* client, bool as_json) {
-      return ask(client, {{"verb", "rights-explain"}, {"client", words->client}, {"map", words->map}},
-                 as_json, print_explanation);
+      return ask_and_print(client,
+                           {{"verb", "rights-explain"}, {"client", words->client}, {"map", words->map}},
+                           as_json, print_explanation);
     };
   });
   CLI::App* standard = rights->add_subcommand("default", "of who is not named by any grant");
@@ -212,7 +198,9 @@ void describe_rights(CLI::App* app, AccessAction* action) {
     *action = change(std::move(request));
   });
   CLI::App* create = rights->add_subcommand("create", "who makes maps");
-  create->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")->required()->check(check_text);
+  create->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")
+      ->required()
+      ->check(fault_of_word);
   create->add_option("MAY", words->may, "inherit: as its groups and the default say")
       ->required()
       ->check(CLI::IsMember({"yes", "no", "inherit"}));
@@ -223,8 +211,8 @@ void describe_rights(CLI::App* app, AccessAction* action) {
   });
   CLI::App* group =
       rights->add_subcommand("group", "who belongs to a group, from now on; nobody: removes it");
-  group->add_option("GROUP", words->group, "its name")->required()->check(check_text);
-  group->add_option("CLIENT", words->members, "names of clients")->check(check_text);
+  group->add_option("GROUP", words->group, "its name")->required()->check(fault_of_word);
+  group->add_option("CLIENT", words->members, "names of clients")->check(fault_of_word);
   group->callback([action, words] {
     *action = change({{"verb", "rights-group"}, {"group", words->group}, {"members", words->members}});
   });
@@ -249,7 +237,7 @@ void describe_clients(CLI::App* app, AccessAction* action) {
       app->add_subcommand("clients", "trackers; without a word more, lists those that are known");
   const auto list = [action] {
     *action = [](AdminClient* client, bool as_json) {
-      return ask(client, {{"verb", "clients"}}, as_json, print_clients);
+      return ask_and_print(client, {{"verb", "clients"}}, as_json, print_clients);
     };
   };
   clients->callback([action, list] {
@@ -259,7 +247,7 @@ void describe_clients(CLI::App* app, AccessAction* action) {
       ->callback(list);
   const auto add = [&](const char* word, const char* help, const char* verb) {
     CLI::App* below = clients->add_subcommand(word, help);
-    below->add_option("CLIENT", words->client, "its name")->required()->check(check_text);
+    below->add_option("CLIENT", words->client, "its name")->required()->check(fault_of_word);
     below->callback([action, words, verb] {
       *action = change({{"verb", verb}, {"client", words->client}, {"why", words->why}});
     });
@@ -267,7 +255,7 @@ void describe_clients(CLI::App* app, AccessAction* action) {
   };
   add("block", "keeps it out until it is unblocked: it may do nothing", "client-block")
       ->add_option("--why", words->why, "for its user and the audit log")
-      ->check(check_text);
+      ->check(fault_of_word);
   add("unblock", "lets it in again, with the rights that it has", "client-unblock");
 }
 
@@ -311,9 +299,9 @@ void describe_audit(CLI::App* app, AccessAction* action) {
       "1000\n"
       "  cairnctl audit --json --limit 100000 > audit.json");
   audit->add_option("--who", words->who, "a name, or \"operator NAME\", \"client NAME\", server")
-      ->check(check_text);
-  audit->add_option("--action", words->what, "begins so: rights, map delete")->check(check_text);
-  audit->add_option("--object", words->object, "what it was done to contains this")->check(check_text);
+      ->check(fault_of_word);
+  audit->add_option("--action", words->what, "begins so: rights, map delete")->check(fault_of_word);
+  audit->add_option("--object", words->object, "what it was done to contains this")->check(fault_of_word);
   audit->add_option("--from", words->from, "2027-01-31 or 2027-01-31T12:00:00Z (UTC)");
   audit->add_option("--until", words->until, "likewise; not included");
   audit->add_option("--limit", words->limit, "entries at most")
@@ -336,7 +324,7 @@ void describe_freeze(CLI::App* below, const std::string* map, AccessAction* acti
   const auto words = std::make_shared<Words>();
   CLI::App* freeze =
       below->add_subcommand("freeze", "it is found and tracked, and takes nothing from anybody");
-  freeze->add_option("--why", words->why, "for who is refused and the audit log")->check(check_text);
+  freeze->add_option("--why", words->why, "for who is refused and the audit log")->check(fault_of_word);
   freeze->callback([action, words, map] {
     *action = change({{"verb", "map-freeze"}, {"map", *map}, {"why", words->why}});
   });

@@ -7,13 +7,9 @@
 #include <string>
 
 #include "common/base/result.h"
-#include "server/admin/admin_client.h"
+#include "server/admin/asking.h"
 
 namespace cairn {
-
-/// What `cairnctl rights`, `clients`, `audit` and `map MAP freeze` ask for: nothing, unless their words were
-/// there. `as_json`: answers are printed for machines.
-using AccessAction = std::function<Status(AdminClient* client, bool as_json)>;
 
 /// The words of `cairnctl rights`, `clients` and `audit`; `action` is what they ask for.
 void describe_access(CLI::App* app, AccessAction* action);

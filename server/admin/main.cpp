@@ -30,6 +30,7 @@
 #include "server/admin/keys_commands.h"
 #include "server/admin/listing.h"
 #include "server/admin/rig_commands.h"
+#include "server/admin/version_commands.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -55,6 +56,8 @@ constexpr const char* kFooter =
     "  cairnctl labels desk remove 3\n"
     "  cairnctl rights grant phone-1 desk write        who may do what; see `cairnctl rights --help`\n"
     "  cairnctl map desk freeze                        it takes nothing from anybody\n"
+    "  cairnctl map desk tag monday                    keeps its state\n"
+    "  cairnctl map desk rollback monday               and has it back\n"
     "  cairnctl audit                                  who did what\n"
     "  cairnctl rigs                                   lists the rigs that the server hears\n"
     "  cairnctl rig shoulder stop                      emergency stop of a rig\n"
@@ -355,12 +358,6 @@ Status import_maps(AdminClient* client, const Options& options) {
   return {};
 }
 
-/// Names and labels are UTF-8; a path may be any bytes.
-std::string check_text(const std::string& text) {
-  const auto fault = fault_of_text(text);
-  return fault ? in_quotes(text) + ": " + *fault : std::string();
-}
-
 /// Usage of a command with all that comes before it on the line: `cairnctl map MAP rename NAME`.
 class WholeLine : public CLI::Formatter {
  public:
@@ -414,7 +411,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
           "loaded, and why")
       ->callback([action] { *action = list_maps; });
   CLI::App* out = maps->add_subcommand("export", "maps into files");
-  out->add_option("MAP", options->maps, "names or ids [all]")->check(check_text);
+  out->add_option("MAP", options->maps, "names or ids [all]")->check(fault_of_word);
   out->add_option("--out", options->folder, "folder")->capture_default_str();
   out->add_option("--format", options->format,
                   "archive can be imported again; the others, for other programs, go into a folder of the "
@@ -430,11 +427,11 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   in->add_option("FILE", options->files, "archives")->required();
   in->callback([action] { *action = import_maps; });
   CLI::App* purge = maps->add_subcommand("purge", "removes deleted maps for good");
-  purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required()->check(check_text);
+  purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required()->check(fault_of_word);
   purge->callback([action] { *action = purge_maps; });
 
   CLI::App* map = app->add_subcommand("map", "one map");
-  map->add_option("MAP", options->map, "its name or id")->required()->check(check_text);
+  map->add_option("MAP", options->map, "its name or id")->required()->check(fault_of_word);
   map->require_subcommand(1);
   const auto add = [&](const char* word, const char* help, const char* verb) {
     CLI::App* sub = map->add_subcommand(word, help);
@@ -449,11 +446,12 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   add("rename", "calls it otherwise", "rename")
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required()
-      ->check(check_text);
+      ->check(fault_of_word);
   add("delete", "takes it out of service; with --store it can be had back", "delete")
       ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
   describe_freeze(map, &options->map, access);
+  describe_versions(map, &options->map, access);
 }
 
 std::string check_label_id(const std::string& text) {
@@ -465,7 +463,7 @@ std::string check_label_id(const std::string& text) {
 void describe_labels(CLI::App* app, Options* options, Action* action) {
   CLI::App* labels =
       app->add_subcommand("labels", "what people have said of places; without a word more, lists it");
-  labels->add_option("MAP", options->map, "name or id [all maps]")->check(check_text);
+  labels->add_option("MAP", options->map, "name or id [all maps]")->check(fault_of_word);
   labels->callback([action] {
     if (!*action) *action = list_labels;
   });
@@ -476,7 +474,7 @@ void describe_labels(CLI::App* app, Options* options, Action* action) {
   rename->add_option("LABEL", options->label, "its id")->required()->check(check_label_id);
   rename->add_option("TEXT", options->text, "one line of UTF-8, at most 256 bytes")
       ->required()
-      ->check(check_text);
+      ->check(fault_of_word);
   rename->callback([action] {
     *action = [](AdminClient* client, const Options& o) {
       return change_label(client, o, {{"verb", "label-rename"}, {"text", o.text}});

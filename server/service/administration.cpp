@@ -61,7 +61,7 @@ OperatorAct act_of(const std::string& verb) {
   if (is_transfer) return OperatorAct::kTransfer;
   const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
                        verb == "labels" || verb == "rights" || verb == "rights-explain" ||
-                       verb == "clients" || verb == "audit";
+                       verb == "clients" || verb == "audit" || verb == "tags";
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
@@ -188,6 +188,7 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
   if (verb == "rename") return rename_map(id, entry, text_of(request, "name"), answer);
   if (verb == "delete") return delete_map(id, entry, is_set(request, "for_good"), answer);
   if (verb == "export") return export_map(id, entry, answer);
+  if (keeps_versions(operator_name, id, entry, request, answer)) return;
   const LabelId label{number_of(request, "label")};
   if (verb == "labels") return answer(success(describe_labels(entry->name, entry->labels.all(), label)));
   if (verb == "label-rename" || verb == "label-remove") {

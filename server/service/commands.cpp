@@ -328,6 +328,8 @@ void MapService::on_map_changed(MapId map, MapRevision revision) {
     return;
   }
   const MapSnapshotPtr snapshot = revision.snapshot;
+  if (entry->snapshot != nullptr && snapshot->epoch < entry->snapshot->epoch)
+    return;  // from before a roll-back
   maps_.show(entry, snapshot, std::move(revision.statistics));
   entry->used_at = clock_.now();
   // From here, not from the map's queue: a map that has gone does not come back, and no verdict is ahead.

@@ -99,6 +99,8 @@ void MapService::delete_map(MapId id, MapEntry* entry, bool for_good, const Admi
     entry->runner->retire();
     return finish_deletion(id, {}, answer);
   }
+  if (entry->rolling_back)
+    return answer(refusal(ErrorCode::kRefused, "the map is being rolled back; try again"));
   entry->leaving = true;
   // All that is handed in is written, exports of it that are under way come to their end, and then its file
   // goes, in the writer's turn. Until then the map is served: it may yet stay.
@@ -136,7 +138,7 @@ void MapService::drop_dead_maps(MonotonicTime now) {
     MapEntry* entry = maps_.find(dead.map);
     if (entry != nullptr && (entry->seeding || entry->offers_in_work > 0)) continue;  // it may yet be of use
     young_.forget(dead.map);
-    if (entry == nullptr || entry->leaving || !entry->frozen.empty()) continue;
+    if (entry == nullptr || entry->leaving || entry->rolling_back || !entry->frozen.empty()) continue;
     const std::string id = to_hex(dead.map.bytes);
     log_->info("{} is dropped: {} lost it after {:.1f} s, and nobody has been found in it since{}",
                entry->name, dead.maker, std::chrono::duration<double>(dead.tracked).count(),

@@ -32,6 +32,7 @@ struct MapEntry {
   int offers_in_work = 0;                     ///< each may wake it
   std::string name_to_be = {};                ///< while it is being kept: taken already
   bool leaving = false;                       ///< it is being deleted
+  bool rolling_back = false;                  ///< another state of it is about to take its place
   size_t bytes_published = 0;                 ///< of the snapshot's points
 };
 

@@ -40,7 +40,7 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, const Se
 }
 
 void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done) {
-  if (store_ == nullptr || maker_ == nullptr || frozen_ || deleted_) return done(judgement);
+  if (store_ == nullptr || maker_ == nullptr || frozen_ || has_ended()) return done(judgement);
   DecisionRecord decision = record_of(origin, CommandKind::kOffer, clock_->wall());
   decision.decision = static_cast<uint8_t>(judgement.decision);
   decision.reason = judgement.reason;
@@ -105,7 +105,7 @@ void MapRunner::save() {
 }
 
 void MapRunner::save_last_changes() {
-  if (store_ == nullptr || frozen_ || maker_ == nullptr || published_ == nullptr) return;
+  if (store_ == nullptr || frozen_ || replaced_ || maker_ == nullptr || published_ == nullptr) return;
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
   store_->write(published_->map, std::move(update), {});
@@ -118,9 +118,28 @@ void MapRunner::flush(std::function<void()> then) {
   });
 }
 
+void MapRunner::give_way(std::function<void()> then) {
+  queue_.post([self = shared_from_this(), then = std::move(then)] {
+    self->guarded([&] { self->save_last_changes(); });
+    self->replaced_ = true;
+    self->stopping_ = true;
+    if (const auto waiting = self->awaiting_images_.lock()) self->end_reading(waiting);
+    then();
+  });
+}
+
+void MapRunner::go_on_after_all() {
+  queue_.post([self = shared_from_this()] {
+    self->replaced_ = false;
+    self->stopping_ = false;
+    self->save_soon();
+    self->schedule_upkeep();
+  });
+}
+
 void MapRunner::rename(std::string name, std::function<void(Status)> done) {
   queue_.post([self = shared_from_this(), name = std::move(name), done = std::move(done)] {
-    if (self->deleted_) return done(fail(ErrorCode::kRefused, kDeleted));
+    if (self->has_ended()) return done(fail(ErrorCode::kRefused, self->ended().reason));
     if (self->maker_ == nullptr || self->frozen_) return done(fail(ErrorCode::kRefused, "the map is frozen"));
     const auto show = [self, name, done] {
       self->guarded([&] {

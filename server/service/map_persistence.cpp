@@ -185,6 +185,17 @@ void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, Rest
   });
 }
 
+void MapPersistence::reload(MapId map, const MapMakerOptions& options, RestoredImages images,
+                            std::function<void(Result<RestoredMap>)> done) {
+  run_beside([this, map, options, images, done = std::move(done)](Store&) {
+    auto loaded = std::make_shared<Loaded>(load(map, options, images));
+    run([this, loaded, done](Store&) {
+      if (!loaded->restored) part_with(*loaded);
+      done(settle(std::move(*loaded)));
+    });
+  });
+}
+
 void MapPersistence::take_back(MapId map, const std::string& name, Undo undo, const std::string& reason) {
   log_->error("map {} cannot be served: {}", to_hex(map.bytes), reason);
   const Status undone = (store_.get()->*undo)(map);

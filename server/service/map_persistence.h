@@ -89,6 +89,11 @@ class MapPersistence {
   /// The same for one that was loaded and cannot be served after all, for this reason: by the writer.
   void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
 
+  /// One map whose file has become another, at once, to be served in a new epoch: by the other thread, and
+  /// `done` by the writer. One that cannot be loaded is set aside or left alone, as by restore().
+  void reload(MapId map, const MapMakerOptions& options, RestoredImages images,
+              std::function<void(Result<RestoredMap>)> done);
+
   /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
   /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
   /// writer, in its turn: with all that was handed in before, whatever happens. Error kIo: it may be over

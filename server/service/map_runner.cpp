@@ -221,8 +221,8 @@ void MapRunner::decide(OfferJob job, MonotonicTime arrival, OfferDone done) {
 void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, OfferDone done) {
   const OfferJudgement failed{wire::OfferDecision::kDamaged, kInternalError, {}, {}};
   if (judgement.decision == wire::OfferDecision::kAccepted) {
-    if (deleted_) {
-      judgement = {wire::OfferDecision::kUnknownMap, kDeleted, {}, {}};
+    if (has_ended()) {
+      judgement = ended();
     } else if (frozen_ || !guarded([this] { publish(); })) {
       judgement = failed;
     }
@@ -232,6 +232,11 @@ void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, 
   judgement = failed;
   if (published_ != nullptr) judgement.revision = published_->revision;
   done(std::move(judgement));
+}
+
+OfferJudgement MapRunner::ended() const {
+  if (deleted_) return {wire::OfferDecision::kUnknownMap, kDeleted, {}, {}};
+  return {wire::OfferDecision::kStale, "the map was rolled back", {}, {}};
 }
 
 /// Where it was tracked while the client was cut off: false when the frame before it is not in the map.
@@ -247,7 +252,7 @@ bool MapRunner::refer_to_earlier(OfferJob* job) const {
 
 OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   using wire::OfferDecision;
-  if (deleted_) return {OfferDecision::kUnknownMap, kDeleted, {}, {}};
+  if (has_ended()) return ended();
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
   if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
   if (!carry_over(epochs_, job.epoch, published_->epoch, &job.input)) {

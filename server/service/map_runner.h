@@ -118,6 +118,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
   /// wait.
   void retire();
+  /// Another state of the map is about to take its place: hands what has changed to the store, then calls
+  /// `then`, on the queue. From then on it takes nothing and hands in nothing; offers are answered as stale.
+  void give_way(std::function<void()> then);
+  /// Nothing has taken its place: it goes on.
+  void go_on_after_all();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// pictures the place index has; else nothing happens. With a store only. Does not wait.
   void rest(Revision indexed);
@@ -132,6 +137,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
 
  private:
   static constexpr const char* kDeleted = "the map was deleted";
+  /// What offers are answered when the map has gone or given way.
+  [[nodiscard]] OfferJudgement ended() const;
+  [[nodiscard]] bool has_ended() const { return deleted_ || replaced_; }
   [[nodiscard]] Result<SeedResult> make_map(SeedJob* job);
   [[nodiscard]] bool refer_to_earlier(OfferJob* job) const;
   [[nodiscard]] OfferJudgement judge(OfferJob job, MonotonicTime arrival);
@@ -199,6 +207,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   WorkerPool& urgent_;
   std::atomic<bool> stopping_{false};
   std::atomic<bool> deleted_{false};
+  std::atomic<bool> replaced_{false};
   std::atomic<int> waiting_offers_{0};
   OfferChain chain_;                      ///< used on the queue
   std::deque<WaitingOffer> chained_;      ///< used on the queue

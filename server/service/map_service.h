@@ -97,6 +97,15 @@ class MapService {
   [[nodiscard]] std::vector<MapSnapshotPtr> maps() const;
 
  private:
+  /// A map that the store has given back.
+  struct ResumedMap {
+    MapHeader header;
+    bool plane_aligned = false;
+    std::vector<LabelRecord> labels;
+    std::shared_ptr<MapRunner> runner;
+    MapRevision first;
+  };
+
   void watch_for_overlaps();
 
   [[nodiscard]] std::string health() const;
@@ -164,18 +173,23 @@ class MapService {
   /// cannot be served, or not be called as it must.
   void take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer);
   void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  // Versions (map_versions.cpp).
+  /// False: the verb is about something else.
+  [[nodiscard]] bool keeps_versions(const std::string& operator_name, MapId id, MapEntry* entry,
+                                    const nlohmann::json& request, const AdminAnswer& answer);
+  void tag_map(MapId id, const MapEntry& entry, MapTag tag, const AdminAnswer& answer);
+  void list_tags(MapId id, uint64_t after, const AdminAnswer& answer);
+  void roll_back_map(MapId id, MapEntry* entry, const std::string& tag, MapTag before,
+                     const AdminAnswer& answer);
+  /// By the writer: the map's file is another; it is served from it, in a new epoch.
+  void serve_again(MapId id, const AdminAnswer& answer);
+  void replace_map(ResumedMap map, const AdminAnswer& answer);
+  void copy_map(MapId id, const MapEntry& entry, const std::string& name, const AdminAnswer& answer);
   void transfer(const std::string& verb, const std::string& token, uint64_t offset, std::vector<uint8_t> data,
                 const AdminAnswer& answer);
   void import_map(const std::string& token, const AdminAnswer& answer);
 
   // Maps and clients from before a restart (resumption.cpp).
-  struct ResumedMap {
-    MapHeader header;
-    bool plane_aligned = false;
-    std::vector<LabelRecord> labels;
-    std::shared_ptr<MapRunner> runner;
-    MapRevision first;
-  };
   /// The part that takes time: by any thread.
   [[nodiscard]] ResumedMap prepare(RestoredMap restored);
   void take_up(ResumedMap map);

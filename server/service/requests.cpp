@@ -75,6 +75,8 @@ void MapService::change_label(const wire::ClientRequest& request, const Principa
     return done({wire::RequestDecision::kUnknownMap, "this server does not know the map", request.label, {}});
   if (std::string why = why_not(ruling, request, author, entry->labels); !why.empty())
     return done({wire::RequestDecision::kNoRight, std::move(why), request.label, {}});
+  if (entry->rolling_back)
+    return done({wire::RequestDecision::kBusy, "the map is being rolled back; try again", request.label, {}});
   if (entry->runner == nullptr)
     return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
   const Timestamp now = clock_.wall();
@@ -123,7 +125,7 @@ void MapService::tell_label(MapId map, const MapEntry& entry, LabelId id) {
 void MapService::move_labels(MapId map, MapEntry& entry) {
   LabelBook::Moves moves = entry.labels.follow(*entry.snapshot);
   for (const LabelId label : moves.moved) tell_label(map, entry, label);
-  if (moves.anchored.empty() || store_ == nullptr) return;
+  if (moves.anchored.empty() || store_ == nullptr || entry.rolling_back) return;
   MapUpdate update;
   update.labels = std::move(moves.anchored);
   store_->write(map, std::move(update), {});  // if it fails, the pose that was kept with the label serves

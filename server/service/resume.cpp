@@ -85,9 +85,15 @@ bool carry_over(std::span<const EpochRecord> epochs, Epoch tracked_in, Epoch pre
   const auto then =
       std::find_if(epochs.begin(), epochs.end(), [&](const EpochRecord& e) { return e.epoch == tracked_in; });
   if (then == epochs.end() || std::next(then) == epochs.end()) return false;
-  const EpochRecord& next = *std::next(then);  // what it began with was all that was left of the one before
-  if (frame->reference.value > next.keyframes) return false;
-  std::erase_if(frame->measurements, [&](const PointMeasurement& m) { return m.id.value > next.points; });
+  // What an epoch began with was all that was left of those before it: after a roll-back, less than that with
+  // which an earlier one had begun.
+  EpochRecord left = *std::next(then);
+  for (auto later = std::next(then); later != epochs.end(); ++later) {
+    left.keyframes = std::min(left.keyframes, later->keyframes);
+    left.points = std::min(left.points, later->points);
+  }
+  if (frame->reference.value > left.keyframes) return false;
+  std::erase_if(frame->measurements, [&](const PointMeasurement& m) { return m.id.value > left.points; });
   return true;
 }
 

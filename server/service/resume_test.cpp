@@ -57,5 +57,27 @@ TEST(ResumeClients, WhatCountsIsTheLastOfAllMapsAndOfTheNewestSession) {
   EXPECT_EQ(both[0].second.offers[1].seq, 2U);
 }
 
+/// An id that a later roll-back has given up means another keyframe now, whatever the epochs between began
+/// with.
+TEST(CarryOver, WhatAnyLaterEpochHasGivenUpIsGone) {
+  const EpochRecord epochs[] = {
+      {Epoch{1}, 0, 0}, {Epoch{2}, 20, 900}, {Epoch{3}, 15, 700}, {Epoch{4}, 30, 1200}};
+  const auto carried = [&](uint64_t tracked_in, uint64_t reference, KeyframeInput frame = {}) {
+    frame.reference = KeyframeId{reference};
+    return carry_over(epochs, Epoch{tracked_in}, Epoch{4}, &frame);
+  };
+  EXPECT_TRUE(carried(1, 15));
+  EXPECT_FALSE(carried(1, 18));
+  EXPECT_FALSE(carried(2, 18));
+  EXPECT_TRUE(carried(3, 18));
+  EXPECT_FALSE(carried(9, 1)) << "an epoch that never was";
+  KeyframeInput frame;
+  frame.reference = KeyframeId{3};
+  frame.measurements = {{PointId{650}, 0, {}}, {PointId{800}, 0, {}}};
+  ASSERT_TRUE(carry_over(epochs, Epoch{1}, Epoch{4}, &frame));
+  ASSERT_EQ(frame.measurements.size(), 1U);
+  EXPECT_EQ(frame.measurements[0].id, PointId{650});
+}
+
 }  // namespace
 }  // namespace cairn

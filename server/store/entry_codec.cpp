@@ -135,6 +135,30 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   return label;
 }
 
+Blob encode_tag(const MapTag& tag) {
+  ByteWriter out;
+  out.put_text(tag.name);
+  out.put(tag.time.nanoseconds);
+  out.put_text(tag.author);
+  for (const size_t count : {tag.keyframes, tag.points, tag.keyframe_count, tag.point_count})
+    out.put(static_cast<uint64_t>(count));
+  return out.take();
+}
+
+std::optional<MapTag> decode_tag(int64_t id, std::span<const uint8_t> row) {
+  ByteReader in(row);
+  MapTag tag;
+  tag.number = static_cast<uint64_t>(id);
+  tag.name = one_line(in.get_text());
+  tag.time.nanoseconds = in.get<int64_t>();
+  tag.author = one_line(in.get_text());
+  for (size_t* count : {&tag.keyframes, &tag.points, &tag.keyframe_count, &tag.point_count})
+    *count = in.get<uint64_t>();
+  const bool sound = in.finished() && tag.keyframe_count <= kMaxKeyframes && tag.point_count <= kMaxPoints;
+  if (!sound) return std::nullopt;
+  return tag;
+}
+
 Blob encode_overlap(const OverlapRecord& overlap) {
   ByteWriter out;
   out.put(std::span(overlap.one.bytes));

@@ -30,6 +30,9 @@ struct CountedHeader {
 [[nodiscard]] Blob encode_label(const LabelRecord& label);
 [[nodiscard]] std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row);
 
+[[nodiscard]] Blob encode_tag(const MapTag& tag);
+[[nodiscard]] std::optional<MapTag> decode_tag(int64_t id, std::span<const uint8_t> row);
+
 [[nodiscard]] Blob encode_overlap(const OverlapRecord& overlap);
 [[nodiscard]] std::optional<OverlapRecord> decode_overlap(std::span<const uint8_t> row);
 

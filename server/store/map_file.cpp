@@ -131,6 +131,7 @@ Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin orig
   MapFile file(std::move(*database), std::move(header->header));
   file.keyframe_count_ = header->keyframes;
   file.point_count_ = header->points;
+  if (Status learnt = file.learn_newest_tag(); !learnt) return tl::unexpected(learnt.error());
   return file;
 }
 
@@ -215,12 +216,14 @@ Result<sqlite::Statement*> MapFile::statement(std::string_view sql) {
 }
 
 Status MapFile::put(std::string_view table, int64_t id, std::span<const uint8_t> data) {
+  if (Status kept = keep_as_tagged(table, id); !kept) return kept;
   const auto insert = statement(put_row_sql(table));
   if (!insert) return tl::unexpected(insert.error());
   return (*insert)->bind(0, id).bind(1, data).bind(2, row_checksum(id, data)).run();
 }
 
 Status MapFile::remove(std::string_view table, int64_t id) {
+  if (Status kept = keep_as_tagged(table, id); !kept) return kept;
   const auto erase = statement("DELETE FROM " + std::string(table) + " WHERE id = ?");
   if (!erase) return tl::unexpected(erase.error());
   return (*erase)->bind(0, id).run();

@@ -74,6 +74,18 @@ struct MapUpdate {
   std::vector<uint64_t> removed_labels;
 };
 
+/// A state of the map that can be had back.
+struct MapTag {
+  uint64_t number = 0;  ///< from 1, later ones higher
+  std::string name;     ///< one of the map's tags is called so
+  Timestamp time;       ///< of the wall clock
+  std::string author;
+  size_t keyframes = 0;  ///< live then
+  size_t points = 0;
+  size_t keyframe_count = 0;  ///< ever made then; filled in by tag()
+  size_t point_count = 0;
+};
+
 /// All of a map file.
 struct StoredMap {
   MapHeader header;
@@ -120,6 +132,17 @@ class MapFile {
   Status rename(const std::string& name);
   /// Persists a new epoch, later than all before it.
   Status begin_epoch(Epoch epoch);
+  /// The state as it is can be had back from now on. It costs nothing then; afterwards each row that changes
+  /// is kept once as it was. Error kRefused: there is a tag of that name, or there are too many.
+  Status tag(MapTag tag);
+  /// In the order in which they were made. Error kDamaged.
+  [[nodiscard]] Result<std::vector<MapTag>> tags();
+  /// Forgets a tag and what only it needed. Error kNotFound.
+  Status untag(const std::string& name);
+  /// Everything as it was when the tag was made, but for the map's name and epochs, the decisions and the
+  /// tags: durable on return, or nothing has happened. Ids that were given since have another meaning from
+  /// then on: a new epoch must follow. Errors: kNotFound, kDamaged.
+  Status roll_back(const std::string& name);
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
   /// Decodes each image, one after another. Errors: kRefused (together they take more than `most_bytes`, one
@@ -146,6 +169,14 @@ class MapFile {
   [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
   [[nodiscard]] Status remove(std::string_view table, int64_t id);
   [[nodiscard]] Status put_header();
+  // Tags (map_versions.cpp).
+  [[nodiscard]] Status learn_newest_tag();
+  [[nodiscard]] Result<MapTag> find_tag(const std::string& name);
+  /// Before a row changes: as it is, for the newest tag.
+  [[nodiscard]] Status keep_as_tagged(std::string_view table, int64_t id);
+  [[nodiscard]] Status put_back(uint64_t tag);
+  /// Decisions on keyframes that are no more do not name them.
+  [[nodiscard]] Status forget_keyframes_beyond(size_t count);
   /// Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<std::vector<uint8_t>> read_row(std::string_view table, int64_t id);
   [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
@@ -162,6 +193,7 @@ class MapFile {
   MapHeader header_;
   size_t keyframe_count_ = 0;
   size_t point_count_ = 0;
+  uint64_t newest_tag_ = 0;                                           ///< 0: none
   std::vector<std::pair<CameraParameters, int64_t>> cameras_;         ///< rows
   std::map<std::string, sqlite::Statement, std::less<>> statements_;  ///< by SQL; go before the database
 };

@@ -24,6 +24,8 @@ constexpr std::array kMapSteps{
     "STRICT;",
     "",  // a keyframe may say what stands still in its image
     "",  // and which way was up
+    "CREATE TABLE tags(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
+    "CREATE TABLE kept(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",

@@ -426,6 +426,32 @@ Status Store::rename(MapId map, const std::string& name) {
   return file ? (*file)->rename(name) : tl::unexpected(file.error());
 }
 
+Status Store::tag(MapId map, MapTag tag) {
+  const auto file = file_of(map);
+  return file ? (*file)->tag(std::move(tag)) : tl::unexpected(file.error());
+}
+
+Result<std::vector<MapTag>> Store::tags(MapId map) {
+  const auto file = file_of(map);
+  return file ? (*file)->tags() : tl::unexpected(file.error());
+}
+
+Status Store::untag(MapId map, const std::string& name) {
+  const auto file = file_of(map);
+  return file ? (*file)->untag(name) : tl::unexpected(file.error());
+}
+
+Status Store::roll_back(MapId map, const std::string& name, MapTag before) {
+  const auto file = file_of(map);
+  if (!file) return tl::unexpected(file.error());
+  const std::string name_before = before.name;
+  if (Status tagged = (*file)->tag(std::move(before)); !tagged) return tagged;
+  Status rolled_back = (*file)->roll_back(name);
+  if (!rolled_back) (void)(*file)->untag(name_before);
+  close(map);  // it will be opened by who loads it
+  return rolled_back;
+}
+
 Result<std::vector<ImageRow>> Store::read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                  size_t enough_bytes) {
   const auto file = file_of(map);
@@ -511,6 +537,17 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
 Status Store::export_map(MapId map, const fs::path& path) const {
   auto file = MapFile::open(path_of(map));
   return file ? file->copy_to(path) : tl::unexpected(file.error());
+}
+
+Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
+  auto file = MapFile::open(path_of(map));
+  if (!file) return tl::unexpected(file.error());
+  StoredMap read = file->load(LoadedImages::kNone);
+  if (!read.damage.empty()) return fail(ErrorCode::kDamaged, read.damage.front());
+  MapHeader header = read.header;
+  header.id = copy;
+  header.name = name;
+  return make(header, {std::move(read.record), {}, std::move(read.labels), {}}, &*file);
 }
 
 Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_bytes) const {

@@ -92,6 +92,12 @@ class Store {
   /// As MapFile::write().
   Status write(MapId map, std::span<const MapUpdate> updates);
   Status rename(MapId map, const std::string& name);
+  /// As MapFile's.
+  Status tag(MapId map, MapTag tag);
+  [[nodiscard]] Result<std::vector<MapTag>> tags(MapId map);
+  Status untag(MapId map, const std::string& name);
+  /// As MapFile::roll_back(), after a tag for what there is now, which is called `before`. To be loaded anew.
+  Status roll_back(MapId map, const std::string& name, MapTag before);
   /// As MapFile::read_images().
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
@@ -124,6 +130,9 @@ class Store {
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
   /// not while it is removed. `path` must not exist.
   Status export_map(MapId map, const std::filesystem::path& path) const;
+  /// A map of its own that is like another, without its tags and decisions, under an id that is free. Over a
+  /// connection of its own, as export_map().
+  Status copy_map(MapId map, MapId copy, const std::string& name) const;
   /// Takes in the copy of an archive, after a look at every row of it; the id that it brings. Its images are
   /// decoded one after another. kRefused when the id is in use (it says by which file) or the images take
   /// more than `most_image_bytes` as decoded, kDamaged when anything in it is damaged; what it says of the

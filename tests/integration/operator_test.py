@@ -442,6 +442,34 @@ class Operator(OnTheDesk):
             self.ctl("map", gone["id"], "undelete", server=server)
             self.assertEqual(self.names(server), ["map-1"])
 
+    def test_a_tracker_goes_on_while_its_map_is_rolled_back(self):
+        with self.server_with_the_map("versions") as server:
+            tagged = self.ctl("map", "map-1", "tag", "start", server=server)
+            self.assertEqual(tagged["keyframes"], self.map_1(server)["keyframes"])
+            stats = self.folder / "rolled-back.json"
+            tracker = subprocess.Popen(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain, "--name",
+                                               "walker", "--headless", "--no-new-maps", "--pace", "realtime", "--stats", stats),
+                                       stderr=subprocess.PIPE, text=True)
+            deadline = time.monotonic() + LIMIT
+            while not any(c["connected"] for c in self.ctl("clients", server=server)["clients"]):
+                self.assertLess(time.monotonic(), deadline)
+            epochs = []
+            while tracker.poll() is None and len(epochs) < 3:
+                epochs.append(self.ctl("map", "map-1", "rollback", "start", "--yes", server=server)["epoch"])
+                self.assertIsNone(tracker.poll(), "it was rolled back while somebody tracked")
+            _, said = tracker.communicate(timeout=LIMIT)
+            self.assertEqual(tracker.returncode, OK, said)
+            self.assertEqual(epochs, sorted(set(epochs)))
+            summary = json.loads(stats.read_text())["summary"]
+            self.assertGreaterEqual(summary["tracked_share"], 0.9, said)
+            self.assertIn("--yes", self.ctl("map", "map-1", "rollback", "start", expect=USAGE, server=server))
+            self.assertEqual([t["tag"] for t in self.ctl("map", "map-1", "tags", server=server)],
+                             ["start"] + [f"before-rollback-{i + 1}" for i in range(len(epochs))])
+            self.assertEqual(self.say("map", "map-1", "untag", "before-rollback-1", server=server), "tag before-rollback-1 removed\n")
+            self.assertIn("no tag 'never'", self.ctl("map", "map-1", "rollback", "never", "--yes", expect=REFUSED, server=server))
+            self.assertEqual(self.ctl("map", "map-1", "copy", "twin", server=server)["name"], "twin")
+            self.assertIn("tag start", self.say("audit", "--action", "roll back", server=server))
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"

@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <exception>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "common/base/utc.h"
+#include "server/service/admin_reply.h"
+#include "server/service/map_service.h"
+
+/// Versions of a map: tags, roll-backs, copies. What is in the file is done by the store's writer, in its
+/// turn: behind all that the map has handed in.
+namespace cairn {
+namespace {
+
+using nlohmann::json;
+
+std::string text_of(const json& request, const char* key) {
+  const auto it = request.find(key);
+  return it != request.end() && it->is_string() ? it->get<std::string>() : std::string();
+}
+
+json describe(const MapTag& tag) {
+  return {{"number", tag.number},       {"tag", tag.name},     {"time", to_utc(tag.time)}, {"by", tag.author},
+          {"keyframes", tag.keyframes}, {"points", tag.points}};
+}
+
+/// Of a tag that is made before a roll-back, so that it can be taken back.
+std::string free_name(const std::vector<MapTag>& tags) {
+  for (uint64_t number = 1;; ++number) {
+    std::string name = "before-rollback-" + std::to_string(number);
+    if (std::ranges::none_of(tags, [&](const MapTag& tag) { return tag.name == name; })) return name;
+  }
+}
+
+/// Why nothing is done with the versions of a map; empty: it is.
+std::string why_not(const MapEntry& entry, bool has_store) {
+  if (entry.runner == nullptr) return "this map is made elsewhere";
+  if (!has_store) return "this server keeps nothing: start it with --store DIR";
+  if (entry.leaving) return "the map is being deleted";
+  return entry.rolling_back ? "the map is being rolled back; try again" : "";
+}
+
+}  // namespace
+
+bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapEntry* entry,
+                                const json& request, const AdminAnswer& answer) {
+  const std::string verb = text_of(request, "verb");
+  const bool is_one =
+      verb == "tag" || verb == "tags" || verb == "untag" || verb == "roll-back" || verb == "copy";
+  if (!is_one) return false;
+  if (std::string why = why_not(*entry, store_ != nullptr); !why.empty()) {
+    answer(refusal(ErrorCode::kRefused, std::move(why)));
+    return true;
+  }
+  const std::string tag = text_of(request, "tag");
+  const MapTag now{0,
+                   tag,
+                   clock_.wall(),
+                   "operator " + operator_name,
+                   entry->statistics.keyframes,
+                   entry->statistics.points,
+                   0,
+                   0};
+  if (verb == "tags") {
+    const auto after = request.find("after");
+    list_tags(id, after != request.end() && after->is_number_unsigned() ? after->get<uint64_t>() : 0, answer);
+  } else if (verb == "copy") {
+    copy_map(id, *entry, text_of(request, "name"), answer);
+  } else if (!is_valid_name(tag)) {
+    answer(refusal(ErrorCode::kUsage, "tag '" + tag + "': expected 1 to 32 of a-z, 0-9 and -"));
+  } else if (verb == "tag") {
+    tag_map(id, *entry, now, answer);
+  } else if (verb == "roll-back") {
+    roll_back_map(id, entry, tag, now, answer);
+  } else {
+    store_->run([this, id, tag, answer](Store& store) {
+      const Status gone = store.untag(id, tag);
+      post_([answer, gone, tag] { answer(gone ? success({{"tag", tag}}) : refusal(gone.error())); });
+    });
+  }
+  return true;
+}
+
+void MapService::tag_map(MapId id, const MapEntry& entry, MapTag tag, const AdminAnswer& answer) {
+  entry.runner->flush([this, id, tag = std::move(tag), answer] {
+    store_->run([this, id, tag, answer](Store& store) {
+      const Status tagged = store.tag(id, tag);
+      const json told = describe(tag);
+      post_([answer, tagged, told] { answer(tagged ? success(told) : refusal(tagged.error())); });
+    });
+  });
+}
+
+void MapService::list_tags(MapId id, uint64_t after, const AdminAnswer& answer) {
+  store_->run([this, id, after, answer](Store& store) {
+    const auto tags = store.tags(id);
+    if (!tags) return post_([answer, error = tags.error()] { answer(refusal(error)); });
+    ReplyPage page{"tags"};
+    for (const MapTag& tag : *tags) {
+      if (tag.number > after && !page.add("tags", describe(tag))) break;
+    }
+    post_([answer, told = page.content()] { answer(success(told)); });
+  });
+}
+
+/// From the moment when the map's file becomes another, nothing of what the map was is written any more.
+void MapService::roll_back_map(MapId id, MapEntry* entry, const std::string& tag, MapTag before,
+                               const AdminAnswer& answer) {
+  entry->rolling_back = true;
+  young_.forget(id);
+  const auto runner = entry->runner;
+  const auto roll_back = [this, id, tag, before = std::move(before), runner, answer](Store& store) mutable {
+    const auto tags = store.tags(id);
+    if (tags) before.name = free_name(*tags);
+    const Status done = tags ? store.roll_back(id, tag, before) : tl::unexpected(tags.error());
+    if (done) return serve_again(id, answer);
+    runner->go_on_after_all();
+    post_([this, id, answer, error = done.error()] {
+      if (MapEntry* stays = maps_.find(id)) stays->rolling_back = false;
+      answer(refusal(error));
+    });
+  };
+  runner->give_way([this, roll_back] { store_->run(roll_back); });
+}
+
+void MapService::serve_again(MapId id, const AdminAnswer& answer) {
+  const auto give_up = [this, id, answer](const Error& error) {
+    look_for_damage();
+    post_([this, id, answer, error] {
+      forget_map(id);
+      answer(refusal(error.code, "the map is not served any more: " + error.message +
+                                     "; `cairnctl status` and `cairnctl maps` say what to do"));
+    });
+  };
+  const auto serve = [this, id, answer, give_up](Result<RestoredMap> restored) {
+    if (!restored) return give_up(restored.error());
+    const std::string name = restored->header.name;
+    try {
+      post_([this, answer, map = prepare(std::move(*restored))]() mutable {
+        replace_map(std::move(map), answer);
+      });
+    } catch (const std::exception& problem) {  // memory
+      store_->leave_alone(id, name, std::string("cannot be served: ") + problem.what());
+      give_up({ErrorCode::kRefused, problem.what()});
+    }
+  };
+  store_->reload(id, options_.mapping, restored_images(options_.rest_after), serve);
+}
+
+void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
+  const MapId id = map.header.id;
+  MapEntry* entry = maps_.find(id);
+  if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
+  std::set<LabelId> labels;
+  for (const Label& label : entry->labels.all()) labels.insert(label.id);
+  entry->labels = LabelBook();
+  entry->labels.restore(map.labels);
+  for (const Label& label : entry->labels.all()) labels.insert(label.id);
+  entry->runner = map.runner;
+  entry->plane_aligned = map.plane_aligned;
+  entry->frozen.clear();
+  entry->rolling_back = false;
+  on_map_changed(id, std::move(map.first));
+  for (const LabelId label : labels) tell_label(id, *entry, label);  // each names its epoch
+  entry->runner->go_on();
+  answer(success(describe_map(id, *entry)));
+}
+
+void MapService::copy_map(MapId id, const MapEntry& entry, const std::string& name,
+                          const AdminAnswer& answer) {
+  if (!is_valid_name(name))
+    return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
+  if (!maps_.is_free(name))
+    return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
+  std::string full = why_full();
+  if (full.empty()) full = why_memory_is_full(bytes_of(entry) + bytes_to_wake(entry));
+  if (!full.empty()) return answer(refusal(ErrorCode::kRefused, std::move(full)));
+  const MapId copy = maps_.next_id();
+  maps_.reserve(copy);
+  const auto make = [this, id, copy, name, answer](const Store& store) -> Task {
+    const Status copied = store.copy_map(id, copy, name);
+    if (!copied) return [answer, error = copied.error()] { answer(refusal(error)); };
+    take_in(copy, &Store::undo_import, answer);
+    return {};
+  };
+  entry.runner->flush([this, answer, make] {
+    store_->run([this, answer, make](const Store&) { with_store(answer, make); });
+  });
+}
+
+}  // namespace cairn

@@ -1,0 +1,219 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tags of a map: what was tagged comes back as it was, whatever happened since.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/mapping/map_maker.h"
+#include "server/store/kept_map_fixture.h"
+#include "server/store/sqlite.h"
+#include "server/store/store.h"
+
+namespace cairn {
+namespace {
+
+using testing::bytes_of;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class MapVersionsTest : public testing::KeptMapFixture {
+ protected:
+  /// What a tag has to bring back.
+  struct State {
+    std::vector<uint8_t> map;
+    std::vector<std::string> labels;
+    size_t keyframes = 0;
+  };
+
+  void keep() {
+    start();
+    auto file = MapFile::create(path_, header_, take_update());
+    ASSERT_TRUE(file) << file.error().message;
+    file_.emplace(std::move(*file));
+  }
+  /// A keyframe and a label more, adjusted.
+  void grow(int step, uint64_t label, const std::string& text) {
+    const KeyframeDecision accepted = offer(step);
+    ASSERT_EQ(accepted.verdict, KeyframeVerdict::kAccepted) << accepted.reason;
+    adjust_globally();
+    MapUpdate update = take_update();
+    update.decisions = {decision(static_cast<uint64_t>(step))};
+    update.decisions[0].keyframe = accepted.keyframe;
+    update.labels = {{label, text, SE3(), "anna", Timestamp{5}}};
+    const Status written = file_->write({&update, 1});
+    ASSERT_TRUE(written) << written.error().message;
+  }
+  /// The map maker goes on from what the file says.
+  void take_up(uint64_t epoch) {
+    ASSERT_TRUE(file_->begin_epoch(Epoch{epoch}));
+    const StoredMap stored = file_->load();
+    ASSERT_THAT(stored.damage, IsEmpty());
+    auto restored = MapMaker::restore(stored.record, {header_.id, header_.name, Epoch{epoch}}, options_);
+    ASSERT_TRUE(restored) << restored.error().message;
+    ASSERT_THAT(restored->repairs, IsEmpty());
+    maker_ = std::move(restored->maker);
+    (void)maker_->take_changes();
+  }
+  [[nodiscard]] Status tag(const std::string& name) {
+    return file_->tag({0, name, Timestamp{7}, "operator ann", 0, 0, 0, 0});
+  }
+  [[nodiscard]] State state() {
+    const StoredMap stored = file_->load();
+    EXPECT_THAT(stored.damage, IsEmpty());
+    State now{bytes_of(stored.record), {}, stored.record.keyframe_count};
+    for (const LabelRecord& label : stored.labels) now.labels.push_back(label.text);
+    return now;
+  }
+  void expect_back(const std::string& name, const State& then) {
+    SCOPED_TRACE("back to " + name);
+    const Status rolled_back = file_->roll_back(name);
+    ASSERT_TRUE(rolled_back) << rolled_back.error().message;
+    const State now = state();
+    EXPECT_TRUE(now.map == then.map);
+    EXPECT_EQ(now.labels, then.labels);
+    EXPECT_EQ(now.keyframes, then.keyframes);
+  }
+  [[nodiscard]] std::vector<std::string> tag_names() {
+    std::vector<std::string> names;
+    const auto all = file_->tags();
+    EXPECT_TRUE(all);
+    for (const MapTag& each : all.value_or(std::vector<MapTag>())) names.push_back(each.name);
+    return names;
+  }
+
+  const std::filesystem::path path_ = folder_ / "map.cairnmap";
+  std::optional<MapFile> file_;
+};
+
+TEST_F(MapVersionsTest, EveryTagBringsItsStateBackInWhateverOrder) {
+  keep();
+  ASSERT_TRUE(tag("bare"));
+  const State bare = state();
+  grow(5, 1, "vice");
+  ASSERT_TRUE(tag("three"));
+  const State three = state();
+  grow(8, 1, "small vice");
+  ASSERT_TRUE(tag("four"));
+  const State four = state();
+  EXPECT_EQ(four.keyframes, bare.keyframes + 2);
+  expect_back("bare", bare);
+  expect_back("four", four);
+  expect_back("three", three);
+  // Other keyframes and labels get the ids of those that went; the tags keep theirs.
+  take_up(10);
+  grow(11, 2, "lathe");
+  EXPECT_EQ(state().labels, (std::vector<std::string>{"vice", "lathe"}));
+  expect_back("four", four);
+  expect_back("bare", bare);
+  // A file that is opened again knows its tags.
+  file_.reset();
+  file_.emplace(*MapFile::open(path_));
+  take_up(11);
+  grow(5, 3, "drill");
+  expect_back("three", three);
+}
+
+TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
+  keep();
+  ASSERT_TRUE(tag("first"));
+  const State first = state();
+  grow(5, 1, "vice");
+  ASSERT_TRUE(tag("second"));
+  grow(8, 1, "small vice");
+  ASSERT_TRUE(tag("third"));
+  const State third = state();
+  ASSERT_TRUE(file_->untag("second"));
+  EXPECT_THAT(tag_names(), ElementsAre("first", "third"));
+  grow(11, 2, "lathe");
+  expect_back("first", first);
+  expect_back("third", third);
+  ASSERT_TRUE(file_->untag("third"));
+  ASSERT_TRUE(file_->untag("first"));
+  auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
+  EXPECT_EQ(*database->number("SELECT count(*) FROM kept"), 0) << "nobody needs it";
+}
+
+TEST_F(MapVersionsTest, ATagCostsWhatChangesAfterIt) {
+  keep();
+  ASSERT_TRUE(tag("now"));
+  auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
+  EXPECT_EQ(*database->number("SELECT count(*) FROM kept"), 0);
+  grow(5, 1, "vice");
+  const auto kept = *database->number("SELECT sum(length(data)) FROM kept");
+  const auto images = *database->number("SELECT sum(length(data)) FROM images");
+  EXPECT_GT(kept, 0);
+  EXPECT_LT(kept, images) << "no image changes, so none is kept twice";
+}
+
+TEST_F(MapVersionsTest, WhatIsNotThereOrTwiceIsRefusedByName) {
+  keep();
+  ASSERT_TRUE(tag("now"));
+  const Status again = tag("now");
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(again.error().message, HasSubstr("'now'"));
+  for (const Status& done : {file_->roll_back("then"), file_->untag("then")}) {
+    ASSERT_FALSE(done);
+    EXPECT_EQ(done.error().code, ErrorCode::kNotFound);
+    EXPECT_THAT(done.error().message, HasSubstr("no tag 'then'"));
+  }
+}
+
+/// Whatever was damaged, the map as it is stays.
+TEST_F(MapVersionsTest, ADamagedTagIsRefusedAndNothingHasHappened) {
+  keep();
+  ASSERT_TRUE(tag("now"));
+  grow(5, 1, "vice");
+  const State before = state();
+  auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
+  ASSERT_TRUE(
+      database->execute("UPDATE kept SET checksum = checksum + 1 WHERE id = (SELECT max(id) FROM kept)"));
+  const Status rolled_back = file_->roll_back("now");
+  ASSERT_FALSE(rolled_back);
+  EXPECT_EQ(rolled_back.error().code, ErrorCode::kDamaged);
+  EXPECT_THAT(rolled_back.error().message, HasSubstr("table kept, row"));
+  EXPECT_TRUE(state().map == before.map);
+  EXPECT_EQ(state().labels, before.labels);
+}
+
+/// A command that is sent again is answered as before, but names no keyframe that is another now.
+TEST_F(MapVersionsTest, DecisionsStayAndForgetTheKeyframesThatWent) {
+  keep();
+  ASSERT_TRUE(tag("now"));
+  grow(5, 1, "vice");
+  ASSERT_TRUE(file_->roll_back("now"));
+  const StoredMap stored = file_->load();
+  ASSERT_THAT(stored.decisions, SizeIs(1));
+  EXPECT_EQ(stored.decisions[0].seq, 5U);
+  EXPECT_FALSE(stored.decisions[0].keyframe);
+}
+
+TEST_F(MapVersionsTest, TheStoreTagsWhatThereIsBeforeItRollsBackAndCopiesMaps) {
+  auto store = *Store::open(folder_ / "store", null_logger());
+  start();
+  ASSERT_TRUE(store->create(header_, take_update()));
+  const std::vector<uint8_t> bare = bytes_of(store->load(header_.id)->record);
+  ASSERT_TRUE(store->tag(header_.id, {0, "bare", {}, "ann", 0, 0, 0, 0}));
+  ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
+  const MapUpdate update = take_update();
+  ASSERT_TRUE(store->write(header_.id, {&update, 1}));
+  const std::vector<uint8_t> grown = bytes_of(store->load(header_.id)->record);
+  ASSERT_FALSE(store->roll_back(header_.id, "nothing", {0, "undo", {}, "ann", 0, 0, 0, 0}));
+  EXPECT_THAT(*store->tags(header_.id), SizeIs(1)) << "nothing has happened";
+  ASSERT_TRUE(store->roll_back(header_.id, "bare", {0, "undo", {}, "ann", 0, 0, 0, 0}));
+  EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == bare);
+  ASSERT_TRUE(store->roll_back(header_.id, "undo", {0, "redo", {}, "ann", 0, 0, 0, 0}));
+  EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == grown);
+
+  const MapId copy{{9, 9}};
+  ASSERT_TRUE(store->copy_map(header_.id, copy, "desk-2"));
+  const auto copied = store->load(copy);
+  ASSERT_TRUE(copied);
+  EXPECT_TRUE(bytes_of(copied->record) == grown);
+  EXPECT_EQ(copied->header.name, "desk-2");
+  EXPECT_THAT(*store->tags(copy), IsEmpty());
+}
+
+}  // namespace
+}  // namespace cairn

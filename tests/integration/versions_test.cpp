@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+// Versions of a map while people use it: a roll-back is another epoch, in which all go on.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "server/admin/admin_client.h"
+#include "tests/integration/label_fixture.h"
+
+namespace cairn {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::Contains;
+using testing::eventually;
+using ::testing::HasSubstr;
+
+class VersionsTest : public testing::LabelFixture {
+ protected:
+  VersionsTest() {
+    AdminClientOptions connection;
+    connection.domain = service_options_.domain;
+    auto admin = AdminClient::connect(connection);
+    if (!admin) throw std::runtime_error(admin.error().message);
+    admin_.emplace(std::move(*admin));
+  }
+  nlohmann::json done(const nlohmann::json& request) {
+    const auto answer = admin_->ask(request);
+    EXPECT_TRUE(answer) << answer.error().message;
+    return answer ? answer->content : nlohmann::json::object();
+  }
+  [[nodiscard]] std::optional<OfferReply> offer(const MapSnapshot& tracked_in, int step) {
+    testing::Frame frame = testing::make_offer(scene_, tracked_in, step);
+    anna_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{step});
+    std::vector<OfferReply> replies;
+    (void)eventually([&] { return !(replies = anna_->take_offer_replies()).empty(); });
+    return replies.size() == 1 ? std::optional(replies.front()) : std::nullopt;
+  }
+  void grow(int step) {
+    const size_t before = anna_->snapshot()->keyframe_count();
+    const auto reply = offer(*anna_->snapshot(), step);
+    ASSERT_TRUE(reply && reply->accepted) << (reply ? reply->reason : "no reply");
+    ASSERT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() == before + 1; }));
+  }
+  void roll_back(const std::string& tag) {
+    const Epoch before = anna_->snapshot()->epoch;
+    done({{"verb", "roll-back"}, {"map", "map-1"}, {"tag", tag}});
+    ASSERT_TRUE(eventually([&] { return anna_->snapshot()->epoch > before; }));
+  }
+
+  std::optional<AdminClient> admin_;
+};
+
+TEST_F(VersionsTest, ARollBackIsAnotherEpochInWhichClientsAndLabelsGoOn) {
+  make_map();
+  const auto bob = open("bob");
+  bob->use_map(map_);
+  ASSERT_TRUE(bob->wait_for_map(60s));
+  const LabelId vice = add(*anna_, "vice");
+  grow(4);
+  const size_t keyframes = anna_->snapshot()->keyframe_count();
+  EXPECT_EQ(done({{"verb", "tag"}, {"map", "map-1"}, {"tag", "monday"}})["keyframes"], keyframes);
+
+  grow(8);
+  ASSERT_TRUE(ask(*anna_, request_label_text(map_, vice, "small vice"))->done);
+  (void)add(*anna_, "lathe");
+  ASSERT_TRUE(eventually([&] { return texts(*bob) == (Texts{"small vice", "lathe"}); }));
+  const MapSnapshotPtr before = anna_->snapshot();
+  roll_back("monday");
+  EXPECT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() == keyframes; }));
+  EXPECT_TRUE(eventually([&] { return texts(*bob) == Texts{"vice"} && texts(*anna_) == Texts{"vice"}; }));
+  EXPECT_TRUE(eventually([&] { return bob->snapshot()->epoch == anna_->snapshot()->epoch; }));
+  EXPECT_EQ(anna_->status().link, ServerLink::kConnected);
+
+  // What was tracked just before is taken in where what it was tracked on is there still, and never by ids
+  // that are another's now.
+  const auto in_flight = offer(*before, 12);
+  ASSERT_TRUE(in_flight);
+  EXPECT_TRUE(in_flight->accepted || in_flight->reason.find("epoch") != std::string::npos)
+      << in_flight->reason;
+  (void)add(*anna_, "drill");
+  EXPECT_TRUE(eventually([&] { return texts(*bob) == (Texts{"vice", "drill"}); }));
+
+  roll_back("before-rollback-1");
+  EXPECT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() == before->keyframe_count(); }));
+  EXPECT_TRUE(eventually([&] { return texts(*bob) == (Texts{"small vice", "lathe"}); }));
+  grow(14);
+}
+
+TEST_F(VersionsTest, WhatWasRolledBackIsWhatAnotherStartFinds) {
+  make_map();
+  grow(4);
+  const size_t keyframes = anna_->snapshot()->keyframe_count();
+  done({{"verb", "tag"}, {"map", "map-1"}, {"tag", "monday"}});
+  grow(8);
+  roll_back("monday");
+  grow(6);
+  const Epoch epoch = anna_->snapshot()->epoch;
+  service_.reset();
+  start_service_again();
+  ASSERT_TRUE(eventually([&] { return anna_->snapshot()->epoch > epoch; }));
+  EXPECT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() == keyframes + 1; }));
+}
+
+TEST_F(VersionsTest, AMapThatCannotBeRolledBackGoesOn) {
+  make_map();
+  const auto refused = admin_->ask({{"verb", "roll-back"}, {"map", "map-1"}, {"tag", "monday"}});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().message, HasSubstr("no tag 'monday'"));
+  grow(4);
+  (void)add(*anna_, "vice");
+  const auto copy = done({{"verb", "copy"}, {"map", "map-1"}, {"name", "twin"}});
+  EXPECT_EQ(copy["keyframes"], anna_->snapshot()->keyframe_count());
+  grow(6);
+  const auto audit = done({{"verb", "audit"}})["entries"];
+  std::vector<std::string> outcomes;
+  for (const auto& entry : audit)
+    outcomes.push_back(entry["action"].get<std::string>() + ": " + entry["object"].get<std::string>());
+  EXPECT_THAT(outcomes, Contains("roll back: map map-1, tag monday"));
+  EXPECT_THAT(outcomes, Contains("copy: map map-1, name twin"));
+}
+
+}  // namespace
+}  // namespace cairn
