@@ -152,7 +152,12 @@ Result<json> AdminClient::labels(const std::string& map) {
 
 Result<json> AdminClient::download(const std::string& map, const std::filesystem::path& file,
                                    const Progress& progress) {
-  const auto begun = ask({{"verb", "export"}, {"map", map}});
+  return download(json{{"verb", "export"}, {"map", map}}, file, progress);
+}
+
+Result<json> AdminClient::download(const json& request, const std::filesystem::path& file,
+                                   const Progress& progress) {
+  const auto begun = ask(request);
   if (!begun) return tl::unexpected(begun.error());
   const std::string token = begun->content.value("token", "");
   const uint64_t size = begun->content.value("bytes", uint64_t{0});

@@ -50,6 +50,9 @@ class AdminClient {
   /// The archive of a map into `file`, of which an error may leave a part; what the server says of the map.
   [[nodiscard]] Result<nlohmann::json> download(const std::string& map, const std::filesystem::path& file,
                                                 const Progress& progress);
+  /// Likewise what another request makes ready: `token` and `bytes`.
+  [[nodiscard]] Result<nlohmann::json> download(const nlohmann::json& request,
+                                                const std::filesystem::path& file, const Progress& progress);
   /// The map that the server has made of an archive. Errors do not name the file.
   [[nodiscard]] Result<nlohmann::json> upload(const std::filesystem::path& file, const Progress& progress);
 

@@ -30,6 +30,7 @@
 #include "server/admin/keys_commands.h"
 #include "server/admin/listing.h"
 #include "server/admin/rig_commands.h"
+#include "server/admin/store_commands.h"
 #include "server/admin/version_commands.h"
 #include "server/store/store.h"
 
@@ -58,6 +59,7 @@ constexpr const char* kFooter =
     "  cairnctl map desk freeze                        it takes nothing from anybody\n"
     "  cairnctl map desk tag monday                    keeps its state\n"
     "  cairnctl map desk rollback monday               and has it back\n"
+    "  cairnctl backup monday.tar                      all of the store, while the server runs\n"
     "  cairnctl audit                                  who did what\n"
     "  cairnctl rigs                                   lists the rigs that the server hears\n"
     "  cairnctl rig shoulder stop                      emergency stop of a rig\n"
@@ -499,8 +501,9 @@ int run(int argc, char** argv) {
   describe_labels(&app, &options, &action);
   RigAction rig_action;
   describe_rig(&app, &rig_action);
-  KeysAction keys_action;
-  describe_keys(&app, &keys_action);
+  LocalAction local_action;
+  describe_keys(&app, &local_action);
+  describe_store(&app, &access, &local_action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -516,8 +519,8 @@ int run(int argc, char** argv) {
   const wire::LogRedirect middleware_log(log);
   Result<AdminClient> client = fail(ErrorCode::kInternal, "not connected");
   Status done;
-  if (keys_action) {
-    done = keys_action(options.as_json);
+  if (local_action) {
+    done = local_action(options.as_json);
   } else if (rig_action) {
     const AdminClientOptions& network = options.connection;
     done = rig_action({"", "", network.domain, network.profile, network.listen}, options.as_json);

@@ -56,18 +56,18 @@ ErrorCode error_of(wire::RequestDecision decision) {
 }
 
 OperatorAct act_of(const std::string& verb) {
-  const bool is_transfer =
-      verb == "export" || verb == "import" || verb.starts_with("export-") || verb.starts_with("import-");
+  const bool is_transfer = verb == "export" || verb == "import" || verb.starts_with("export-") ||
+                           verb.starts_with("import-") || verb.starts_with("backup");
   if (is_transfer) return OperatorAct::kTransfer;
   const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
                        verb == "labels" || verb == "rights" || verb == "rights-explain" ||
-                       verb == "clients" || verb == "audit" || verb == "tags";
+                       verb == "clients" || verb == "audit" || verb == "tags" || verb.starts_with("verify");
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
 /// Of an archive, which goes over in hundreds.
 bool is_piece(const std::string& verb) {
-  return verb == "import-write" || verb == "export-read";
+  return verb == "import-write" || verb == "export-read" || verb == "backup-part";
 }
 
 bool is_audited(const std::string& verb) {
@@ -169,6 +169,7 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
   if (const Status may = options_.access->may_ask(who, act_of(verb)); !may)
     return answer(refusal(may.error()));
   if (administers_access(operator_name, verb, request, answer)) return;
+  if (looks_after_store(operator_name, request, answer)) return;
   if (verb == "status") return describe_server(answer);
   if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(clock_.now())}}));
   if (verb == "maps") {

@@ -7,6 +7,7 @@
 #include <mutex>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -173,6 +174,12 @@ class MapService {
   /// cannot be served, or not be called as it must.
   void take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer);
   void export_map(MapId id, const MapEntry* entry, const AdminAnswer& answer);
+  // Backup and verification, file by file (store_administration.cpp).
+  /// False: the verb is about something else.
+  [[nodiscard]] bool looks_after_store(const std::string& operator_name, const nlohmann::json& request,
+                                       const AdminAnswer& answer);
+  void list_parts(const std::string& after, const AdminAnswer& answer);
+  void back_up_part(const std::string& part, const AdminAnswer& answer);
   // Versions (map_versions.cpp).
   /// False: the verb is about something else.
   [[nodiscard]] bool keeps_versions(const std::string& operator_name, MapId id, MapEntry* entry,
@@ -265,6 +272,7 @@ class MapService {
   RigList rigs_;
   YoungMaps young_;
   AdminGate admin_gate_;
+  std::set<std::string> backing_up_;      ///< operators who have begun a backup, which is on record
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
   std::map<MapId, bool> info_due_;        ///< maps whose MapInfo has changed since it was told
   std::vector<DamagedFile> damaged_;      ///< as they were when last looked for

@@ -12,7 +12,6 @@
 #include "common/map/limits.h"
 #include "server/store/database_files.h"
 #include "server/store/entry_codec.h"
-#include "server/store/os_reason.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
@@ -283,13 +282,7 @@ Status MapFile::begin_epoch(Epoch epoch) {
 }
 
 Status MapFile::copy_to(const std::filesystem::path& path) {
-  auto copy = database_.prepare("VACUUM INTO ?");
-  if (!copy) return tl::unexpected(copy.error());
-  Status copied = copy->bind(0, std::string_view(path.native())).run();
-  if (copied) return copied;
-  const std::string why = why_not_writable(path);
-  return fail(copied.error().code,
-              path.string() + ": cannot be written: " + (why.empty() ? copied.error().message : why));
+  return database_.copy_to(path);
 }
 
 void MapFile::tidy() {
@@ -427,13 +420,16 @@ StoredMap MapFile::load(LoadedImages images) {
   take("keyframes", &r.keyframes, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_keyframe(keyframe_id(id), data, cameras) : std::nullopt;
   });
-  if (images == LoadedImages::kAll) {
-    take("images", &r.images, [&](int64_t id, std::span<const uint8_t> data) -> std::optional<ImageRecord> {
-      ImageRecord image{keyframe_id(id), keyframe_id(id) ? decode_image_row(data) : nullptr};
-      if (image.image == nullptr) return std::nullopt;
-      return image;
-    });
-  }
+  std::map<std::pair<int, int>, GrayImagePtr> of_size;
+  const auto read_image = [&](int64_t id, std::span<const uint8_t> data) -> std::optional<ImageRecord> {
+    ImageRecord image{keyframe_id(id), keyframe_id(id) ? decode_image_row(data) : nullptr};
+    if (image.image == nullptr) return std::nullopt;
+    if (images == LoadedImages::kDecodedOnly)
+      image.image =
+          of_size.emplace(std::pair(image.image->width(), image.image->height()), image.image).first->second;
+    return image;
+  };
+  if (images != LoadedImages::kNone) take("images", &r.images, read_image);
   take("measurements", &r.measurements, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_measurements(keyframe_id(id), data) : std::nullopt;
   });

@@ -104,7 +104,11 @@ struct ImageRow {
 
 /// Whether the images are among what is loaded: they are most of a map, and many times larger than their
 /// rows.
-enum class LoadedImages : uint8_t { kAll, kNone };
+enum class LoadedImages : uint8_t {
+  kAll,
+  kNone,
+  kDecodedOnly,  ///< each is decoded, and one of its size stands for it: for who only wants to know
+};
 
 /// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
@@ -145,6 +149,8 @@ class MapFile {
   Status roll_back(const std::string& name);
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
+  /// What is damaged of that which only tags need.
+  [[nodiscard]] std::vector<std::string> check_tags();
   /// Decodes each image, one after another. Errors: kRefused (together they take more than `most_bytes`, one
   /// for each pixel; none is decoded then), kDamaged (the first row that is).
   [[nodiscard]] Status check_images(uint64_t most_bytes);

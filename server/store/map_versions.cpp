@@ -178,6 +178,20 @@ Status MapFile::untag(const std::string& name) {
   return done ? learn_newest_tag() : done;
 }
 
+std::vector<std::string> MapFile::check_tags() {
+  std::vector<std::string> damage;
+  read_rows(
+      &database_, "tags",
+      [](int64_t id, std::span<const uint8_t> row) { return decode_tag(id, row).has_value(); }, &damage);
+  read_rows(
+      &database_, "kept",
+      [](int64_t, std::span<const uint8_t> row) {
+        return !row.empty() && row.front() < static_cast<uint8_t>(KeptRow::kDamaged);
+      },
+      &damage);
+  return damage;
+}
+
 Status MapFile::roll_back(const std::string& name) {
   const auto tag = find_tag(name);
   if (!tag) return tl::unexpected(tag.error());

@@ -123,7 +123,16 @@ TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
   grow(8, 1, "small vice");
   ASSERT_TRUE(tag("third"));
   const State third = state();
+  const Status again = tag("first");
+  ASSERT_FALSE(again);
+  EXPECT_EQ(again.error().code, ErrorCode::kRefused);
+  EXPECT_THAT(again.error().message, HasSubstr("'first'"));
   ASSERT_TRUE(file_->untag("second"));
+  for (const Status& done : {file_->roll_back("second"), file_->untag("second")}) {
+    ASSERT_FALSE(done);
+    EXPECT_EQ(done.error().code, ErrorCode::kNotFound);
+    EXPECT_THAT(done.error().message, HasSubstr("no tag 'second'"));
+  }
   EXPECT_THAT(tag_names(), ElementsAre("first", "third"));
   grow(11, 2, "lathe");
   expect_back("first", first);
@@ -134,9 +143,10 @@ TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
   EXPECT_EQ(*database->number("SELECT count(*) FROM kept"), 0) << "nobody needs it";
 }
 
-TEST_F(MapVersionsTest, ATagCostsWhatChangesAfterIt) {
+TEST_F(MapVersionsTest, ATagCostsWhatChangesAfterItAndADamagedOneIsRefused) {
   keep();
   ASSERT_TRUE(tag("now"));
+  const State now = state();
   auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
   EXPECT_EQ(*database->number("SELECT count(*) FROM kept"), 0);
   grow(5, 1, "vice");
@@ -144,45 +154,20 @@ TEST_F(MapVersionsTest, ATagCostsWhatChangesAfterIt) {
   const auto images = *database->number("SELECT sum(length(data)) FROM images");
   EXPECT_GT(kept, 0);
   EXPECT_LT(kept, images) << "no image changes, so none is kept twice";
-}
 
-TEST_F(MapVersionsTest, WhatIsNotThereOrTwiceIsRefusedByName) {
-  keep();
-  ASSERT_TRUE(tag("now"));
-  const Status again = tag("now");
-  ASSERT_FALSE(again);
-  EXPECT_EQ(again.error().code, ErrorCode::kRefused);
-  EXPECT_THAT(again.error().message, HasSubstr("'now'"));
-  for (const Status& done : {file_->roll_back("then"), file_->untag("then")}) {
-    ASSERT_FALSE(done);
-    EXPECT_EQ(done.error().code, ErrorCode::kNotFound);
-    EXPECT_THAT(done.error().message, HasSubstr("no tag 'then'"));
-  }
-}
-
-/// Whatever was damaged, the map as it is stays.
-TEST_F(MapVersionsTest, ADamagedTagIsRefusedAndNothingHasHappened) {
-  keep();
-  ASSERT_TRUE(tag("now"));
-  grow(5, 1, "vice");
   const State before = state();
-  auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
-  ASSERT_TRUE(
-      database->execute("UPDATE kept SET checksum = checksum + 1 WHERE id = (SELECT max(id) FROM kept)"));
-  const Status rolled_back = file_->roll_back("now");
-  ASSERT_FALSE(rolled_back);
-  EXPECT_EQ(rolled_back.error().code, ErrorCode::kDamaged);
-  EXPECT_THAT(rolled_back.error().message, HasSubstr("table kept, row"));
-  EXPECT_TRUE(state().map == before.map);
+  const std::string last = " WHERE id = (SELECT max(id) FROM kept)";
+  ASSERT_TRUE(database->execute("UPDATE kept SET checksum = checksum + 1" + last));
+  const Status damaged = file_->roll_back("now");
+  ASSERT_FALSE(damaged);
+  EXPECT_EQ(damaged.error().code, ErrorCode::kDamaged);
+  EXPECT_THAT(damaged.error().message, HasSubstr("table kept, row"));
+  EXPECT_TRUE(state().map == before.map) << "nothing has happened";
   EXPECT_EQ(state().labels, before.labels);
-}
+  ASSERT_TRUE(database->execute("UPDATE kept SET checksum = checksum - 1" + last));
 
-/// A command that is sent again is answered as before, but names no keyframe that is another now.
-TEST_F(MapVersionsTest, DecisionsStayAndForgetTheKeyframesThatWent) {
-  keep();
-  ASSERT_TRUE(tag("now"));
-  grow(5, 1, "vice");
-  ASSERT_TRUE(file_->roll_back("now"));
+  // A command that is sent again is answered as before, but names no keyframe that is another now.
+  expect_back("now", now);
   const StoredMap stored = file_->load();
   ASSERT_THAT(stored.decisions, SizeIs(1));
   EXPECT_EQ(stored.decisions[0].seq, 5U);

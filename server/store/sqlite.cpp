@@ -220,6 +220,16 @@ Status Database::checkpoint() {
   return {};
 }
 
+Status Database::copy_to(const std::filesystem::path& path) {
+  auto copy = prepare("VACUUM INTO ?");
+  if (!copy) return tl::unexpected(copy.error());
+  Status copied = copy->bind(0, std::string_view(path.native())).run();
+  if (copied) return copied;
+  const std::string why = why_not_writable(path);
+  return fail(copied.error().code,
+              path.string() + ": cannot be written: " + (why.empty() ? copied.error().message : why));
+}
+
 int Database::log_pages() const {
   return *log_pages_;
 }

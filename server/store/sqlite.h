@@ -67,6 +67,8 @@ class Database {
   /// Writes what has been committed from the log to the file, durably. Error kIo: not all of it, which is no
   /// loss: it stays in the log.
   Status checkpoint();
+  /// A copy in one file, consistent and compact. `path` must not exist. Error kIo, with that name and why.
+  Status copy_to(const std::filesystem::path& path);
   /// Pages in the log since it was last written back.
   [[nodiscard]] int log_pages() const;
 

@@ -470,6 +470,49 @@ class Operator(OnTheDesk):
             self.assertEqual(self.ctl("map", "map-1", "copy", "twin", server=server)["name"], "twin")
             self.assertIn("tag start", self.say("audit", "--action", "roll back", server=server))
 
+    def test_a_backup_during_offers_is_restored_on_another_folder(self):
+        backup, restored = self.folder / "monday.tar", self.folder / "restored"
+        with ServerProcess("--store", self.folder / "backed-up") as server:
+            builder = subprocess.Popen(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain, "--name",
+                                               "builder", "--headless", "--pace", "realtime"), stderr=subprocess.DEVNULL)
+            deadline = time.monotonic() + LIMIT
+            while not self.names(server):
+                self.assertLess(time.monotonic(), deadline)
+            self.ctl("rights", "grant", "phone-1", "map-1", "read", server=server)
+            self.ctl("map", "map-1", "tag", "monday", server=server)
+            told = self.ctl("backup", backup, server=server)
+            self.assertIsNone(builder.poll(), "it was made while somebody built")
+            self.assertEqual((told["file"], told["files"]), (str(backup), 3))
+            self.assertEqual(backup.stat().st_mode & 0o777, 0o600)
+            self.assertEqual([c["faults"] for c in self.ctl("verify", server=server)], [[], [], []])
+            builder.wait(timeout=LIMIT)
+            self.assertIn("backup", [e["action"] for e in self.ctl("audit", server=server)])
+            there = self.map_1(server)
+        self.assertIn("is there already", self.ctl("backup", backup, expect=REFUSED))
+        self.assertEqual([c["name"] for c in self.ctl("verify", "--backup", backup)], ["map-1", "", ""])
+        self.ctl("restore", backup, "--data", restored)
+        self.assertIn("is not empty", self.ctl("restore", backup, "--data", restored, expect=REFUSED))
+        with ServerProcess("--store", restored) as server:
+            here = self.map_1(server)
+            self.assertEqual(here["id"], there["id"])
+            self.assertLessEqual(here["keyframes"], there["keyframes"])
+            stats, said = self.track(server, "reader", "--no-new-maps", "--role", "reader", "--pace", "lockstep")
+            self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.5, said)
+            self.assertEqual([t["tag"] for t in self.ctl("map", "map-1", "tags", server=server)], ["monday"])
+            self.assertEqual([g["to"] for g in self.ctl("rights", server=server)["grants"]], ["client phone-1"])
+            self.assertEqual(self.ctl("audit", "--action", "restore", server=server)[0]["object"], str(restored))
+        sound = backup.read_bytes()
+        for name, spoilt in (("cut.tar", sound[:len(sound) // 2]), ("altered.tar", sound[:5000] + bytes([sound[5000] ^ 1]) + sound[5001:])):
+            (self.folder / name).write_bytes(spoilt)
+            self.assertIn(name, self.ctl("restore", self.folder / name, "--data", self.folder / "never", expect=DAMAGED))
+            self.assertFalse((self.folder / "never").exists())
+        self.spoil(restored, here, "UPDATE positions SET checksum = checksum + 1 WHERE id = 1")
+        done = subprocess.run(command("cairnctl", "verify", "--data", restored), capture_output=True, text=True)
+        self.assertEqual(done.returncode, DAMAGED, done.stderr)
+        self.assertIn("table positions, row 1: the checksum is wrong", done.stdout)
+        self.assertIn("remedy: a start sets the file aside", done.stdout)
+        self.assertIn("1 of 3 files are damaged", done.stderr)
+
     def render_half(self):
         """The first half of the recording: the other has more to map."""
         half = self.folder / "half"

@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: Apache-2.0
+// Backups of a store: what comes out is what was there, or it is refused by name.
+#include "server/store/backup.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <random>
+
+#include "server/mapping/map_maker.h"
+#include "server/store/kept_map_fixture.h"
+#include "server/store/site_file.h"
+#include "server/store/sqlite.h"
+#include "server/store/store.h"
+#include "server/store/store_check.h"
+
+namespace cairn {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::bytes_of;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class BackupTest : public testing::KeptMapFixture {
+ protected:
+  /// A store with a map that is served, one that is deleted, a tag and rights.
+  void keep() {
+    store_ = *Store::open(home_, null_logger());
+    start();
+    MapUpdate whole = take_update();
+    whole.labels = {{1, "vice", SE3(), "anna", Timestamp{5}}};
+    ASSERT_TRUE(store_->create(header_, whole));
+    ASSERT_TRUE(store_->tag(header_.id, {0, "monday", {}, "operator ann", 2, 100, 0, 0}));
+    MapHeader other = header_;
+    other.id = gone_;
+    ASSERT_TRUE(store_->create(other, {this->whole(), {}, {}, {}}));
+    ASSERT_TRUE(store_->remove(gone_));
+    auto site = SiteFile::open(home_ / "site.db");
+    ASSERT_TRUE(site->keep_rights("the rights", {0, {}, "operator ann", "rights default", "", "done"}));
+  }
+  void back_up() {
+    auto writer = BackupWriter::create(backup_);
+    ASSERT_TRUE(writer) << writer.error().message;
+    const auto parts = parts_of_store(home_);
+    ASSERT_TRUE(parts);
+    for (const std::string& part : *parts) {
+      const fs::path copy = folder_ / "copy";
+      ASSERT_TRUE(copy_part(home_, part, copy));
+      ASSERT_TRUE(writer->add(part, copy));
+      fs::remove(copy);
+    }
+    ASSERT_TRUE(writer->finish(Timestamp{9}, "1.0"));
+  }
+  [[nodiscard]] Status restore() {
+    fs::create_directories(unpacked_);
+    const auto content = read_backup(backup_, unpacked_, {});
+    if (!content) return tl::unexpected(content.error());
+    return settle_restored(unpacked_, restored_, {}, "operator bob");
+  }
+  [[nodiscard]] std::string content_of_backup() const {
+    std::ifstream in(backup_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(in), {}};
+  }
+
+  const fs::path home_ = folder_ / "home";
+  const fs::path backup_ = folder_ / "monday.backup";
+  const fs::path unpacked_ = folder_ / "restored.part";
+  const fs::path restored_ = folder_ / "restored";
+  const MapId gone_{{8, 8}};
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(BackupTest, WhatIsRestoredIsWhatThereWas) {
+  keep();
+  const std::string id = to_hex(header_.id.bytes);
+  EXPECT_THAT(*parts_of_store(home_),
+              ElementsAre("maps/" + id + ".cairnmap", "deleted/" + to_hex(gone_.bytes) + ".cairnmap",
+                          "catalogue.db", "site.db"));
+  back_up();
+  const std::vector<uint8_t> before = bytes_of(store_->load(header_.id)->record);
+  const ServerId server = store_->server();
+  store_.reset();
+  fs::remove_all(home_);
+  const Status restored = restore();
+  ASSERT_TRUE(restored) << restored.error().message;
+  EXPECT_FALSE(fs::exists(unpacked_));
+  const auto store = *Store::open(restored_, null_logger());
+  EXPECT_EQ(store->server(), server);
+  EXPECT_THAT(store->deleted_ids(), ElementsAre(gone_));
+  const auto map = store->load(header_.id);
+  ASSERT_TRUE(map) << map.error().message;
+  EXPECT_TRUE(bytes_of(map->record) == before);
+  EXPECT_THAT(map->labels, SizeIs(1));
+  EXPECT_THAT(*store->tags(header_.id), SizeIs(1));
+  auto site = SiteFile::open(restored_ / "site.db");
+  EXPECT_EQ(**site->rights(), "the rights");
+  const auto audit = *site->find({});
+  ASSERT_THAT(audit, SizeIs(2));
+  EXPECT_EQ(audit[0].action, "restore");
+  EXPECT_EQ(audit[0].who, "operator bob");
+}
+
+TEST_F(BackupTest, OneThatIsCutOrAlteredAnywhereIsRefusedByName) {
+  keep();
+  back_up();
+  const std::string sound = content_of_backup();
+  constexpr unsigned kSeed = 5;
+  std::mt19937 random(kSeed);
+  for (int i = 0; i < 60; ++i) {
+    SCOPED_TRACE(::testing::Message() << "seed " << kSeed << ", case " << i);
+    std::string damaged = sound;
+    const size_t at = i == 0 ? sound.size() - 1 : random() % sound.size();
+    switch (i % 3) {
+      case 0:
+        damaged.resize(at);
+        break;
+      case 1:
+        damaged[at] ^= static_cast<char>(1U << random() % 8);
+        break;
+      default:
+        damaged.insert(at, 1, '\0');
+    }
+    std::ofstream(backup_, std::ios::binary) << damaged;
+    const auto read = read_backup(backup_, std::nullopt, {});
+    ASSERT_FALSE(read);
+    EXPECT_EQ(read.error().code, ErrorCode::kDamaged);
+    EXPECT_THAT(read.error().message, HasSubstr(backup_.string()));
+  }
+  std::ofstream(backup_, std::ios::binary) << sound;
+  EXPECT_TRUE(read_backup(backup_, std::nullopt, {}));
+}
+
+TEST_F(BackupTest, NothingIsReplacedAndNothingElseIsUnpacked) {
+  keep();
+  back_up();
+  EXPECT_EQ(BackupWriter::create(backup_).error().code, ErrorCode::kRefused);
+  for (const char* name : {"../site.db", "maps/../site.db", "maps/x.cairnmap", "lock", "", "maps/"})
+    EXPECT_FALSE(is_backup_part(name)) << name;
+  fs::create_directories(restored_ / "maps");
+  EXPECT_FALSE(restore()) << "the folder is not empty";
+}
+
+TEST_F(BackupTest, AFaultIsSaidWithItsFileRowAndRemedy) {
+  keep();
+  const std::string part = "maps/" + to_hex(header_.id.bytes) + ".cairnmap";
+  const FileCheck sound = check_part(home_, part, {});
+  EXPECT_THAT(sound.faults, IsEmpty());
+  EXPECT_EQ(sound.name, "desk");
+  EXPECT_EQ(sound.keyframes, 2U);
+  EXPECT_EQ(sound.labels, 1U);
+  EXPECT_EQ(sound.tags, 1U);
+  for (const auto& [sql, says] :
+       {std::pair("UPDATE positions SET checksum = checksum + 1 WHERE id = 1", "table positions, row 1"),
+        std::pair("UPDATE images SET checksum = checksum + 1 WHERE id = 2", "table images, row 2"),
+        std::pair("DELETE FROM measurements WHERE id = 2", "fewer than two of its keyframes are left"),
+        std::pair("DELETE FROM keyframes WHERE id = 1", "its first keyframe is lost"),
+        std::pair("UPDATE tags SET checksum = checksum + 1", "table tags, row 1"),
+        std::pair("DELETE FROM epochs", "its last epoch")}) {
+    fs::create_directories(folder_ / "other/maps");
+    fs::remove(folder_ / "other" / part);
+    ASSERT_TRUE(copy_part(home_, part, folder_ / "other" / part));
+    ASSERT_TRUE(sqlite::Database::open(folder_ / "other" / part, sqlite::OpenMode::kReadWrite)->execute(sql));
+    const FileCheck check = check_part(folder_ / "other", part, {});
+    ASSERT_FALSE(check.faults.empty()) << sql;
+    EXPECT_THAT(::testing::PrintToString(check.faults), HasSubstr(says));
+    EXPECT_THAT(check.faults[0], HasSubstr(part));
+    EXPECT_THAT(check.remedy, HasSubstr("backup"));
+  }
+  EXPECT_THAT(check_part(home_, "site.db", {}).faults, IsEmpty());
+  EXPECT_THAT(check_part(home_, "catalogue.db", {}).faults, IsEmpty());
+  const auto refuse = [](const std::string& text) { return fail(ErrorCode::kDamaged, text + "?"); };
+  EXPECT_THAT(check_part(home_, "site.db", refuse).faults, ElementsAre(HasSubstr("the rights?")));
+}
+
+}  // namespace
+}  // namespace cairn

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.h"
+#include "common/map/ids.h"
+
+/// A look at every row of a store's files. It changes nothing that a start would not change.
+namespace cairn {
+
+/// What was found in one file.
+struct FileCheck {
+  std::string part;  ///< as below the store's folder: "maps/ID.cairnmap"
+  std::string name;  ///< of a map, where it could be read
+  size_t keyframes = 0, points = 0, labels = 0, tags = 0;
+  std::vector<std::string> faults;  ///< for a person; none: it is sound
+  std::string remedy;               ///< where there are any
+};
+
+/// The texts of the rights are of another folder's making: error kDamaged.
+using CheckRights = std::function<Status(const std::string& text)>;
+
+/// The file `part` of the store in `folder`: every row is read and decoded, every picture too, and what they
+/// say of each other agrees. Beside a server that runs, too.
+[[nodiscard]] FileCheck check_part(const std::filesystem::path& folder, const std::string& part,
+                                   const CheckRights& rights);
+
+/// The files of a store that are worth keeping, in the order in which a backup takes them: the rights last,
+/// so that they are never older than a map they close.
+[[nodiscard]] Result<std::vector<std::string>> parts_of_store(const std::filesystem::path& folder);
+
+/// A copy of one of them, consistent as of one moment. `to` must not exist. Errors: kUsage (no such part can
+/// be), kNotFound, as MapFile::open().
+[[nodiscard]] Status copy_part(const std::filesystem::path& folder, const std::string& part,
+                               const std::filesystem::path& to);
+
+/// Makes a store in `folder` of a backup that has been unpacked in `unpacked`, a folder beside it, once every
+/// file there is sound. `folder` does not exist or is empty. Errors: kDamaged (the first fault), kIo.
+[[nodiscard]] Status settle_restored(const std::filesystem::path& unpacked,
+                                     const std::filesystem::path& folder, const CheckRights& rights,
+                                     const std::string& who);
+
+}  // namespace cairn
