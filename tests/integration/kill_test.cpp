@@ -42,7 +42,7 @@ int number_from(const char* variable, int otherwise) {
 }
 
 int cycles() {
-  return number_from("CAIRN_KILL_CYCLES", 100);
+  return number_from("CAIRN_KILL_CYCLES", 40);
 }
 
 int seed() {
