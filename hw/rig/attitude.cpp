@@ -14,8 +14,9 @@ constexpr double kBiasLearning = 0.0056;  // [1/s^2]: a quarter of its square, s
 
 constexpr double kFirst = 0.5;  // [s]: at first it is the mean of all accelerations
 
-constexpr double kRest = 1;            // [s]
-constexpr double kRestSpread = 0.04;   // [rad/s]: noise stays within it, a wearer does not
+constexpr double kRest = 1;  // [s]
+constexpr double kRestOff =
+    0.0017;  // [rad]: half the play of a small gear stays within it, a wearer does not
 constexpr double kHighestBias = 0.03;  // [rad/s]
 constexpr int kMostRests = 20;         // that are averaged
 
@@ -31,24 +32,42 @@ void Attitude::turn_by(const Eigen::Vector3d& turn) {
   world_from_imu_.normalize();
 }
 
-void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step) {
-  second_.least = second_.samples == 0 ? rate : second_.least.cwiseMin(rate);
-  second_.most = second_.samples == 0 ? rate : second_.most.cwiseMax(rate);
-  second_.sum += rate;
-  second_.acceleration += acceleration;
+Attitude::Line Attitude::line_through(const Second& second) {
+  const double n = second.samples;
+  const double spread = second.times_squared - second.times * second.times / n;
+  const Eigen::Vector3d slope = (second.times_turns - second.times * second.turns / n) / spread;
+  const Eigen::Vector3d left =
+      second.turns_squared - second.turns.cwiseAbs2() / n - spread * slope.cwiseAbs2();
+  return {slope, std::sqrt(std::max(0.0, left.maxCoeff()) / n)};
+}
+
+/// At rest a shoulder turns by the gyro's bias alone, so evenly. The play of the gears makes the head tremble
+/// against it, which is neither rest nor bias of the head, and averages out of a line through a second.
+void Attitude::learn_at_rest(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
+                             const Eigen::Vector3d& turned) {
   second_.time += step;
   ++second_.samples;
+  second_.rate += rate;
+  second_.acceleration += acceleration;
+  second_.turn += step * rate - turned;
+  second_.times += second_.time;
+  second_.times_squared += second_.time * second_.time;
+  second_.turns += second_.turn;
+  second_.turns_squared += second_.turn.cwiseAbs2();
+  second_.times_turns += second_.time * second_.turn;
   if (second_.time < kRest) return;
-  const Eigen::Vector3d mean = second_.sum / second_.samples;
-  if ((second_.most - second_.least).maxCoeff() < kRestSpread && mean.norm() < kHighestBias) {
+  const Line line = line_through(second_);
+  const bool head_turns_slowly = second_.rate.norm() / second_.samples < kHighestBias;
+  if (head_turns_slowly && line.off < kRestOff && line.slope.norm() < kHighestBias) {
     rests_ = std::min(rests_ + 1, kMostRests);
-    bias_ += (mean - bias_) / rests_;
+    bias_ += (line.slope - bias_) / rests_;
     turn_by(off_upright(second_.acceleration / second_.samples));
   }
   second_ = {};
 }
 
-void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step) {
+void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& acceleration, double step,
+                      const Eigen::Vector3d& turned) {
   if (!known_) {
     if (std::abs(acceleration.norm() / kGravity - 1) > kTrusted) return;
     world_from_imu_ = Eigen::Quaterniond::FromTwoVectors(acceleration, Eigen::Vector3d::UnitZ());
@@ -64,7 +83,7 @@ void Attitude::update(const Eigen::Vector3d& rate, const Eigen::Vector3d& accele
   const Eigen::Vector3d wrong = off_upright(acceleration);
   age_ += step;
   bias_ -= kBiasLearning * step * wrong;
-  learn_at_rest(rate, acceleration, step);
+  learn_at_rest(rate, acceleration, step, turned);
   rate_ = rate - bias_;
   turn_by((rate_ + std::max(kUprighting, 1 / (age_ + kFirst)) * wrong) * step);
 }

@@ -105,6 +105,14 @@ TEST(Attitude, FindsUpAndLearnsTheBiasOfAGyroAtRest) {
   EXPECT_LT((attitude.bias() - bias).norm(), 1e-4);
 }
 
+TEST(Attitude, WhatTheAxesTurnItByIsNoBias) {
+  const Vector3d bias(0.005, -0.01, 0.0);
+  const Vector3d turning(0, 0, 0.01);  // as a head that follows its wearer, at last slowly
+  Attitude attitude;
+  for (int i = 0; i < 3'000; ++i) attitude.update(bias + turning, 9.81 * kUp, kPeriod, kPeriod * turning);
+  EXPECT_LT((attitude.bias() - bias).norm(), 1e-4);
+}
+
 TEST(Attitude, WhatAWalkDoesToTheAccelerometerIsNothingInTheMean) {
   Attitude attitude;
   double worst = 0;

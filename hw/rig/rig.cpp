@@ -166,13 +166,26 @@ void Rig::sense(const xsens::Message& message, MonotonicTime now) {
   const auto sample = sampler_.receive(message);
   if (!sample) return;
   const Eigen::Quaterniond& head_from_imu = configuration_.calibration.head_from_imu;
-  attitude_.update(head_from_imu * sample->rate, head_from_imu * sample->acceleration, sample->step);
+  const std::optional<PanTilt> angles = angles_at(now);
+  attitude_.update(head_from_imu * sample->rate, head_from_imu * sample->acceleration, sample->step,
+                   turn_of_head(angles));
+  angles_ = angles;
   fall_in_step(now);
+  if (!attitude_.is_known() || !angles) return;
+  pointer_.sense(now, attitude_.world_from_imu(), head_from_imu * sample->acceleration, *angles,
+                 sample->step);
+}
+
+std::optional<PanTilt> Rig::angles_at(MonotonicTime now) {
   const auto pan = axes_[0].position_at(now);
   const auto tilt = axes_[1].position_at(now);
-  if (!attitude_.is_known() || !pan || !tilt) return;
-  pointer_.sense(now, attitude_.world_from_imu(), head_from_imu * sample->acceleration,
-                 {backlash_[0].follow(*pan), backlash_[1].follow(*tilt)}, sample->step);
+  if (!pan || !tilt) return std::nullopt;
+  return PanTilt{backlash_[0].follow(*pan), backlash_[1].follow(*tilt)};
+}
+
+Eigen::Vector3d Rig::turn_of_head(const std::optional<PanTilt>& angles) const {
+  if (!angles || !angles_) return Eigen::Vector3d::Zero();
+  return rate_of_head(*angles, {angles->pan - angles_->pan, angles->tilt - angles_->tilt});
 }
 
 /// Little by little, so that setpoints stay a period apart.

@@ -138,6 +138,10 @@ class Rig {
   [[nodiscard]] std::optional<Halt> what_is_wrong(MonotonicTime now) const;
   [[nodiscard]] std::optional<Halt> imu_trouble(MonotonicTime now) const;
   void sense(const xsens::Message& message, MonotonicTime now);
+  /// Where the axes are, behind the play of their gears.
+  [[nodiscard]] std::optional<PanTilt> angles_at(MonotonicTime now);
+  /// Since the IMU's sample before [rad, a rotation vector in the head's axes]; 0 where it is not known.
+  [[nodiscard]] Eigen::Vector3d turn_of_head(const std::optional<PanTilt>& angles) const;
   void aim(MonotonicTime now);
   void fall_in_step(MonotonicTime sampled);
   void watch(MonotonicTime now);
@@ -150,6 +154,7 @@ class Rig {
   std::optional<ImuWatch> imu_;
   ImuSampler sampler_;
   Attitude attitude_;
+  std::optional<PanTilt> angles_;  ///< at the IMU's newest sample
   std::array<Backlash, 2> backlash_;
   Pointer pointer_;
   MonotonicTime now_;

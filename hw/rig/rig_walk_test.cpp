@@ -233,6 +233,20 @@ TEST_P(RigWalks, FollowIsLevelAndGoesSlowlyWithTheWearer) {
   EXPECT_LT(roughest, 0.6);  // [rad/s]: the turn and a little; the shoulder's own is 1.1
 }
 
+/// While the head still follows its wearer, at last slowly, the gyro's turn is not its bias.
+TEST_P(RigWalks, ALockAfterFollowDoesNotDrift) {
+  ASSERT_NO_FATAL_FAILURE(bench_.start());  // no rest before: the gyro's bias is not known
+  ASSERT_TRUE(bench_.command(rig_command::Aim{pointing::Follow()}));
+  bench_.walk({.frequency = 1, .turn = 12 * kDegree, .rest_at = 2});
+  bench_.pass(6s);
+  ASSERT_TRUE(bench_.command(rig_command::Aim{pointing::Lock{}}));
+  bench_.pass(1s);
+  const Vector3d target = bench_.view();
+  bench_.pass(20s);
+  EXPECT_LT(angle_between(bench_.view(), target),
+            1 * kDegree);  // a bias that stays unknown: up to 10 degrees
+}
+
 TEST_P(RigWalks, ASaccadeIsAsFastAsTheAxesCanAndSaysWhenItHasArrived) {
   ASSERT_NO_FATAL_FAILURE(start(pointing::Lock{}));
   bench_.walk({1});
