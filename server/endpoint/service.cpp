@@ -12,6 +12,8 @@
 #include "server/endpoint/endpoint.h"
 #include "server/service/map_persistence.h"
 #include "server/service/site_access.h"
+#include "server/service/store_threads.h"
+#include "server/service/system_clock.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -77,19 +79,23 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   }
   auto state = std::make_unique<State>(options.workers, log);
   ServiceOptions known = options;
+  if (known.clock == nullptr) known.clock = std::make_shared<SystemClock>();
+  if (!known.entropy)
+    known.entropy = [device = std::make_shared<std::random_device>()] { return (*device)(); };
   std::vector<RestoredMap> restored;
   if (!options.store.empty()) {
-    auto store = MapPersistence::start(options.store, log);
+    auto store = MapPersistence::start(options.store, store_threads(log), log);
     if (!store) return tl::unexpected(store.error());
     state->store = std::move(*store);
     known.server = state->store->server();
     known.start_count = state->store->start_count();
-    restored = state->store->restore(options.mapping, options.workers, restored_images(options.rest_after));
+    restored = state->store->restore(options.mapping, on_threads(options.workers),
+                                     restored_images(options.rest_after));
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
   const Rights standard(options.is_open_site ? Right::kWrite : Right::kNone, options.is_open_site);
-  const auto wall = [clock = options.clock] { return clock->wall(); };
+  const auto wall = [clock = known.clock] { return clock->wall(); };
   auto site = SiteAccess::open(options.store, standard, wall, log);
   if (!site) return tl::unexpected(site.error());
   state->site = std::move(*site);

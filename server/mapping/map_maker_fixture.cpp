@@ -55,10 +55,14 @@ SE3 motion_between(const SeedInput& input, const SE3& true_motion) {
 }
 
 KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step) {
+  return make_offer(scene, s, step, scene.render(Scene::pose(step), static_cast<uint64_t>(step)));
+}
+
+KeyframeInput make_offer(const Scene& scene, const MapSnapshot& s, int step, GrayImagePtr image) {
   KeyframeInput offer;
   offer.camera = scene.camera();
   offer.time = Timestamp{step};
-  offer.image = scene.render(Scene::pose(step), static_cast<uint64_t>(step));
+  offer.image = std::move(image);
   const SE3 camera_from_map = world_from_map(s).inverse().transform_camera(Scene::pose(step));
   const KeyframePose* reference = s.nearest_keyframe(camera_from_map.center());
   offer.reference = reference->id;

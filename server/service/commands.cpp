@@ -317,7 +317,7 @@ std::shared_ptr<MapRunner> MapService::make_runner(MapId map) {
     });
   };
   return std::make_shared<MapRunner>(MapRunner::Lanes{lanes_.urgent, lanes_.background}, options_.mapping,
-                                     store_, std::move(listener), log_, options_.work_times);
+                                     store_, std::move(listener), options_.clock, log_, options_.work_times);
 }
 
 void MapService::on_map_changed(MapId map, MapRevision revision) {

@@ -12,10 +12,10 @@
 namespace cairn {
 namespace {
 
-std::mt19937_64 make_generator(uint64_t seed) {
-  if (seed != 0) return std::mt19937_64(seed);
-  std::random_device device;
-  std::seed_seq sequence{device(), device(), device(), device(), device(), device(), device(), device()};
+std::mt19937_64 make_generator(uint64_t seed, const std::function<uint32_t()>& entropy) {
+  if (seed != 0 || !entropy) return std::mt19937_64(seed);
+  std::seed_seq sequence{entropy(), entropy(), entropy(), entropy(),
+                         entropy(), entropy(), entropy(), entropy()};
   return std::mt19937_64(sequence);
 }
 
@@ -61,7 +61,8 @@ uint64_t digest(const wire::MapSeed& seed) {
 
 }  // namespace
 
-MapArray::MapArray(uint64_t seed) : seeded_(seed != 0), random_(make_generator(seed)) {}
+MapArray::MapArray(uint64_t seed, const std::function<uint32_t()>& entropy)
+    : seeded_(seed != 0), random_(make_generator(seed, entropy)) {}
 
 MapId MapArray::next_id() {
   return draw_unused(&random_);

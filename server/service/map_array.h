@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -46,11 +48,11 @@ struct MapEntry {
 /// Whether its images have been let go.
 [[nodiscard]] bool is_at_rest(const MapEntry& entry);
 
-/// The maps by id; gives out ids and names. With a seed, ids are the same on every run; without, they are
-/// random. Used from one thread.
+/// The maps by id; gives out ids and names. With a seed, ids are the same on every run; with 0 they are
+/// as `entropy` has it. Used from one thread.
 class MapArray {
  public:
-  explicit MapArray(uint64_t seed);
+  explicit MapArray(uint64_t seed, const std::function<uint32_t()>& entropy = {});
 
   [[nodiscard]] MapId next_id();
   /// For a seed in lockstep: without a seed of our own, a digest of what the tracker saw (its times and

@@ -16,8 +16,9 @@ TEST(MapArray, IdsFollowTheSeedAndAreRandomWithout) {
   MapArray first(7);
   MapArray second(7);
   MapArray other(8);
-  MapArray random(0);
-  MapArray random_too(0);
+  std::random_device device;
+  MapArray random(0, [&] { return device(); });
+  MapArray random_too(0, [&] { return device(); });
   std::set<MapId> seen;
   for (int i = 0; i < 100; ++i) {
     const MapId id = first.next_id();

@@ -12,7 +12,6 @@ namespace cairn {
 namespace {
 
 constexpr int kMostDoublings = 6;  ///< of the delay after a failure: two minutes
-constexpr int kBesideNice = 5;     ///< an operator's work gives way to what trackers wait for
 
 /// Of a map maker without images: for the index.
 std::vector<KeyframeView> views_with_pictures(const MapMaker& maker, const std::vector<ImageRecord>& images) {
@@ -39,13 +38,14 @@ struct MapPersistence::Loaded {
 };
 
 Result<std::unique_ptr<MapPersistence>> MapPersistence::start(const std::filesystem::path& folder,
-                                                              Logger log) {
+                                                              Runtime runtime, Logger log) {
   auto store = Store::open(folder, log);
   if (!store) return tl::unexpected(store.error());
-  return std::unique_ptr<MapPersistence>(new MapPersistence(std::move(*store), std::move(log)));
+  return std::unique_ptr<MapPersistence>(
+      new MapPersistence(std::move(*store), std::move(runtime), std::move(log)));
 }
 
-MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
+MapPersistence::MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Logger log)
     : store_(std::move(store)),
       folder_(store_->folder()),
       server_(store_->server()),
@@ -54,17 +54,15 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Logger log)
       overlaps_(store_->overlaps()),
       log_(std::move(log)),
       unloaded_(store_->unplaced()),
-      thread_([this] { work(); }),
-      beside_(1, kBesideNice, log_) {}
+      clock_(std::move(runtime.clock)),
+      writer_(std::move(runtime.writer)),
+      beside_(std::move(runtime.beside)) {
+  writer_->begin([this] { return work(); });
+}
 
 MapPersistence::~MapPersistence() {
-  beside_.stop();
-  {
-    const std::scoped_lock lock(mutex_);
-    stopping_ = true;
-  }
-  wake_.notify_one();
-  thread_.join();
+  beside_->stop();
+  writer_->finish();
 }
 
 MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options,
@@ -156,18 +154,14 @@ void MapPersistence::forget_unloaded(MapId map) {
   std::erase_if(unloaded_, [map](const UnloadedMap& other) { return other.map == map; });
 }
 
-std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, int threads,
+std::vector<RestoredMap> MapPersistence::restore(const MapMakerOptions& options, const Parallel& parallel,
                                                  RestoredImages images) {
   const std::vector<MapId> maps = store_->maps();
   std::vector<Loaded> loaded(maps.size());
   std::atomic<size_t> next{0};
-  const auto load_some = [&] {
+  parallel([&] {
     for (size_t i = next++; i < maps.size(); i = next++) loaded[i] = load(maps[i], options, images);
-  };
-  std::vector<std::thread> helpers;
-  for (int i = 1; i < threads; ++i) helpers.emplace_back(load_some);
-  load_some();
-  for (std::thread& helper : helpers) helper.join();
+  });
   std::vector<RestoredMap> restored;
   for (Loaded& one : loaded) {
     if (!one.restored) part_with(one);
@@ -230,11 +224,11 @@ void MapPersistence::post(Job job) {
     const std::scoped_lock lock(mutex_);
     jobs_.push_back(std::move(job));
   }
-  wake_.notify_one();
+  writer_->wake();
 }
 
 void MapPersistence::run_beside(std::function<void(Store& store)> task) {
-  beside_.submit([this, task = std::move(task)] { task(*store_); });
+  beside_->submit([this, task = std::move(task)] { task(*store_); });
 }
 
 std::chrono::seconds MapPersistence::delay_after(int failures) {
@@ -244,12 +238,12 @@ std::chrono::seconds MapPersistence::delay_after(int failures) {
 void MapPersistence::later(std::function<void()> task, std::chrono::milliseconds delay) {
   {
     const std::scoped_lock lock(mutex_);
-    const auto due = Clock::now() + delay;
+    const auto due = clock_->now() + delay;
     const auto after =
         std::find_if(later_.begin(), later_.end(), [&](const Later& l) { return l.due > due; });
     later_.insert(after, {due, std::move(task)});
   }
-  wake_.notify_one();
+  writer_->wake();
 }
 
 std::string MapPersistence::trouble() const {
@@ -257,33 +251,25 @@ std::string MapPersistence::trouble() const {
   return trouble_;
 }
 
-void MapPersistence::work() {
+std::optional<MonotonicTime> MapPersistence::work() {
   std::unique_lock lock(mutex_);
-  while (true) {
-    const auto has_work = [this] { return stopping_ || !jobs_.empty(); };
-    std::optional<Clock::time_point> next;
-    if (!later_.empty()) next = later_.front().due;
-    if (!trouble_.empty()) next = next ? std::min(*next, probe_due_) : probe_due_;
-    if (next) {
-      wake_.wait_until(lock, *next, has_work);
-    } else {
-      wake_.wait(lock, [&] { return has_work() || !later_.empty(); });
-    }
-    std::vector<Job> jobs = std::exchange(jobs_, {});
-    if (jobs.empty() && stopping_) return;
-    std::vector<Later> due;
-    const auto now = Clock::now();
-    while (!later_.empty() && later_.front().due <= now) {
-      due.push_back(std::move(later_.front()));
-      later_.erase(later_.begin());
-    }
-    lock.unlock();
-    for (const Later& task : due) (void)guarded([&] { return task.task(), Status(); });
-    carry_out(std::move(jobs));
-    probe_if_due();
-    (void)guarded([&] { return store_->tidy(), Status(); });
-    lock.lock();
+  std::vector<Job> jobs = std::exchange(jobs_, {});
+  std::vector<Later> due;
+  const MonotonicTime now = clock_->now();
+  while (!later_.empty() && later_.front().due <= now) {
+    due.push_back(std::move(later_.front()));
+    later_.erase(later_.begin());
   }
+  lock.unlock();
+  for (const Later& task : due) (void)guarded([&] { return task.task(), Status(); });
+  carry_out(std::move(jobs));
+  probe_if_due();
+  (void)guarded([&] { return store_->tidy(), Status(); });
+  lock.lock();
+  std::optional<MonotonicTime> next;
+  if (!later_.empty()) next = later_.front().due;
+  if (!trouble_.empty()) next = next ? std::min(*next, probe_due_) : probe_due_;
+  return next;
 }
 
 void MapPersistence::carry_out(std::vector<Job> jobs) {
@@ -347,7 +333,7 @@ void MapPersistence::note(const Status& written) {
   const std::scoped_lock lock(mutex_);
   const bool was_well = trouble_.empty();
   trouble_ = written ? std::string() : "nothing can be kept: " + written.error().message;
-  probe_due_ = Clock::now() + kSaveDelay;
+  probe_due_ = clock_->now() + kSaveDelay;
   if (!written && was_well) log_->error("{}", trouble_);
   if (written && !was_well) log_->info("the store can be written again");
 }
@@ -355,7 +341,7 @@ void MapPersistence::note(const Status& written) {
 void MapPersistence::probe_if_due() {
   {
     const std::scoped_lock lock(mutex_);
-    if (trouble_.empty() || Clock::now() < probe_due_) return;
+    if (trouble_.empty() || clock_->now() < probe_due_) return;
   }
   note(guarded([this] { return store_->probe(); }));
 }

@@ -2,20 +2,19 @@
 #pragma once
 
 #include <chrono>
-#include <condition_variable>
 #include <filesystem>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "common/base/log.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/place_index.h"
-#include "server/service/worker_pool.h"
+#include "server/service/clock.h"
+#include "server/service/executor.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -36,10 +35,10 @@ struct RestoredMap {
   return rest_after.count() > 0 ? RestoredImages::kLetGo : RestoredImages::kStay;
 }
 
-/// The store at work: one thread writes what the queues of all maps hand in. What has come of a map while
+/// The store at work: one writer writes what the queues of all maps hand in. What has come of a map while
 /// others were being written goes into its next transaction together (group commit): a caller waits for two
 /// commits of each map that has something to write, at most, however many updates there are. Whole files are
-/// read and written by another thread beside it. Thread-safe.
+/// read and written by another executor beside it. Thread-safe.
 class MapPersistence {
  public:
   /// Called by the writer when the update is durable, or with the reason why it is not.
@@ -49,9 +48,15 @@ class MapPersistence {
   static constexpr std::chrono::seconds kSaveDelay{2};
   static constexpr size_t kReadPerTurn = size_t{4} << 20;  ///< [bytes] by read_images(), and one row beyond
 
+  /// What it works with. The clock is that of the turns.
+  struct Runtime {
+    std::shared_ptr<const Clock> clock;
+    std::unique_ptr<Turns> writer;
+    std::unique_ptr<Executor> beside;  ///< one task at a time
+  };
   /// Errors: as Store::open().
   [[nodiscard]] static Result<std::unique_ptr<MapPersistence>> start(const std::filesystem::path& folder,
-                                                                     Logger log);
+                                                                     Runtime runtime, Logger log);
   /// Writes what waits, then ends.
   ~MapPersistence();
   MapPersistence(const MapPersistence&) = delete;
@@ -73,11 +78,11 @@ class MapPersistence {
   /// Store::overlaps().
   [[nodiscard]] const std::vector<OverlapRecord>& overlaps() const { return overlaps_; }
 
-  /// All maps of the store, by `threads` threads, each under a new epoch. One that is damaged is set aside
-  /// (logged with file, rows and where the copy is) and replaced by what could be saved of it, if anything.
-  /// One that cannot be loaded for other reasons (a newer version, the disk, memory) is left alone: it is one
-  /// of unloaded(). To be called once, before anything else.
-  [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, int threads,
+  /// All maps of the store, shared out by `parallel`, each under a new epoch. One that is damaged is set
+  /// aside (logged with file, rows and where the copy is) and replaced by what could be saved of it, if
+  /// anything. One that cannot be loaded for other reasons (a newer version, the disk, memory) is left alone:
+  /// it is one of unloaded(). To be called once, before anything else.
+  [[nodiscard]] std::vector<RestoredMap> restore(const MapMakerOptions& options, const Parallel& parallel,
                                                  RestoredImages images = RestoredImages::kStay);
 
   /// One map, after Store::undelete() or import_map(): to be called by the other thread (run_beside()). If it
@@ -120,7 +125,6 @@ class MapPersistence {
   [[nodiscard]] std::string trouble() const;
 
  private:
-  using Clock = std::chrono::steady_clock;
   struct Job {
     std::function<void(Store&)> task;  ///< or:
     MapId map;
@@ -129,12 +133,13 @@ class MapPersistence {
     Done done;
   };
   struct Later {
-    Clock::time_point due;
+    MonotonicTime due;
     std::function<void()> task;
   };
-  MapPersistence(std::unique_ptr<Store> store, Logger log);
+  MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Logger log);
   void post(Job job);
-  void work();
+  /// One turn of the writer; when the next is due.
+  [[nodiscard]] std::optional<MonotonicTime> work();
   void carry_out(std::vector<Job> jobs);
   void write_group(std::vector<Job*> group);
   void finish(const Job& job, const Status& written);
@@ -149,7 +154,7 @@ class MapPersistence {
   void part_with(const Loaded& failed);
   void forget_unloaded(MapId map);
 
-  const std::unique_ptr<Store> store_;  ///< used by the writer's thread only, once it runs, but for folders
+  const std::unique_ptr<Store> store_;  ///< used by the writer only, once it runs, but for folders
   const std::filesystem::path folder_;
   const ServerId server_;
   const uint64_t start_count_;
@@ -158,16 +163,15 @@ class MapPersistence {
   Logger log_;
 
   mutable std::mutex mutex_;  ///< of what follows
-  std::condition_variable wake_;
   std::vector<Job> jobs_;
   std::vector<Later> later_;  ///< in order of time
   std::string trouble_;
   std::vector<UnloadedMap> unloaded_;
-  Clock::time_point probe_due_;  ///< while there is trouble
-  bool stopping_ = false;
+  MonotonicTime probe_due_;  ///< while there is trouble
 
-  std::thread thread_;
-  WorkerPool beside_;
+  const std::shared_ptr<const Clock> clock_;
+  std::unique_ptr<Turns> writer_;
+  std::unique_ptr<Executor> beside_;
 };
 
 }  // namespace cairn

@@ -11,6 +11,8 @@
 #include <future>
 #include <sstream>
 
+#include "server/service/store_threads.h"
+#include "server/service/worker_pool.h"
 #include "server/store/kept_map_fixture.h"
 
 namespace cairn {
@@ -27,7 +29,7 @@ constexpr int kThreads = 2;
 class MapPersistenceTest : public testing::KeptMapFixture {
  protected:
   [[nodiscard]] std::unique_ptr<MapPersistence> open() const {
-    auto store = MapPersistence::start(folder_, null_logger());
+    auto store = MapPersistence::start(folder_, store_threads(null_logger()), null_logger());
     EXPECT_TRUE(store) << store.error().message;
     return store ? std::move(*store) : nullptr;
   }
@@ -94,7 +96,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
   damage(GetParam().table, GetParam().row);
   {
     const auto store = open();
-    std::vector<RestoredMap> maps = store->restore(options_, kThreads);
+    std::vector<RestoredMap> maps = store->restore(options_, on_threads(kThreads));
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(set_aside(), 1U);
     MapMaker& map = *maps[0].maker;
@@ -108,7 +110,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
     EXPECT_TRUE(kept) << kept.error().message;
   }
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, kThreads), SizeIs(1));
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), SizeIs(1));
   EXPECT_EQ(set_aside(), 1U) << "what was saved of it is sound";
 }
 
@@ -126,7 +128,7 @@ TEST_P(FatalRowTest, SetsTheMapAside) {
   keep_a_map();
   damage(GetParam().table, GetParam().row);
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 1U);
   EXPECT_FALSE(std::filesystem::exists(file()));
 }
@@ -149,7 +151,7 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   const std::filesystem::path no_file = folder_ / "maps" / (to_hex(unreadable.bytes) + ".cairnmap");
   std::filesystem::create_directory(no_file);  // reading it is an I/O error
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 0U);
   const std::vector<UnloadedMap> both = store->unloaded();
   ASSERT_THAT(both, SizeIs(2));
@@ -205,7 +207,7 @@ TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
   std::filesystem::remove(file());
-  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
   const std::vector<UnloadedMap> unloaded = store->unloaded();
   ASSERT_THAT(unloaded, SizeIs(1));
   EXPECT_EQ(unloaded[0].map, header_.id);
@@ -219,7 +221,7 @@ TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
   std::filesystem::remove(file());
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_THAT(store->unloaded(), SizeIs(1));
 }
 
@@ -229,10 +231,10 @@ TEST_F(MapPersistenceTest, WhatCannotBeSetAsideIsLoggedOnceAndLeftAlone) {
   std::ostringstream said;
   const auto log =
       std::make_shared<spdlog::logger>("test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said));
-  const auto store = MapPersistence::start(folder_, log);
+  const auto store = MapPersistence::start(folder_, store_threads(log), log);
   ASSERT_TRUE(store);
   std::filesystem::remove(folder_ / "damaged");
-  EXPECT_THAT((*store)->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT((*store)->restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_THAT((*store)->unloaded(), SizeIs(1));
   const std::string text = said.str();
   const size_t first = text.find("table map, row 1");
@@ -245,7 +247,7 @@ TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
   std::filesystem::resize_file(file(), 0);
   std::ofstream(file().string() + "-wal") << "perhaps all of it";
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, kThreads), IsEmpty());
+  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
   const std::vector<DamagedFile> damaged = store->damaged_files();
   ASSERT_THAT(damaged, SizeIs(1));
   EXPECT_EQ(damaged[0].map, header_.id);
@@ -260,7 +262,8 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   const size_t bytes = maker_->statistics().bytes;
   {
     const auto store = open();
-    const std::vector<RestoredMap> maps = store->restore(options_, kThreads, RestoredImages::kLetGo);
+    const std::vector<RestoredMap> maps =
+        store->restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(maps[0].maker->statistics().without_images, 0U) << "a global adjustment is due";
     adjust_globally();
@@ -268,7 +271,8 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
     ASSERT_TRUE(kept) << kept.error().message;
   }
   const auto store = open();
-  const std::vector<RestoredMap> maps = store->restore(options_, kThreads, RestoredImages::kLetGo);
+  const std::vector<RestoredMap> maps =
+      store->restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
   ASSERT_THAT(maps, SizeIs(1));
   MapMaker& map = *maps[0].maker;
   EXPECT_FALSE(map.has_work());

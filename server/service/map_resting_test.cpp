@@ -74,8 +74,9 @@ TEST_F(MapRestingTest, IsFoundAndPosesAreAsBefore) {
   grow(map.get(), 5);
   grow(map.get(), 8);
   WorkerPool questions(1, 0, null_logger());
-  const auto desk = std::make_shared<PlaceDesk>(PlaceDesk::Lanes{urgent_, questions, background_},
-                                                RelocOptions{}, null_logger());
+  const auto desk =
+      std::make_shared<PlaceDesk>(PlaceDesk::Lanes{urgent_, questions, background_}, RelocOptions{},
+                                  std::make_shared<SystemClock>(), null_logger());
   const auto report = [&] {
     MapRevision now = map->newest();
     desk->report(now.snapshot, std::move(now.views), std::move(now.indexed));

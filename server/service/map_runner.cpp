@@ -79,15 +79,15 @@ Result<GrayImagePtr> decode_image(const wire::ImageMessage& message) {
 }
 
 MapRunner::MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
-                     Logger log, WorkTimes* times, std::shared_ptr<const Clock> clock)
+                     std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times)
     : background_(lanes.background),
       queue_(lanes.urgent),
       options_(options),
       store_(store),
-      times_(times),
       clock_(std::move(clock)),
       listener_(std::move(listener)),
       log_(std::move(log)),
+      times_(times),
       urgent_(lanes.urgent) {}
 
 void MapRunner::start(SeedJob job, SeedDone done) {
@@ -333,7 +333,7 @@ void MapRunner::begin_global_adjustment() {
   });
 }
 
-void MapRunner::adjust_globally(WorkerPool* lane, std::function<void(bool adopted)> then) {
+void MapRunner::adjust_globally(Executor* lane, std::function<void(bool adopted)> then) {
   std::shared_ptr<GlobalAdjustment> problem = maker_->prepare_global_adjustment();
   lane->submit([self = shared_from_this(), problem = std::move(problem), then = std::move(then)] {
     bool solved = false;

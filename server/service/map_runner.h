@@ -16,11 +16,11 @@
 #include "common/wire/messages.h"
 #include "server/mapping/map_maker.h"
 #include "server/service/clock.h"
+#include "server/service/executor.h"
 #include "server/service/map_persistence.h"
 #include "server/service/offer_chain.h"
 #include "server/service/serial_queue.h"
 #include "server/service/work_times.h"
-#include "server/service/worker_pool.h"
 
 namespace cairn {
 
@@ -85,8 +85,8 @@ struct MapMeasures {
 class MapRunner : public std::enable_shared_from_this<MapRunner> {
  public:
   struct Lanes {
-    WorkerPool& urgent;
-    WorkerPool& background;
+    Executor& urgent;
+    Executor& background;
   };
   struct Listener {
     std::function<void(MapRevision revision)> changed;
@@ -100,8 +100,8 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   using OfferDone = std::function<void(OfferJudgement judgement)>;
 
   /// `store` and `times` outlive the lanes; null: nothing is kept, nothing is counted.
-  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener, Logger log,
-            WorkTimes* times = nullptr, std::shared_ptr<const Clock> clock = std::make_shared<SystemClock>());
+  MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
+            std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times = nullptr);
 
   /// Makes the map; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
@@ -157,7 +157,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void finish_all_work(int adjustments, std::function<void()> then);
   void adjust_in_lockstep(int adjustments, std::function<void()> then);
   /// Solves in a lane and adopts on the queue, then calls `then` there.
-  void adjust_globally(WorkerPool* lane, std::function<void(bool adopted)> then);
+  void adjust_globally(Executor* lane, std::function<void(bool adopted)> then);
   // Images let go and read back (map_resting.cpp).
   [[nodiscard]] bool may_rest(Revision indexed) const;
   /// Whether the next step of its work needs images that have been let go.
@@ -196,15 +196,15 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void save();
   [[nodiscard]] MapUpdate take_update();
 
-  WorkerPool& background_;
+  Executor& background_;
   SerialQueue queue_;
   MapMakerOptions options_;
   MapPersistence* store_;
-  WorkTimes* times_;
   std::shared_ptr<const Clock> clock_;
   Listener listener_;
   Logger log_;
-  WorkerPool& urgent_;
+  WorkTimes* times_;
+  Executor& urgent_;
   std::atomic<bool> stopping_{false};
   std::atomic<bool> deleted_{false};
   std::atomic<bool> replaced_{false};

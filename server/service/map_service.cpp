@@ -31,9 +31,9 @@ MapService::MapService(const MapServiceOptions& options, Lanes lanes, MapPersist
       output_(output),
       post_(std::move(post)),
       log_(std::move(log)),
-      maps_(options.seed),
+      maps_(options.seed, options.entropy),
       places_(std::make_shared<PlaceDesk>(PlaceDesk::Lanes{lanes.urgent, lanes.questions, lanes.background},
-                                          options.relocalization, log_, options.work_times)),
+                                          options.relocalization, options.clock, log_, options.work_times)),
       wearers_(options.wearers),
       next_tick_(clock_.now()) {
   watch_for_overlaps();

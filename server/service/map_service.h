@@ -32,7 +32,6 @@
 #include "server/service/site_access.h"
 #include "server/service/transfers.h"
 #include "server/service/wearer_rule.h"
-#include "server/service/worker_pool.h"
 #include "server/service/young_maps.h"
 
 namespace cairn {
@@ -49,10 +48,10 @@ struct FollowedMap {
 class MapService {
  public:
   struct Lanes {
-    WorkerPool& urgent;
-    WorkerPool& background;
-    WorkerPool& questions;
-    WorkerPool& idle;
+    Executor& urgent;
+    Executor& background;
+    Executor& questions;
+    Executor& idle;
   };
   /// Runs a task on the service's thread, soon; thread-safe.
   using Post = std::function<void(Task task)>;

@@ -20,8 +20,8 @@ RelocOptions confirming(RelocOptions options) {
 
 }  // namespace
 
-OverlapWatch::OverlapWatch(WorkerPool& lane, const RelocOptions& options, IndexSource index,
-                           Listener listener, Logger log, WorkTimes* times)
+OverlapWatch::OverlapWatch(Executor& lane, const RelocOptions& options, IndexSource index, Listener listener,
+                           Logger log, WorkTimes* times)
     : lane_(lane),
       options_(confirming(options)),
       index_(std::move(index)),

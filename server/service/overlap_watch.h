@@ -12,8 +12,8 @@
 
 #include "common/base/log.h"
 #include "server/relocalization/overlap_book.h"
+#include "server/service/executor.h"
 #include "server/service/work_times.h"
-#include "server/service/worker_pool.h"
 
 namespace cairn {
 
@@ -27,8 +27,8 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   using Listener = std::function<void(const Overlap& overlap)>;
 
   /// `index`: what is searched now. `times`: null, or outlives the lane.
-  OverlapWatch(WorkerPool& lane, const RelocOptions& options, IndexSource index, Listener listener,
-               Logger log, WorkTimes* times = nullptr);
+  OverlapWatch(Executor& lane, const RelocOptions& options, IndexSource index, Listener listener, Logger log,
+               WorkTimes* times = nullptr);
 
   /// A map is searched as it is here. The keyframes that are new since the last time, and come with a picture
   /// and its corners, are asked about. Does not wait, nor does remove().
@@ -42,7 +42,7 @@ class OverlapWatch : public std::enable_shared_from_this<OverlapWatch> {
   /// False: there is no other map.
   bool look_up(const MapId& map, const KeyframeView& keyframe);
 
-  WorkerPool& lane_;
+  Executor& lane_;
   const RelocOptions options_;
   const IndexSource index_;
   const Listener listener_;

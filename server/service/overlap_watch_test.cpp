@@ -7,6 +7,8 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "server/service/worker_pool.h"
+
 namespace cairn {
 namespace {
 

@@ -69,8 +69,7 @@ void PlaceDesk::adopt(const MapId& map, const Reported& reported) {
   next.put(indexed);
   publish(std::move(next));
   if (times_ != nullptr) {
-    for (const MonotonicTime arrival : reported.offered)
-      times_->searchable(std::chrono::steady_clock::now() - arrival);
+    for (const MonotonicTime arrival : reported.offered) times_->searchable(clock_->now() - arrival);
   }
   try {
     if (listener_.searched) listener_.searched(indexed, reported.views);

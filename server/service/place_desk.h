@@ -9,9 +9,11 @@
 #include <span>
 #include <vector>
 
+#include "common/base/log.h"
 #include "server/relocalization/relocalizer.h"
+#include "server/service/clock.h"
+#include "server/service/executor.h"
 #include "server/service/work_times.h"
-#include "server/service/worker_pool.h"
 
 namespace cairn {
 
@@ -33,9 +35,9 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   using Done = std::function<void(PlaceAnswer answer)>;
 
   struct Lanes {
-    WorkerPool& indexers;
-    WorkerPool& answerers;
-    WorkerPool& planters;  ///< of forests: a second of work that nobody waits for
+    Executor& indexers;
+    Executor& answerers;
+    Executor& planters;  ///< of forests: a second of work that nobody waits for
   };
   /// Told what is searched, in order, by whoever has indexed it: others wait for that thread.
   struct Listener {
@@ -43,8 +45,9 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
     std::function<void(const MapId& map)> removed;
   };
   /// `times`: where it is counted how soon keyframes are searchable, if anywhere; outlives the desk.
-  PlaceDesk(Lanes lanes, const RelocOptions& options, Logger log, WorkTimes* times = nullptr)
-      : lanes_(lanes), options_(options), log_(std::move(log)), times_(times) {}
+  PlaceDesk(Lanes lanes, const RelocOptions& options, std::shared_ptr<const Clock> clock, Logger log,
+            WorkTimes* times = nullptr)
+      : lanes_(lanes), options_(options), clock_(std::move(clock)), log_(std::move(log)), times_(times) {}
   /// Before anything else.
   void listen(Listener listener) { listener_ = std::move(listener); }
 
@@ -82,6 +85,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
 
   const Lanes lanes_;
   const RelocOptions options_;
+  const std::shared_ptr<const Clock> clock_;
   Logger log_;
   WorkTimes* const times_;
   Listener listener_;

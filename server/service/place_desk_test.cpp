@@ -7,6 +7,9 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "server/service/system_clock.h"
+#include "server/service/worker_pool.h"
+
 namespace cairn {
 namespace {
 
@@ -49,7 +52,7 @@ class PlaceDeskTest : public ::testing::Test {
   }
   void open_desk() {
     desk_ = std::make_shared<PlaceDesk>(PlaceDesk::Lanes{indexers_, answerers_, planters_}, options_,
-                                        null_logger(), &times_);
+                                        std::make_shared<SystemClock>(), null_logger(), &times_);
   }
   [[nodiscard]] int searchable() const {
     return nlohmann::json::parse(times_.to_json()).at("offer_to_searchable_ms").at("count").get<int>();

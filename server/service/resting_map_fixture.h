@@ -14,6 +14,9 @@
 #include "common/image/place.h"
 #include "server/service/map_runner.h"
 #include "server/service/place_desk.h"
+#include "server/service/store_threads.h"
+#include "server/service/system_clock.h"
+#include "server/service/worker_pool.h"
 #include "server/store/kept_map_fixture.h"
 #include "server/store/rows.h"
 
@@ -204,8 +207,8 @@ class KeptMap {
     end_work();
     runner_->save_last_changes();
     store_.reset();
-    store_ = std::move(*MapPersistence::start(folder_, null_logger()));
-    std::vector<RestoredMap> restored = store_->restore({}, 1, RestoredImages::kLetGo);
+    store_ = std::move(*MapPersistence::start(folder_, store_threads(null_logger()), null_logger()));
+    std::vector<RestoredMap> restored = store_->restore({}, on_threads(1), RestoredImages::kLetGo);
     ASSERT_EQ(restored.size(), 1U);
     make_runner();
     MapRevision first = runner_->resume(std::move(restored[0]));
@@ -248,12 +251,12 @@ class KeptMap {
                               });
                               if (listener) listener();
                             }},
-        null_logger());
+        std::make_shared<SystemClock>(), null_logger());
   }
   /// No task of it runs any more, or will.
   void end_work() {
     runner_->stop();
-    for (WorkerPool* lane : {&lanes_.background, &lanes_.urgent, &lanes_.background})
+    for (Executor* lane : {&lanes_.background, &lanes_.urgent, &lanes_.background})
       (void)answer_to<bool>([lane](auto done) { lane->submit([done] { done(true); }); });
   }
   [[nodiscard]] sqlite::Database open_file() const {
@@ -285,7 +288,7 @@ class MapRestingTest : public testing::KeptMapFixture {
     background_.stop();
   }
   [[nodiscard]] StorePtr open_store(const std::string& name) const {
-    return std::move(*MapPersistence::start(folder_ / name, null_logger()));
+    return std::move(*MapPersistence::start(folder_ / name, store_threads(null_logger()), null_logger()));
   }
   [[nodiscard]] std::unique_ptr<KeptMap> start_map(const std::string& store_name, StorePtr store, MapId id) {
     auto map = std::make_unique<KeptMap>(lanes(), folder_ / store_name, std::move(store));

@@ -5,7 +5,7 @@
 #include <memory>
 #include <mutex>
 
-#include "server/service/worker_pool.h"
+#include "server/service/executor.h"
 
 namespace cairn {
 
@@ -14,7 +14,7 @@ namespace cairn {
 /// sees all that the tasks before it wrote. Thread-safe.
 class SerialQueue {
  public:
-  explicit SerialQueue(WorkerPool& pool) : state_(std::make_shared<State>(pool)) {}
+  explicit SerialQueue(Executor& pool) : state_(std::make_shared<State>(pool)) {}
 
   /// Tasks may post to their own queue. What is posted outlives this handle until it has run or the queue is
   /// closed; dropped once that has happened.
@@ -28,8 +28,8 @@ class SerialQueue {
     Urgency urgency;
   };
   struct State {
-    explicit State(WorkerPool& p) : pool(p) {}
-    WorkerPool& pool;
+    explicit State(Executor& p) : pool(p) {}
+    Executor& pool;
     std::mutex mutex;
     std::deque<Waiting> tasks;
     size_t urgent = 0;     ///< of `tasks`

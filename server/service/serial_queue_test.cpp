@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "server/service/worker_pool.h"
+
 namespace cairn {
 namespace {
 

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 
@@ -18,7 +19,8 @@ namespace cairn {
 
 /// How the map service works, whatever it is reached by.
 struct MapServiceOptions {
-  uint64_t seed = 0;         ///< of map ids; 0: random
+  uint64_t seed = 0;  ///< of map ids; 0: as `entropy` has it, which must be there then
+  std::function<uint32_t()> entropy = {};
   ServerId server;           ///< without a store: new with every start
   uint64_t start_count = 1;  ///< without a store: larger with every start, the epoch of its maps
   size_t max_maps = 1000;
@@ -34,7 +36,7 @@ struct MapServiceOptions {
   RelocOptions relocalization;
   WearerOptions wearers;
   std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
-  std::shared_ptr<const Clock> clock = std::make_shared<SystemClock>();
+  std::shared_ptr<const Clock> clock = {};
   WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service
 };
 

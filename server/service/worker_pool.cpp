@@ -72,4 +72,13 @@ void WorkerPool::run(int nice_value) {
   }
 }
 
+Parallel on_threads(int threads) {
+  return [threads](const Task& share) {
+    std::vector<std::thread> helpers;
+    for (int i = 1; i < threads; ++i) helpers.emplace_back(share);
+    share();
+    for (std::thread& helper : helpers) helper.join();
+  };
+}
+
 }  // namespace cairn

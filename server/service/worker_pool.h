@@ -5,42 +5,34 @@
 #include <chrono>
 #include <condition_variable>
 #include <deque>
-#include <functional>
-#include <memory>
 #include <mutex>
 #include <thread>
 #include <vector>
 
 #include "common/base/log.h"
+#include "server/service/executor.h"
 
 namespace cairn {
-
-using Task = std::function<void()>;
-
-/// Whether somebody waits for a task with a camera in the hand, or it can stand back for those.
-enum class Urgency : uint8_t { kNormal, kUrgent };
 
 /// Threads that run tasks, urgent ones first, in the order of submission. Two pools make the two lanes of the
 /// server: one at normal priority for what a tracker waits for, one with a nice value for global adjustments,
 /// so that these give way at once. Thread-safe.
-class WorkerPool {
+class WorkerPool : public Executor {
  public:
   /// `nice_value` is added to the priority of the threads (0..19, larger is lower).
   WorkerPool(int threads, int nice_value, Logger log);
-  ~WorkerPool() { stop(); }
+  ~WorkerPool() override { stop(); }
   WorkerPool(const WorkerPool&) = delete;
   WorkerPool& operator=(const WorkerPool&) = delete;
 
-  /// A task that throws is logged and ends alone: no peer's data may stop the server. Dropped after stop().
-  void submit(Task task, Urgency urgency = Urgency::kNormal);
-  /// Whether an urgent task waits for a thread: what runs and can be taken up again should stop.
-  [[nodiscard]] bool urgent_waits() const { return urgent_waiting_.load(std::memory_order_relaxed) > 0; }
-  /// Lets running tasks end, drops those that wait, ends the threads. Pools whose tasks submit to each other
-  /// are all stopped before any of them is destroyed.
-  void stop();
+  void submit(Task task, Urgency urgency = Urgency::kNormal) override;
+  [[nodiscard]] bool urgent_waits() const override {
+    return urgent_waiting_.load(std::memory_order_relaxed) > 0;
+  }
+  /// Ends the threads, too.
+  void stop() override;
 
-  /// Share of thread time spent in tasks since the last call (or the start), 0..1.
-  [[nodiscard]] float take_load();
+  [[nodiscard]] float take_load() override;
 
  private:
   void run(int nice_value);
@@ -56,5 +48,8 @@ class WorkerPool {
   std::chrono::steady_clock::time_point load_since_;
   std::vector<std::thread> threads_;
 };
+
+/// So many threads, that live no longer than a call.
+[[nodiscard]] Parallel on_threads(int threads);
 
 }  // namespace cairn

@@ -13,6 +13,8 @@
 
 #include "common/base/log.h"
 #include "server/service/map_persistence.h"
+#include "server/service/store_threads.h"
+#include "server/service/worker_pool.h"
 #include "server/store/row_codec.h"
 
 namespace cairn {
@@ -54,11 +56,11 @@ Status make_copies(const StoredMap& map, const std::filesystem::path& folder, in
 }
 
 Status time_restore(const std::filesystem::path& folder, int threads) {
-  auto persistence = MapPersistence::start(folder, null_logger());
+  auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());
   const auto begin = Clock::now();
   const double cpu = cpu_ms();
-  const std::vector<RestoredMap> maps = (*persistence)->restore({}, threads);
+  const std::vector<RestoredMap> maps = (*persistence)->restore({}, on_threads(threads));
   MapStatistics sum;
   for (const RestoredMap& map : maps) {
     const MapStatistics statistics = map.maker->statistics();
@@ -75,14 +77,14 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
 /// What a map that rests needs before its next work: its images from the file, decoded and prepared by one
 /// thread.
 Status time_waking(const std::filesystem::path& folder) {
-  auto persistence = MapPersistence::start(folder, null_logger());
+  auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());
   std::vector<double> reads;
   std::vector<double> wakes;
   size_t keyframes = 0;
   size_t at_rest = 0;
   size_t awake = 0;
-  for (const RestoredMap& map : (*persistence)->restore({}, 2, RestoredImages::kLetGo)) {
+  for (const RestoredMap& map : (*persistence)->restore({}, on_threads(2), RestoredImages::kLetGo)) {
     const auto begin = Clock::now();
     const std::vector<KeyframeId> lacking = map.maker->lacking_images();
     if (lacking.empty()) continue;  // it has work to do
@@ -117,7 +119,7 @@ Status time_waking(const std::filesystem::path& folder) {
 
 /// From handing in a keyframe to its answer, one after another and with all maps at once.
 Status time_commits(const StoredMap& map, const std::filesystem::path& folder, int copies, int rounds) {
-  auto persistence = MapPersistence::start(folder, null_logger());
+  auto persistence = MapPersistence::start(folder, store_threads(null_logger()), null_logger());
   if (!persistence) return tl::unexpected(persistence.error());
   MapUpdate keyframe;  // as an accepted one: image, measurements, new points, moved points
   keyframe.record.keyframe_count = map.record.keyframe_count;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A map at work: what it does is counted, and when its work fails every job is answered all the same.
 #include "server/service/map_runner.h"
+#include "server/service/system_clock.h"
+#include "server/service/worker_pool.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -37,7 +39,7 @@ class MapRunnerTest : public ::testing::Test {
                                                                     throw std::bad_alloc();
                                                                 },
                                                                 [this](const std::string&) { ++frozen_; }},
-                                            null_logger(), &times_)) {}
+                                            std::make_shared<SystemClock>(), null_logger(), &times_)) {}
   ~MapRunnerTest() override {
     runner_->stop();
     urgent_.stop();

@@ -9,7 +9,7 @@
 #include "common/image/frame_images.h"
 #include "common/image/place.h"
 #include "server/admin/admin_client.h"
-#include "server/service/clock.h"
+#include "server/service/system_clock.h"
 #include "tests/integration/label_fixture.h"
 
 namespace cairn {

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/store_threads.h"
+
+#include "server/service/system_clock.h"
+#include "server/service/turn_thread.h"
+#include "server/service/worker_pool.h"
+
+namespace cairn {
+namespace {
+
+constexpr int kBesideNice = 5;  ///< an operator's work gives way to what trackers wait for
+
+}  // namespace
+
+MapPersistence::Runtime store_threads(const Logger& log) {
+  return {std::make_shared<SystemClock>(), std::make_unique<TurnThread>(),
+          std::make_unique<WorkerPool>(1, kBesideNice, log)};
+}
+
+}  // namespace cairn
