@@ -30,7 +30,9 @@ void CommandGate<Verdict>::resume(SessionId session, std::vector<Outcome> decide
 
 template <typename Verdict>
 typename CommandGate<Verdict>::Admission CommandGate<Verdict>::admit(uint64_t seq) {
-  if (!has_admitted_ && seq > last_decided_ + 1 && is_lowest_wanted(seq)) {
+  last_admitted_ = std::max(last_admitted_, last_decided_);
+  const bool is_idle = last_admitted_ == last_decided_;
+  if (is_idle && seq > last_decided_ + 1 && is_lowest_wanted(seq)) {
     last_decided_ = seq - 1;
     decided_ahead_.erase(decided_ahead_.begin(), decided_ahead_.lower_bound(seq));
     close_ranks();
@@ -42,16 +44,23 @@ typename CommandGate<Verdict>::Admission CommandGate<Verdict>::admit(uint64_t se
   if (seq != last_admitted_ + 1 || seq > last_decided_ + kMaxAhead) return Admission::kGap;
   last_admitted_ = seq;
   has_admitted_ = true;
+  times_seen_ = 0;
   return seq > last_decided_ + kCredit ? Admission::kNoCredit : Admission::kNew;
 }
 
 template <typename Verdict>
 bool CommandGate<Verdict>::is_lowest_wanted(uint64_t seq) {
-  if (times_seen_ == 0 || seq < lowest_seen_) {
+  const bool is_forgotten = times_seen_ == 0 || seen_since_ >= kSentAgain * static_cast<int>(kCredit);
+  if (is_forgotten || seq < lowest_seen_) {
     lowest_seen_ = seq;
     times_seen_ = 0;
   }
-  return seq == lowest_seen_ && ++times_seen_ >= kSentAgain;
+  if (seq != lowest_seen_) {
+    ++seen_since_;
+    return false;
+  }
+  seen_since_ = 0;
+  return ++times_seen_ >= (has_admitted_ ? kSentOften : kSentAgain);
 }
 
 template <typename Verdict>

@@ -13,9 +13,10 @@ namespace cairn {
 /// Sees to it that each command of a topic (keyframe offers, requests) of a client is judged once, in order,
 /// and that no client has more of them in flight than its credit. `Verdict`: the topic that answers. Clients
 /// send again what has no decision; the middleware may repeat a history or lose what was sent before both
-/// sides had matched. A gate that was made anew in mid-session (the server has forgotten the client) goes on
-/// with the lowest number that the client sends, once it has sent it again and again: nothing before that is
-/// wanted. Pure. One per client; used from one thread.
+/// sides had matched. A gate that does not know all of a session (it was made anew, or restored without what
+/// was refused) goes on with the lowest number that the client sends, once it has sent it again and again:
+/// nothing before that is wanted. One that comes late, and not again, does not count. Pure. One per client;
+/// used from one thread.
 template <typename Verdict>
 class CommandGate {
  public:
@@ -24,7 +25,8 @@ class CommandGate {
   static constexpr uint32_t kCredit = 4;
   static constexpr uint32_t kMaxAhead = 4 * kCredit;  ///< beyond the last decided: no more are taken in
   static constexpr int kSentAgain = 3;                ///< times, before a number is believed to be the lowest
-  static constexpr size_t kRecent = 16;               ///< decisions kept in the verdict
+  static constexpr int kSentOften = 12;  ///< likewise, once something was taken in: more than loss may hide
+  static constexpr size_t kRecent = 16;  ///< decisions kept in the verdict
 
   enum class Admission : uint8_t {
     kNew,       ///< to be judged; exactly one decide() must follow
@@ -51,15 +53,16 @@ class CommandGate {
   [[nodiscard]] Verdict verdict(ClientId client) const;
 
  private:
-  /// Whether `seq` is the lowest that the client sends, again and again: a gate that knows nothing of this
-  /// session, or not all, believes that what lies before it has been decided.
+  /// Whether `seq`, before which something is missing, is the lowest that the client sends, again and again:
+  /// what lies before it has been decided then, whatever is known of that here.
   [[nodiscard]] bool is_lowest_wanted(uint64_t seq);
   /// What was decided ahead and is no longer.
   void close_ranks();
 
   SessionId session_;
-  uint64_t lowest_seen_ = 0;  ///< before anything was admitted
+  uint64_t lowest_seen_ = 0;  ///< of those before which something is missing
   int times_seen_ = 0;        ///< the lowest
+  int seen_since_ = 0;        ///< others than the lowest, since that was seen
   bool has_admitted_ = false;
   uint64_t last_admitted_ = 0;
   uint64_t last_decided_ = 0;

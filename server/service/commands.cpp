@@ -34,6 +34,17 @@ std::string describe(const PlaceAnswer& answer) {
                      best.expected, answer.candidates.size(), best.reason.empty() ? "" : ": ", best.reason);
 }
 
+/// Of an answer, what is not of these maps.
+void leave_out_others(const MapSet& maps, PlaceAnswer* answer) {
+  const size_t found = answer->candidates.size();
+  std::erase_if(answer->candidates, [&](const PlaceCandidate& place) { return !maps.contains(place.map); });
+  const bool has_any = std::any_of(answer->candidates.begin(), answer->candidates.end(),
+                                   [](const PlaceCandidate& place) { return place.confirmed; });
+  if (answer->candidates.size() == found || (has_any && answer->verdict == PlaceVerdict::kConfirmed)) return;
+  // Whether one of the others would have been found instead, the next question says.
+  *answer = {PlaceVerdict::kNotThere, {}, "the maps that count have changed meanwhile; ask again"};
+}
+
 std::string unknown_camera(uint32_t camera, uint32_t version) {
   return "camera " + std::to_string(camera) + " in version " + std::to_string(version) +
          " is not known here: not announced, or refused (the server's log says why)";
@@ -271,8 +282,11 @@ void MapService::look_up(const std::string& client, const CameraPtr& camera, wir
       const auto asking = clients_.find(client);
       if (asking == clients_.end()) return;
       const MonotonicTime now = clock_.now();
+      const MapSet readable_now = readable(asking->second);
+      // Its rights may have changed while the place was looked for.
+      leave_out_others(readable_now, &answer);
       on_query_answered(client, command,
-                        wearers_.narrow(client, readable(asking->second), in_part, std::move(answer), now));
+                        wearers_.narrow(client, readable_now, in_part, std::move(answer), now));
     });
   };
   const Result<GrayImagePtr> small = decode_image(message.small_image);

@@ -150,6 +150,29 @@ TEST(OfferGate, ARestoredGateThatLacksRefusalsFollowsTheClient) {
   EXPECT_EQ(behind.verdict({}).last_decided, 12U);
 }
 
+TEST(OfferGate, ANumberThatComesLateAndNotAgainDoesNotHoldUpWhatTheClientSends) {
+  OfferGate gate;
+  gate.resume(kSession, outcomes({4}));
+  EXPECT_EQ(gate.admit(6), OfferGate::Admission::kGap) << "sent before the restart, decided since";
+  int times = 0;
+  while (gate.admit(9) == OfferGate::Admission::kGap) ASSERT_LT(++times, 100);
+  EXPECT_EQ(gate.verdict({}).last_decided, 8U);
+}
+
+TEST(OfferGate, ALateNumberThatIsTakenInAnewDoesNotEither) {
+  OfferGate gate;
+  gate.resume(kSession, outcomes({1, 2, 3, 4}));
+  EXPECT_EQ(gate.admit(5), OfferGate::Admission::kNew) << "it was refused before the restart";
+  int times = 0;
+  EXPECT_EQ(gate.admit(9), OfferGate::Admission::kGap);
+  gate.decide(kSession, outcome(5));
+  while (gate.admit(9) == OfferGate::Admission::kGap) ASSERT_LT(++times, 100);
+  EXPECT_GE(times, OfferGate::kSentAgain) << "6 to 8 may be on their way";
+  EXPECT_EQ(gate.verdict({}).last_decided, 8U);
+  gate.decide(kSession, outcome(9));
+  EXPECT_EQ(gate.verdict({}).last_decided, 9U);
+}
+
 TEST(SeedGate, ARestoredGateRepeatsItsVerdict) {
   wire::SeedVerdict verdict;
   verdict.command = {kSession, 3};

@@ -48,7 +48,8 @@ Label label_of(const LabelRecord& record) {
   return {{record.id}, record.kind, record.text, record.map_from_label, record.author, record.time};
 }
 
-void LabelBook::restore(const std::vector<LabelRecord>& records) {
+void LabelBook::restore(const std::vector<LabelRecord>& records, LabelId last_given) {
+  last_id_ = std::max(last_id_, last_given.value);
   for (const LabelRecord& record : records) {
     labels_.insert_or_assign(LabelId{record.id}, Entry{record, record.map_from_label});
     last_id_ = std::max(last_id_, record.id);

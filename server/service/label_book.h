@@ -36,8 +36,9 @@ class LabelBook {
     std::vector<LabelRecord> anchored;  ///< to another keyframe: to be kept
   };
 
-  /// Takes up what the store has. To be called first.
-  void restore(const std::vector<LabelRecord>& records);
+  /// Takes up what the store has. No new label gets an id up to `last_given`, since somebody may yet mean by
+  /// it one that has been removed. To be called first.
+  void restore(const std::vector<LabelRecord>& records, LabelId last_given = {});
 
   /// Whether a change of this label has been judged and not settled. Requests on it have to wait.
   [[nodiscard]] bool is_busy(LabelId label) const { return busy_.contains(label); }

@@ -135,6 +135,14 @@ TEST_F(LabelBookTest, WhatIsKeptComesBackInTheMapAsItIsNow) {
   EXPECT_EQ(next.label, LabelId{9}) << "ids go on after the highest";
 }
 
+TEST_F(LabelBookTest, AnIdThatWasGivenBeforeTheRestartIsNotGivenAgain) {
+  LabelBook restored;
+  restored.restore({}, LabelId{4});  // removed since
+  wire::ClientRequest made = request(RequestAction::kAddLabel, {}, "vice");
+  made.reference_from_label = pose();
+  EXPECT_EQ(restored.judge(made, "anna", kNow, map_of({pose()})).label, LabelId{5});
+}
+
 TEST_F(LabelBookTest, ChangesTakeEffectWhenTheyAreKeptAndNotOtherwise) {
   const MapSnapshot map = map_of({pose()});
   const LabelId id = add("vise", {1}, pose(), map);

@@ -20,7 +20,7 @@ bool is_for_good(const Error& error) {
 
 }  // namespace
 
-void MapRunner::rest(Revision indexed) {
+void MapRunner::rest(std::pair<Epoch, Revision> indexed) {
   queue_.post([self = shared_from_this(), indexed] {
     if (!self->may_rest(indexed)) return;
     // When the writer comes to this, all that was handed to it before is kept, or known not to be. Of what
@@ -35,9 +35,10 @@ void MapRunner::rest(Revision indexed) {
   });
 }
 
-bool MapRunner::may_rest(Revision indexed) const {
+bool MapRunner::may_rest(const std::pair<Epoch, Revision>& indexed) const {
   const bool is_well = store_ != nullptr && maker_ != nullptr && !stopping_ && !frozen_;
-  if (!is_well || published_ == nullptr || published_->revision != indexed) return false;
+  if (!is_well || published_ == nullptr) return false;
+  if (std::pair(published_->epoch, published_->revision) != indexed) return false;
   const bool is_kept = !save_scheduled_ && !update_lost_;
   return is_kept && !maker_->has_work() && !adjusting_globally_ && awaiting_images_.expired();
 }

@@ -117,15 +117,19 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   map->rest();
   grow(map.get(), 5);
   map->flush();
-  map->runner().rest(Revision{1});
+  const Epoch epoch = map->newest().snapshot->epoch;
+  map->runner().rest({epoch, Revision{1}});
   map->settle();
   EXPECT_EQ(map->without_images(), 0U) << "what it is now has not been indexed";
+  map->runner().rest({Epoch{epoch.value + 1}, map->newest().snapshot->revision});
+  map->settle();
+  EXPECT_EQ(map->without_images(), 0U) << "what has the same number in another epoch is not this";
 
   const Revision next{map->newest().snapshot->revision.value + 1};
   {
     const auto blocked = block_urgent_lane();
     map->runner().rename("bench", [](const Status&) {});
-    map->runner().rest(next);
+    map->runner().rest({epoch, next});
   }
   map->settle();
   EXPECT_EQ(map->newest().snapshot->revision, next);
@@ -135,7 +139,7 @@ TEST_F(MapRestingTest, OnlyWhatIsDoneKeptAndIndexedIsLetGo) {
   {
     const auto blocked = block_urgent_lane();
     offered = map->send(frame(*map, 8), false);
-    map->runner().rest(Revision{next.value + 1});
+    map->runner().rest({epoch, Revision{next.value + 1}});
   }
   EXPECT_EQ(value_of(std::move(offered)).decision, wire::OfferDecision::kAccepted);
   map->settle();

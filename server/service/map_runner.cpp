@@ -384,7 +384,9 @@ void MapRunner::adjust_in_lockstep(int adjustments, std::function<void()> then) 
 
 void MapRunner::publish() {
   MapSnapshotPtr snapshot = maker_->snapshot();
-  if (published_ != nullptr && snapshot->revision == published_->revision) return;
+  if (published_ != nullptr && snapshot->epoch == published_->epoch &&
+      snapshot->revision == published_->revision)
+    return;
   listener_.changed(
       {snapshot, maker_->statistics(), maker_->keyframe_views(), {}, std::exchange(offered_, {})});
   published_ = std::move(snapshot);

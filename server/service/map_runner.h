@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/log.h"
@@ -125,7 +126,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void go_on_after_all();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
   /// pictures the place index has; else nothing happens. With a store only. Does not wait.
-  void rest(Revision indexed);
+  void rest(std::pair<Epoch, Revision> indexed);
   /// `done` gets them of the map as it is.
   void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
@@ -159,7 +160,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// Solves in a lane and adopts on the queue, then calls `then` there.
   void adjust_globally(Executor* lane, std::function<void(bool adopted)> then);
   // Images let go and read back (map_resting.cpp).
-  [[nodiscard]] bool may_rest(Revision indexed) const;
+  [[nodiscard]] bool may_rest(const std::pair<Epoch, Revision>& indexed) const;
   /// Whether the next step of its work needs images that have been let go.
   [[nodiscard]] bool needs_images() const;
   /// Then calls `then`, on the queue, whatever has happened: when they can never be had, the map is frozen.

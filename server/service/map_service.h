@@ -102,6 +102,7 @@ class MapService {
     MapHeader header;
     bool plane_aligned = false;
     std::vector<LabelRecord> labels;
+    LabelId last_label;
     std::shared_ptr<MapRunner> runner;
     MapRevision first;
   };

@@ -163,7 +163,7 @@ class KeptMap {
   [[nodiscard]] std::unique_ptr<Blocker> block_writer() {
     return std::make_unique<Blocker>([this](auto task) { store_->run([task](Store&) { task(); }); });
   }
-  void ask_to_rest() { runner_->rest(newest().snapshot->revision); }
+  void ask_to_rest() { runner_->rest({newest().snapshot->epoch, newest().snapshot->revision}); }
   /// All kept, and then all images let go. Asked again, as a server asks: a save whose time comes between the
   /// two looks is a reason to wait.
   void rest() {

@@ -80,6 +80,14 @@ std::vector<std::pair<std::string, ResumedClient>> resume_clients(std::span<cons
   return by_use;
 }
 
+LabelId last_label_of(std::span<const DecisionRecord> decisions) {
+  LabelId last;
+  for (const DecisionRecord& d : decisions) {
+    if (d.kind == CommandKind::kRequest) last = std::max(last, LabelId{d.label});
+  }
+  return last;
+}
+
 bool carry_over(std::span<const EpochRecord> epochs, Epoch tracked_in, Epoch present, KeyframeInput* frame) {
   if (tracked_in == present) return true;
   const auto then =

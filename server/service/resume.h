@@ -34,6 +34,9 @@ struct KeptDecisions {
 [[nodiscard]] std::vector<std::pair<std::string, ResumedClient>> resume_clients(
     std::span<const KeptDecisions> maps, size_t most);
 
+/// The highest id of those that were given to labels by what is decided here; some may have been removed.
+[[nodiscard]] LabelId last_label_of(std::span<const DecisionRecord> decisions);
+
 /// Makes a frame that was tracked in an earlier epoch one of the present: what was given an id after the last
 /// save of that epoch is not what has the id now, and is left out. False when the frame cannot be used:
 /// unknown epoch, or its reference keyframe is such a one.

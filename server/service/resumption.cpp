@@ -31,6 +31,7 @@ MapService::ResumedMap MapService::prepare(RestoredMap restored) {
   ResumedMap map{restored.header,
                  restored.plane_aligned,
                  std::move(restored.labels),
+                 last_label_of(restored.decisions),
                  make_runner(restored.header.id),
                  {}};
   map.first = map.runner->resume(std::move(restored));
@@ -40,7 +41,7 @@ MapService::ResumedMap MapService::prepare(RestoredMap restored) {
 void MapService::take_up(ResumedMap map) {
   const MapId id = map.header.id;
   MapEntry& entry = maps_.add(id, MapEntry{map.header.name, map.runner, {}, {}, map.plane_aligned});
-  entry.labels.restore(map.labels);
+  entry.labels.restore(map.labels, map.last_label);
   on_map_changed(id, std::move(map.first));
   map.runner->go_on();
 }
@@ -74,7 +75,7 @@ void MapService::let_maps_rest(MonotonicTime now) {
         now - entry.used_at < options_.rest_after)
       continue;
     const IndexedMap* indexed = index->find(map);
-    if (indexed != nullptr) entry.runner->rest(indexed->snapshot->revision);
+    if (indexed != nullptr) entry.runner->rest({indexed->snapshot->epoch, indexed->snapshot->revision});
   }
 }
 

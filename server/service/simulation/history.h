@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "server/access/rights.h"
+#include "server/service/simulation/in_process.h"
+
+namespace cairn::simulation {
+
+/// All that a server has said through its starts and ends, held against what it has been asked and against
+/// what it keeps. What contradicts goes into a list of violations.
+class History {
+ public:
+  /// What rights() says of a client, as the policy in force has it.
+  struct Allowed {
+    std::function<Right(const std::string& client, MapId map)> in_map;
+    std::function<bool(const std::string& client)> may_create;
+  };
+  [[nodiscard]] const std::vector<std::string>& violations() const { return violations_; }
+  void violated(std::string what) { violations_.push_back(std::move(what)); }
+
+  void server_started();
+  /// Until the next one starts.
+  void allow_as(Allowed allowed) { allowed_ = std::move(allowed); }
+
+  // What reaches the server. A command may do so more than once.
+  void arrives(const std::string& client, const wire::MapSeed& seed);
+  void arrives(const std::string& client, const wire::KeyframeOffer& offer);
+  void arrives(const std::string& client, const wire::ClientRequest& request);
+
+  // What it says.
+  void revised(MapId map, const MapSnapshotPtr& newest);
+  void delivered(const std::string& client, const Delivery& delivery);
+  /// The client listens anew.
+  void connected(const std::string& client) { listed_[client].clear(); }
+
+  // What operators have been told that they did.
+  void renamed(MapId map, const std::string& name) { maps_[map].name = name; }
+  void asked_to_delete(MapId map) { maps_[map].was_deleted = true; }
+  void deleted(MapId map) { maps_[map].is_deleted = true; }
+  void undeleted(MapId map, const std::string& name);
+
+  /// Maps of which somebody has heard that they were made.
+  [[nodiscard]] std::vector<MapId> maps() const;
+  [[nodiscard]] bool is_deleted(MapId map) const { return maps_.at(map).is_deleted; }
+
+  /// No server uses the folder: whether all that was said is there, once.
+  void check_store(const std::filesystem::path& folder);
+  /// Nothing is under way: what each client is told of is what it may read, and is called as it should be.
+  void check_listed(const std::set<std::string>& connected_clients);
+
+ private:
+  using Command = std::tuple<std::string, SessionId, uint64_t>;
+  struct Asked {
+    bool was_allowed = false;  ///< at one of the times when it arrived
+    MapId map;
+    std::vector<Timestamp> times;  ///< of the pictures
+    wire::ClientRequest request{};
+  };
+  struct Said {
+    bool is_accepted = false;
+    MapId map;
+    KeyframeId keyframe;
+    LabelId label;
+    int server = 0;  ///< the start at which it was said first
+  };
+  struct MadeMap {
+    std::string name;
+    bool is_deleted = false;
+    bool was_deleted = false;                   ///< perhaps, once
+    std::map<KeyframeId, Timestamp> keyframes;  ///< that were accepted
+    std::map<LabelId, std::string> labels;      ///< that were added
+    std::map<LabelId, std::set<std::string>> texts;
+    std::set<LabelId> maybe_removed;
+  };
+  struct Shown {
+    MapSnapshotPtr newest;
+    std::set<KeyframeId> keyframes;  ///< in any revision
+  };
+  void say(const std::string& client, const wire::OfferVerdict& verdict);
+  void say(const std::string& client, const wire::SeedVerdict& verdict);
+  void say(const std::string& client, const wire::ClientReply& reply);
+  void say(const std::string& client, const wire::RelocAnswer& answer);
+  template <typename Outcome>
+  void say_decided(const std::string& what, const Command& command, const Outcome& outcome, bool accepted,
+                   std::map<Command, Said>* said, const std::map<Command, Asked>& asked);
+  void check_readable(const std::string& client, MapId map, const char* what);
+  void check_file(const std::filesystem::path& file, MapId map, const MadeMap& made);
+  void check_follows(const MapSnapshot& before, const MapSnapshot& now);
+
+  Allowed allowed_;
+  int server_ = 0;
+  std::vector<std::string> violations_;
+  std::map<Command, Asked> offers_asked_;
+  std::map<Command, Asked> seeds_asked_;
+  std::map<Command, Asked> requests_asked_;
+  std::map<Command, Said> offers_;
+  std::map<Command, Said> seeds_;
+  std::map<Command, Said> requests_;
+  std::map<std::tuple<std::string, SessionId, int, char>, uint64_t> last_decided_;
+  std::map<MapId, MadeMap> maps_;
+  std::map<MapId, Shown> shown_;
+  std::map<std::string, std::map<MapId, wire::MapInfo>> listed_;
+};
+
+}  // namespace cairn::simulation

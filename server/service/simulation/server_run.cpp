@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/simulation/server_run.h"
+
+#include <array>
+#include <utility>
+
+namespace cairn::simulation {
+
+ServerRun::ServerRun(const Setup& setup)
+    : clock_(setup.clock), random_(*setup.random), in_process_(setup.listener) {}
+
+Result<std::unique_ptr<ServerRun>> ServerRun::start(const Setup& setup) {
+  std::unique_ptr<ServerRun> run(new ServerRun(setup));
+  if (Status opened = run->open(setup); !opened) return tl::unexpected(opened.error());
+  return run;
+}
+
+Status ServerRun::open(const Setup& setup) {
+  auto writer = std::make_unique<WriterTurns>();
+  auto beside = std::make_unique<Lane>(1);
+  writer_ = writer.get();
+  beside_ = beside.get();
+  auto store = MapPersistence::start(setup.folder, {clock_, std::move(writer), std::move(beside)}, setup.log);
+  if (!store) return tl::unexpected(store.error());
+  store_ = std::move(*store);
+  MapServiceOptions options;
+  options.entropy = [this] { return static_cast<uint32_t>(random_()); };
+  options.server = store_->server();
+  options.start_count = store_->start_count();
+  options.rest_after = setup.rest_after;
+  options.clock = clock_;
+  std::vector<RestoredMap> restored = store_->restore(
+      options.mapping, [](const Task& share) { share(); }, restored_images(options.rest_after));
+  auto site = SiteAccess::open(
+      setup.folder, Rights(Right::kWrite, true), [clock = clock_] { return clock->wall(); }, setup.log);
+  if (!site) return tl::unexpected(site.error());
+  site_ = std::move(*site);
+  options.access = site_->policy();
+  if (setup.opened) setup.opened(*site_);
+  service_ = std::make_unique<MapService>(
+      options, MapService::Lanes{urgent_, background_, questions_, idle_}, store_.get(), *site_, in_process_,
+      [this](Task task) { home_.submit(std::move(task)); }, setup.log);
+  in_process_.serve(*service_);
+  service_->resume(std::move(restored));
+  return {};
+}
+
+ServerRun::~ServerRun() {
+  if (store_ != nullptr) kill();
+}
+
+bool ServerRun::run_something() {
+  std::array<Lane*, 6> lanes{&home_, &urgent_, &background_, &questions_, &idle_, beside_};
+  std::array<Lane*, 6> ready{};
+  size_t count = 0;
+  for (Lane* lane : lanes) {
+    if (lane->has_task()) ready[count++] = lane;
+  }
+  const bool writer_is_due = writer_->is_due(clock_->now());
+  if (count == 0 && !writer_is_due) return false;
+  const size_t chosen = draw(random_, count + (writer_is_due ? 1 : 0));
+  if (chosen == count) {
+    writer_->take_turn();
+  } else {
+    ready[chosen]->run_one(random_);
+  }
+  return true;
+}
+
+void ServerRun::tick_if_due() {
+  if (clock_->now() >= service_->next_tick()) service_->tick(clock_->now());
+}
+
+void ServerRun::drop_all() {
+  home_.stop();
+  service_->stop();
+  for (Lane* lane : {&urgent_, &background_, &questions_, &idle_}) lane->stop();
+}
+
+void ServerRun::end() {
+  drop_all();
+  service_->save_last_changes();
+  store_.reset();
+}
+
+void ServerRun::kill() {
+  writer_->cut();
+  if (service_ != nullptr) drop_all();
+  store_.reset();
+}
+
+}  // namespace cairn::simulation

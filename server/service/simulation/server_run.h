@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "server/service/map_service.h"
+#include "server/service/simulation/in_process.h"
+#include "server/service/simulation/lanes.h"
+#include "server/service/site_access.h"
+
+namespace cairn::simulation {
+
+/// A server from one start to its end, in one thread: what would run next is chosen by chance.
+class ServerRun {
+ public:
+  struct Setup {
+    std::filesystem::path folder;
+    std::shared_ptr<const FakeClock> clock;
+    Random* random = nullptr;
+    std::chrono::seconds rest_after{4};
+    InProcess::Listener listener;
+    Logger log;
+    std::function<void(const SiteAccess& site)> opened = {};  ///< before anything is said
+  };
+  [[nodiscard]] static Result<std::unique_ptr<ServerRun>> start(const Setup& setup);
+  ~ServerRun();
+  ServerRun(const ServerRun&) = delete;
+  ServerRun& operator=(const ServerRun&) = delete;
+
+  [[nodiscard]] MapService& service() { return *service_; }
+  [[nodiscard]] InProcess& peers() { return in_process_; }
+  [[nodiscard]] const SiteAccess& site() const { return *site_; }
+
+  /// Runs one of the tasks that are due, of whichever thread. False: none is.
+  bool run_something();
+  void tick_if_due();
+  /// As Service::close().
+  void end();
+  /// As a process that is killed: nothing that waits is done.
+  void kill();
+
+ private:
+  explicit ServerRun(const Setup& setup);
+  [[nodiscard]] Status open(const Setup& setup);
+  void drop_all();
+
+  const std::shared_ptr<const FakeClock> clock_;
+  Random& random_;
+  Lane home_{1};
+  Lane urgent_{2};
+  Lane background_{1};
+  Lane questions_{2};
+  Lane idle_{1};
+  InProcess in_process_;
+  std::unique_ptr<SiteAccess> site_;
+  WriterTurns* writer_ = nullptr;  ///< of store_
+  Lane* beside_ = nullptr;         ///< likewise
+  std::unique_ptr<MapPersistence> store_;
+  std::unique_ptr<MapService> service_;
+};
+
+}  // namespace cairn::simulation
