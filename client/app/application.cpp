@@ -144,6 +144,7 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   session.domain = options.domain;
   session.profile = options.profile;
   session.listen = options.listen;
+  session.security = options.security;
   session.name = options.name;
   session.wearer = options.wearer;
   session.only_map = options.map;
@@ -231,7 +232,8 @@ Result<std::unique_ptr<RigLink>> open_rig(const TrackOptions& options, const Fra
                                        " is no camera that a rig can move; a live one is, v4l2:, or "
                                        "sim:shoulder?rig=PATH");
   }
-  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log, options.rig_search});
+  return RigLink::open({options.rig, options.name, options.domain, options.rig_aim, log, options.rig_search,
+                        options.security});
 }
 
 void press(RigCommander& commander, RigKey key) {
@@ -257,7 +259,8 @@ void press(RigCommander& commander, RigKey key) {
 std::unique_ptr<PictureLink> open_pictures(const TrackOptions& options, const CameraPtr& camera,
                                            const Logger& log) {
   if (options.wearer.empty()) return nullptr;
-  auto pictures = PictureLink::open({options.wearer, options.name, options.domain}, camera, log);
+  auto pictures =
+      PictureLink::open({options.wearer, options.name, options.domain, options.security}, camera, log);
   if (pictures) return *std::move(pictures);
   log->warn("no pictures go between the cameras of wearer {}: {}", options.wearer, pictures.error().message);
   return nullptr;

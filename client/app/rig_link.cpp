@@ -28,6 +28,7 @@ Result<std::unique_ptr<RigLink>> RigLink::open(const RigLinkOptions& options) {
   wire::ParticipantOptions joining;
   joining.role = wire::Role::kRigClient;
   joining.domain = static_cast<uint32_t>(options.domain);
+  joining.security = options.security;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
   auto waiter = wire::Waiter::create(*participant);

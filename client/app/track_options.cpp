@@ -15,6 +15,7 @@
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "common/wire/participant.h"
+#include "common/wire/security.h"
 
 namespace cairn {
 namespace {
@@ -60,7 +61,7 @@ struct Words {
   std::string saved_calibration;
   std::string role = "builder";
   std::string pace = "realtime";
-  std::string security;
+  std::string name;
   std::string trajectory;
   std::string stats;
   std::string video;
@@ -127,8 +128,8 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--listen", options.listen,
                  "network interface or address of this machine [that of the route to the server]")
       ->type_name("IFACE|ADDR");
-  app.add_option("--security", words.security, "DDS Security files (not available yet)")->type_name("DIR");
-  app.add_option("--name", options.name, "of this client [host name and process id]")
+  app.add_option("--security", options.security, wire::kSecurityHelp)->type_name("DIR");
+  app.add_option("--name", words.name, "of this client [that of its keys, else host name and process id]")
       ->check(check_name)
       ->type_name("NAME");
   app.add_option("--wearer", options.wearer,
@@ -190,8 +191,12 @@ std::optional<std::filesystem::path> path_or_nothing(const std::string& text) {
   return text.empty() ? std::nullopt : std::optional<std::filesystem::path>(text);
 }
 
+ParseExit refusal(int code, const std::string& message) {
+  return {code, "cairn-track: " + message + "\ncairn-track --help lists all options\n"};
+}
+
 ParseExit usage(const std::string& message) {
-  return {kUsageExit, "cairn-track: " + message + "\ncairn-track --help lists all options\n"};
+  return refusal(kUsageExit, message);
 }
 
 /// What cannot be meant so; nothing: all is well.
@@ -215,9 +220,14 @@ std::optional<std::string> misuse_of_rig(const Words& words) {
 }
 
 std::variant<TrackOptions, ParseExit> translate(Words words) {
-  if (!words.security.empty()) return usage("--security: DDS Security is not available yet");
   if (const auto misuse = misuse_of_rig(words)) return usage(*misuse);
   TrackOptions options = std::move(words.options);
+  if (!words.name.empty()) options.name = words.name;
+  if (!options.security.empty()) {
+    auto name = wire::secured_name(options.security, "client", words.name);
+    if (!name) return refusal(exit_code(name.error().code), "--security " + name.error().message);
+    options.name = *std::move(name);
+  }
   options.reader = words.role == "reader";
   if (!options.map.empty() && options.makes_maps()) {
     return usage("--map: only with --role reader or --no-new-maps; a builder begins a map of its own");

@@ -26,8 +26,9 @@ struct TrackOptions {
   std::optional<std::filesystem::path> saved_calibration;
   std::string server = "localhost";
   int domain = 0;
-  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
-  std::string listen;   ///< interface or address of this machine; empty: that of the route to the server
+  std::string profile;   ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;    ///< interface or address of this machine; empty: that of the route to the server
+  std::string security;  ///< folder of the client's keys; empty: an open site
   std::string name;
   std::string wearer;        ///< who wears the camera; empty: nobody in particular
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes

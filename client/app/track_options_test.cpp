@@ -158,10 +158,13 @@ TEST(TrackOptions, AWrongValueNamesTheValidOnes) {
   EXPECT_THAT(wrong({"--no-new-maps", "--lost-patience", "1"}), HasSubstr("only a builder begins a map"));
 }
 
-TEST(TrackOptions, WhatIsNotThereYetSaysSo) {
-  for (const auto& arguments : std::vector<std::vector<std::string>>{{"--security", "dir"}}) {
-    EXPECT_THAT(wrong(arguments), HasSubstr("not available yet")) << arguments.front();
-  }
+TEST(TrackOptions, KeysThatAreNotThereAreRefusedWithTheRemedy) {
+  const auto parsed = parse({"--source", "sim:desk", "--security", "nowhere"});
+  const auto* exit = std::get_if<ParseExit>(&parsed);
+  ASSERT_NE(exit, nullptr);
+  EXPECT_EQ(exit->code, 3);
+  EXPECT_THAT(exit->text, HasSubstr("/nowhere/identity_ca.cert.pem"));
+  EXPECT_THAT(exit->text, HasSubstr("`cairnctl keys issue`"));
 }
 
 TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {

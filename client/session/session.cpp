@@ -24,6 +24,7 @@ Result<wire::ParticipantOptions> joining(const SessionOptions& options, const Lo
   participant.listen = options.listen;
   participant.profile = options.profile.empty() ? wire::default_profile(options.server) : options.profile;
   participant.loss_per_mille = options.xmit_loss_permille;
+  participant.security = options.security;
   participant.log = log;
   return participant;
 }

@@ -30,10 +30,11 @@ namespace cairn {
 struct SessionOptions {
   std::string server = "localhost";
   int domain = 0;
-  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
-  std::string listen;   ///< interface or address of this machine; empty: that of the way to the server
-  std::string name;     ///< [a-z0-9-]{1,32}
-  std::string wearer;   ///< who wears the camera, [a-z0-9-]{1,32}; empty: nobody in particular
+  std::string profile;   ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;    ///< interface or address of this machine; empty: that of the way to the server
+  std::string security;  ///< folder of the client's keys (common/wire/security.h); empty: an open site
+  std::string name;      ///< [a-z0-9-]{1,32}; of a secured site: that of the keys
+  std::string wearer;    ///< who wears the camera, [a-z0-9-]{1,32}; empty: nobody in particular
   bool lockstep = false;
   size_t spool_limit = 256;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
   size_t recent_maps = 4;    ///< received at the same time: switching back to one of them takes no time

@@ -102,12 +102,18 @@ Result<Security> read_security(const fs::path& folder) {
   return read_security(folder, {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()});
 }
 
-Result<std::string> secured_name(const std::string& folder, const std::string& wanted) {
+Result<std::string> secured_name(const std::string& folder, std::string_view role,
+                                 const std::string& wanted) {
   const auto security = read_security(folder);
   if (!security) return tl::unexpected(security.error());
+  if (security->role != role) {
+    return fail(ErrorCode::kConfiguration, folder + ": the keys are of " + security->role + " " +
+                                               security->name + "; `cairnctl keys issue " +
+                                               std::string(role) + "` makes those that are needed here");
+  }
   if (wanted.empty() || wanted == security->name) return security->name;
-  return fail(ErrorCode::kUsage,
-              folder + ": the keys are of " + security->role + " " + security->name + ", not of " + wanted);
+  return fail(ErrorCode::kUsage, folder + ": the keys are of " + security->role + " " + security->name +
+                                     ", not of " + wanted + "; without a name, that of the keys is taken");
 }
 
 }  // namespace cairn::wire

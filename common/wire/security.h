@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "common/base/result.h"
 #include "common/base/time.h"
@@ -25,8 +26,14 @@ struct Security {
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder, Timestamp now);
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder);  ///< at this moment
 
-/// The name in a security folder (read_security()) of a program that is called `wanted`; empty: it is called
-/// as its keys are. Error kUsage: they are somebody else's.
-[[nodiscard]] Result<std::string> secured_name(const std::string& folder, const std::string& wanted);
+/// What every program says of its option --security, which takes a DIR.
+inline constexpr const char* kSecurityHelp =
+    "security folder that `cairnctl keys issue` made for this program, of a secured site [an open site]";
+
+/// The name in a security folder (read_security()), for a program of this role that is called `wanted`;
+/// empty: it is called as its keys are. Errors: kConfiguration (they are of another role), kUsage (they are
+/// somebody else's), those of read_security().
+[[nodiscard]] Result<std::string> secured_name(const std::string& folder, std::string_view role,
+                                               const std::string& wanted);
 
 }  // namespace cairn::wire

@@ -13,6 +13,7 @@
 #include "common/base/ending_signals.h"
 #include "common/base/log.h"
 #include "common/wire/log_redirect.h"
+#include "common/wire/security.h"
 #include "hw/app/calibrate.h"
 #include "hw/app/calibration_drive.h"
 #include "hw/app/doctor.h"
@@ -140,6 +141,11 @@ int run(int argc, char** argv) {
   auto configuration = read_rig_configuration(options.config);
   if (!configuration) return complain(configuration.error());
   if (!options.name.empty()) configuration->name = options.name;
+  if (!options.network.security.empty()) {
+    auto name = wire::secured_name(options.network.security, "rig", options.name);
+    if (!name) return complain({name.error().code, "--security " + name.error().message});
+    configuration->name = *std::move(name);
+  }
   sigset_t signals = block_ending_signals();  // before any thread
   sigaddset(&signals, SIGUSR1);               // the emergency stop, which ends no process
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);

@@ -8,6 +8,7 @@
 #include "common/base/version.h"
 #include "common/map/ids.h"
 #include "common/wire/network_path.h"
+#include "common/wire/security.h"
 
 namespace cairn {
 namespace {
@@ -60,7 +61,8 @@ struct Loudness {
 /// What tasks need that are heard on the network.
 void add_network_options(CLI::App* app, RigOptions* options, Loudness* loudness) {
   auto& network = options->network;
-  app->add_option("--name", options->name, "of the rig [that of the file]")->check(check_name);
+  app->add_option("--name", options->name, "of the rig [that of its keys, else of the file]")
+      ->check(check_name);
   app->add_option("--domain", network.domain, "DDS domain")
       ->check(CLI::Range(0U, wire::kMaxDomain))
       ->capture_default_str();
@@ -71,6 +73,7 @@ void add_network_options(CLI::App* app, RigOptions* options, Loudness* loudness)
   app->add_option("--listen", network.listen,
                   "network interface or address of this machine [that of the route to the server]")
       ->type_name("IFACE|ADDR");
+  app->add_option("--security", network.security, wire::kSecurityHelp)->type_name("DIR");
   app->add_flag("-v,--verbose", loudness->verbose, "more words");
   app->add_flag("-q,--quiet", loudness->quiet, "warnings only");
 }

@@ -19,7 +19,7 @@ struct RigOptions {
   std::string can;     ///< interface; empty: none, devices and rig in one process
   std::string config;  ///< file
   std::string camera;  ///< of simulated devices: socket that tells where it is; empty: none
-  std::string name;    ///< empty: that of the file
+  std::string name;    ///< empty: that of the keys, or of the file
   wire::ParticipantOptions network;
   std::vector<TimedFault> faults;
   uint32_t seed = 1;

@@ -21,7 +21,14 @@ enum class OperatorAct : uint8_t {
   kSee,       ///< lists and shows
   kChange,    ///< renames, deletes, undeletes and purges maps, changes labels
   kTransfer,  ///< takes a map out as an archive or brings one in: pictures leave the server
+  kGovern,    ///< says who may do what
 };
+
+/// The least that an operator's role must be.
+[[nodiscard]] constexpr Duty duty_for(OperatorAct act) {
+  if (act == OperatorAct::kSee) return Duty::kWatch;
+  return act == OperatorAct::kGovern ? Duty::kAdminister : Duty::kCurate;
+}
 
 /// The one place where it is asked who may do what. The map service asks before each request is carried out,
 /// and before a map is listed, searched, answered or sent. Used from one thread, the service's.

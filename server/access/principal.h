@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "server/access/duty.h"
+
 namespace cairn {
 
 /// Who asks for something, and how that is known. Every request to the map service carries one; adapters make
@@ -23,6 +25,7 @@ struct Principal {
   Kind kind = Kind::kClient;
   std::string name;
   Proof proof = Proof::kClaimed;
+  Duty duty = Duty::kAdminister;  ///< of an operator; where nobody is known, everybody may do all
   auto operator<=>(const Principal&) const = default;
 };
 
@@ -32,8 +35,9 @@ struct Principal {
 }
 
 [[nodiscard]] inline Principal operator_principal(std::string name,
-                                                  Principal::Proof proof = Principal::Proof::kClaimed) {
-  return {Principal::Kind::kOperator, std::move(name), proof};
+                                                  Principal::Proof proof = Principal::Proof::kClaimed,
+                                                  Duty duty = Duty::kAdminister) {
+  return {Principal::Kind::kOperator, std::move(name), proof, duty};
 }
 
 }  // namespace cairn

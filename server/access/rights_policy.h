@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 #include <utility>
 
 #include "server/access/access_policy.h"
@@ -21,9 +22,13 @@ class RightsPolicy : public AccessPolicy {
   [[nodiscard]] Ruling on_creating(const Principal& client) const override {
     return rights_.rule_on_creating(client.name);
   }
-  /// Operators are told apart by their certificates only; who is one may do all.
-  [[nodiscard]] Status may_ask(const Principal& /*operator_*/, OperatorAct /*act*/) const override {
-    return {};
+  /// By the operator's role.
+  [[nodiscard]] Status may_ask(const Principal& who, OperatorAct act) const override {
+    const Duty needed = duty_for(act);
+    if (who.duty >= needed) return {};
+    return fail(ErrorCode::kRefused, "operator " + who.name + " has the role " +
+                                         std::string(to_string(who.duty)) + "; this needs the role " +
+                                         std::string(to_string(needed)));
   }
 
   [[nodiscard]] const Rights& rights() const { return rights_; }

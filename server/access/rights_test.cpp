@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "server/access/rights_policy.h"
+
 namespace cairn {
 namespace {
 
@@ -191,6 +193,27 @@ TEST_F(RightsTest, AnExplanationNamesTheRuleThatDecides) {
   EXPECT_EQ(seen[3].part, Part::kOutweighed);
   ASSERT_TRUE(rights_.freeze(kDesk, Closure{"ops", kNow, ""}));
   EXPECT_EQ(rights_.explain("ann", kDesk, kNow)[0].part, Part::kDecides) << "the freeze";
+}
+
+TEST(RightsPolicyTest, AnOperatorMayAskForWhatItsRoleAllows) {
+  const RightsPolicy policy(Rights(Right::kNone, false), [] { return kNow; });
+  const auto most_of = [&](Duty duty) {
+    std::vector<bool> may;
+    for (const OperatorAct act :
+         {OperatorAct::kSee, OperatorAct::kChange, OperatorAct::kTransfer, OperatorAct::kGovern})
+      may.push_back(
+          policy.may_ask(operator_principal("ann", Principal::Proof::kProven, duty), act).has_value());
+    return may;
+  };
+  EXPECT_EQ(most_of(Duty::kWatch), (std::vector{true, false, false, false}));
+  EXPECT_EQ(most_of(Duty::kCurate), (std::vector{true, true, true, false}));
+  EXPECT_EQ(most_of(Duty::kAdminister), (std::vector{true, true, true, true}));
+  EXPECT_TRUE(policy.may_ask(operator_principal("ann"), OperatorAct::kGovern)) << "in an open site";
+  EXPECT_EQ(
+      policy.may_ask(operator_principal("ann", Principal::Proof::kProven, Duty::kWatch), OperatorAct::kChange)
+          .error()
+          .message,
+      "operator ann has the role watch; this needs the role curate");
 }
 
 }  // namespace

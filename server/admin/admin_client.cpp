@@ -52,15 +52,17 @@ size_t append(const json& page, const char* list, json* all) {
 Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  auto name = operator_name(options.security);
+  if (!name) return tl::unexpected(name.error());
   wire::ParticipantOptions joining;
+  joining.security = options.security;
   joining.domain = static_cast<uint32_t>(options.domain);
   joining.server_host = options.server;
   joining.profile = options.profile.empty() ? wire::default_profile(options.server) : options.profile;
   joining.listen = options.listen;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
-  const std::string name = own_name();
-  const std::string partition = wire::operator_partition(name);
+  const std::string partition = wire::operator_partition(*name);
   auto requests = wire::Writer<wire::AdminRequest>::create(*participant, partition);
   if (!requests) return tl::unexpected(requests.error());
   auto replies = wire::Reader<wire::AdminReply>::create(*participant, partition);
@@ -71,15 +73,19 @@ Result<AdminClient> AdminClient::connect(const AdminClientOptions& options) {
   const auto deadline = steady_clock::now() + kServerPatience;
   while (requests->matched() == 0) {
     if (steady_clock::now() > deadline) {
-      return fail(ErrorCode::kNoServer,
-                  "no server answers at " + options.server + ", domain " + std::to_string(options.domain) +
-                      ", asked " + wire::way_to(options.server, participant->path()) +
-                      "; is cairn-server running there, for this network (its --profile "
-                      "and --listen)? --listen here takes another interface");
+      return fail(
+          ErrorCode::kNoServer,
+          "no server answers at " + options.server + ", domain " + std::to_string(options.domain) +
+              ", asked " + wire::way_to(options.server, participant->path()) +
+              "; is cairn-server running there, for this network (its --profile "
+              "and --listen)? --listen here takes another interface" +
+              (options.security.empty()
+                   ? "; a secured site answers only who shows the keys of an operator, with --security"
+                   : "; are the keys of --security of its site, and not revoked there?"));
     }
     std::this_thread::sleep_for(milliseconds(5));
   }
-  return AdminClient(name, std::move(*participant), std::move(*requests), std::move(*replies),
+  return AdminClient(*std::move(name), std::move(*participant), std::move(*requests), std::move(*replies),
                      std::move(*waiter));
 }
 

@@ -19,8 +19,9 @@ namespace cairn {
 struct AdminClientOptions {
   std::string server = "localhost";
   int domain = 0;
-  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
-  std::string listen;   ///< interface or address of this machine; empty: that of the way to the server
+  std::string profile;        ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;         ///< interface or address of this machine; empty: that of the way to the server
+  std::string security = {};  ///< folder of the operator's keys; empty: an open site
 };
 
 /// An operator's line to the server: one request at a time, sent again until it is answered. One thread.

@@ -23,6 +23,7 @@
 #include "common/io/text.h"
 #include "common/map/ids.h"
 #include "common/wire/log_redirect.h"
+#include "common/wire/security.h"
 #include "server/admin/access_commands.h"
 #include "server/admin/admin_client.h"
 #include "server/admin/export_folder.h"
@@ -85,7 +86,6 @@ struct Options {
   std::string folder = ".";
   bool rgb = false;
   bool for_good = false;
-  std::string security;
   uint64_t label = 0;
   std::string text;
 };
@@ -393,8 +393,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   app->add_option("--listen", options->connection.listen,
                   "network interface or address of this machine [that of the route to the server]")
       ->type_name("IFACE|ADDR");
-  app->add_option("--security", options->security, "DDS Security files (not available yet)")
-      ->type_name("DIR");
+  app->add_option("--security", options->connection.security, wire::kSecurityHelp)->type_name("DIR");
   app->add_flag("--json", options->as_json, "for machines");
   app->set_version_flag("--version", "cairnctl " + std::string(version()));
 
@@ -509,10 +508,6 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return end_of_parse(app, error);
   }
-  if (!options.security.empty()) {
-    std::fprintf(stderr, "cairnctl: --security: DDS Security is not available yet\n");
-    return exit_code(ErrorCode::kUsage);
-  }
   if (access) action = [access](AdminClient* client, const Options& o) { return access(client, o.as_json); };
   std::signal(SIGXFSZ, SIG_IGN);  // a file at its limit is an error of that write
   const Logger log = make_logger("cairnctl");
@@ -523,7 +518,8 @@ int run(int argc, char** argv) {
     done = local_action(options.as_json);
   } else if (rig_action) {
     const AdminClientOptions& network = options.connection;
-    done = rig_action({"", "", network.domain, network.profile, network.listen}, options.as_json);
+    done = rig_action({"", "", network.domain, network.profile, network.listen, network.security},
+                      options.as_json);
   } else {
     client = AdminClient::connect(options.connection);
     done = client ? action(&*client, options) : tl::unexpected(client.error());

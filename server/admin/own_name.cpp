@@ -5,6 +5,8 @@
 
 #include <cstdlib>
 
+#include "common/wire/security.h"
+
 namespace cairn {
 
 std::string own_name() {
@@ -15,6 +17,13 @@ std::string own_name() {
     name += plain ? c : '-';
   }
   return name + "-" + std::to_string(getpid());
+}
+
+Result<std::string> operator_name(const std::string& security) {
+  if (security.empty()) return own_name();
+  auto name = wire::secured_name(security, "operator", "");
+  if (!name) return fail(name.error().code, "--security " + name.error().message);
+  return name;
 }
 
 }  // namespace cairn

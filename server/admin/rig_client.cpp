@@ -23,7 +23,10 @@ constexpr std::chrono::seconds kPatience{5};
 Result<RigClient> RigClient::join(const RigClientOptions& options) {
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain))
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
+  auto name = operator_name(options.security);
+  if (!name) return tl::unexpected(name.error());
   wire::ParticipantOptions joining;
+  joining.security = options.security;
   joining.role = wire::Role::kRigClient;
   joining.domain = static_cast<uint32_t>(options.domain);
   joining.server_host = options.host;
@@ -38,14 +41,15 @@ Result<RigClient> RigClient::join(const RigClientOptions& options) {
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
   if (Status attached = waiter->attach({*states}); !attached) return tl::unexpected(attached.error());
-  return RigClient(options, *std::move(participant), *std::move(orders), *std::move(states),
+  return RigClient(options, *std::move(name), *std::move(participant), *std::move(orders), *std::move(states),
                    *std::move(waiter));
 }
 
-RigClient::RigClient(RigClientOptions options, wire::Participant participant,
+RigClient::RigClient(RigClientOptions options, std::string name, wire::Participant participant,
                      wire::Writer<wire::RigCommand> orders, wire::Reader<wire::RigState> states,
                      wire::Waiter waiter)
     : options_(std::move(options)),
+      name_(std::move(name)),
       participant_(std::move(participant)),
       orders_(std::move(orders)),
       states_(std::move(states)),
@@ -86,7 +90,7 @@ Result<wire::RigState> RigClient::state() {
 
 Result<wire::RigState> RigClient::give(wire::RigCommand order) {
   order.rig = options_.rig;
-  order.commander = own_name();
+  order.commander = name_;
   order.order = {order_.order.session, order_.order.seq + 1};
   order_ = std::move(order);
   const auto deadline = steady_clock::now() + kPatience;

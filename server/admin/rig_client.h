@@ -17,8 +17,9 @@ struct RigClientOptions {
   std::string rig;
   std::string host = "localhost";  ///< of cairn-rig
   int domain = 0;
-  std::string profile;  ///< empty: loopback for localhost, wifi otherwise
-  std::string listen;   ///< interface or address of this machine; empty: that of the way to the rig
+  std::string profile;        ///< empty: loopback for localhost, wifi otherwise
+  std::string listen;         ///< interface or address of this machine; empty: that of the way to the rig
+  std::string security = {};  ///< folder of the operator's keys; empty: an open site
 };
 
 /// An operator's line to a rig's own program, without a server between: an emergency stop needs no more than
@@ -41,13 +42,14 @@ class RigClient {
                                             const Asked& asked);
 
  private:
-  RigClient(RigClientOptions options, wire::Participant participant, wire::Writer<wire::RigCommand> orders,
-            wire::Reader<wire::RigState> states, wire::Waiter waiter);
+  RigClient(RigClientOptions options, std::string name, wire::Participant participant,
+            wire::Writer<wire::RigCommand> orders, wire::Reader<wire::RigState> states, wire::Waiter waiter);
   /// The newest that comes within one period; of another rig, its name is kept.
   [[nodiscard]] std::optional<wire::RigState> next_state();
   [[nodiscard]] Error no_rig() const;
 
   RigClientOptions options_;
+  std::string name_;  ///< of the operator
   wire::Participant participant_;
   wire::Writer<wire::RigCommand> orders_;
   wire::Reader<wire::RigState> states_;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/wire/partition.h"
+#include "server/service/admin_reply.h"
 
 namespace cairn {
 namespace {
@@ -53,7 +54,7 @@ Result<Endpoint::Readers> Endpoint::make_readers(const wire::Participant& partic
 }
 
 Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options, MapService::Lanes lanes,
-                                                  MapPersistence* store, SiteAccess& site,
+                                                  MapPersistence* store, SiteAccess& site, SiteKeys keys,
                                                   std::vector<RestoredMap> restored, Logger log) {
   wire::ParticipantOptions joining = joining_options(options);
   joining.log = log;
@@ -61,19 +62,22 @@ Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
   if (!participant) return tl::unexpected(participant.error());
   auto readers = make_readers(*participant);
   if (!readers) return tl::unexpected(readers.error());
-  std::unique_ptr<Endpoint> endpoint(new Endpoint(options, lanes, store, site, std::move(*participant),
-                                                  std::move(*readers), std::move(log)));
+  std::unique_ptr<Endpoint> endpoint(new Endpoint(options, lanes, store, site, std::move(keys),
+                                                  std::move(*participant), std::move(*readers),
+                                                  std::move(log)));
   endpoint->service_.resume(std::move(restored));
   endpoint->thread_ = std::thread([me = endpoint.get()] { me->run(); });
   return endpoint;
 }
 
 Endpoint::Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPersistence* store,
-                   SiteAccess& site, wire::Participant participant, Readers readers, Logger log)
+                   SiteAccess& site, SiteKeys keys, wire::Participant participant, Readers readers,
+                   Logger log)
     : clock_(options.clock),
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(log),
+      door_(std::move(keys), log),
       look_for_gone_at_(clock_->now() + kLookForGone),
       service_(
           options, lanes, store, site, *this, [this](Task task) { post(std::move(task)); }, std::move(log)) {}
@@ -116,6 +120,7 @@ void Endpoint::run() {
       feed_clients();
       const MonotonicTime now = clock_->now();
       if (now >= service_.next_tick()) service_.tick(now);
+      if (door_.look(now)) look_who_is_turned_away();
       if (now >= look_for_gone_at_) forget_gone_publications();
     } catch (const std::exception& problem) {
       log_->error("internal error: {}", problem.what());  // whatever a peer did: the others are served
@@ -124,7 +129,7 @@ void Endpoint::run() {
 }
 
 milliseconds Endpoint::time_to_wait() const {
-  MonotonicTime next = service_.next_tick();
+  MonotonicTime next = std::min(service_.next_tick(), door_.next_look());
   for (const auto& [name, link] : links_) {
     for (const auto& [map, feed] : link.feeds) {
       if (const auto due = feed.deadline()) next = std::min(next, *due);
@@ -159,6 +164,7 @@ const Publications::Publication* Endpoint::identify(Inlet<Message>* inlet,
     refuse_identity(wire::topic_name<Message>(), source->partition, claimed);
     return nullptr;
   }
+  if (turns_away(IdentityRole::kClient, door_.client(source->client->client))) return nullptr;
   return source;
 }
 
@@ -173,7 +179,7 @@ void Endpoint::take_commands(Inlet<Message>* inlet, const Use& use) {
   wire::take_all(inlet->reader, [&](auto& sample) {
     const Publications::Publication* source = identify(inlet, sample);
     if (source != nullptr && sample.message)
-      use(client_principal(source->client->client), *source, std::move(*sample.message));
+      use(door_.client(source->client->client), *source, std::move(*sample.message));
   });
 }
 
@@ -205,7 +211,7 @@ void Endpoint::take_states() {
     if (source == nullptr) return;
     const wire::TrackerStateMessage& state = *sample.message;
     const std::string& name = source->client->client;
-    if (!service_.take(client_principal(name), sample.publication, source->process, state)) return;
+    if (!service_.take(door_.client(name), sample.publication, source->process, state)) return;
     const auto link = links_.find(name);
     if (link == links_.end()) return;
     const auto feed = link->second.feeds.find(state.map);
@@ -222,7 +228,13 @@ void Endpoint::take_requests() {
       return refuse_identity(wire::topic_name<wire::AdminRequest>(), source->partition,
                              sample.message->operator_id);
     }
-    service_.take(operator_principal(*name), *sample.message);
+    const Principal who = door_.operator_of(*name);
+    if (!turns_away(IdentityRole::kOperator, who)) return service_.take(who, *sample.message);
+    wire::AdminReply reply =
+        refusal(ErrorCode::kRefused, std::string("operator ") + *name + ": " + Doorkeeper::kRevoked);
+    reply.operator_id = sample.message->operator_id;
+    reply.command = sample.message->command;
+    check(answer(*name, reply), "an answer");
   });
 }
 
@@ -232,6 +244,7 @@ void Endpoint::take_rigs() {
     const Publications::Publication* source = readers_.rigs.source(sample);
     if (!sample.message || source == nullptr || source->partition != wire::rig_partition(sample.message->rig))
       return;
+    if (door_.is_turned_away(IdentityRole::kRig, sample.message->rig)) return;
     service_.take(*sample.message);
   });
 }
@@ -267,25 +280,52 @@ void Endpoint::on_discovered(const wire::DiscoveredReader& reader) {
   } else if (!identity->map && reader.topic == wire::topic_name<wire::ServerStatus>()) {
     link.status_readers += reader.gone ? -1 : 1;
     if (link.status_readers == 1 && !reader.gone) connect(identity->client, &link);
-    if (link.status_readers == 0 && reader.gone) {
-      link.writers.reset();
-      service_.disconnect(client_principal(identity->client));
-    }
+    if (link.status_readers == 0 && reader.gone) disconnect(identity->client, &link);
   }
   if (link.status_readers <= 0 && link.wanted.empty()) links_.erase(identity->client);
 }
 
 void Endpoint::connect(const std::string& name, ClientLink* link) {
+  const Principal who = door_.client(name);
+  if (turns_away(IdentityRole::kClient, who)) return;
   auto writers = ClientWriters::create(participant_, name);
   if (!writers) return log_->error("{}: cannot be served: {}", name, writers.error().message);
   link->writers = std::move(*writers);
-  service_.connect(client_principal(name));
+  service_.connect(who);
+}
+
+void Endpoint::disconnect(const std::string& name, ClientLink* link) {
+  link->feeds.clear();
+  if (!link->writers) return;
+  link->writers.reset();
+  service_.disconnect(door_.client(name));
+}
+
+void Endpoint::look_who_is_turned_away() {
+  for (auto& [name, link] : links_) {
+    if (door_.is_turned_away(IdentityRole::kClient, name)) {
+      if (link.writers) (void)turns_away(IdentityRole::kClient, door_.client(name));
+      disconnect(name, &link);
+    } else if (!link.writers && link.status_readers > 0) {
+      connect(name, &link);
+      open_wanted_feeds(name, &link);
+    }
+  }
+}
+
+bool Endpoint::turns_away(IdentityRole role, const Principal& who) {
+  if (!door_.is_turned_away(role, who.name)) return false;
+  if (door_.is_to_be_told(role, who.name, clock_->now()))
+    service_.note_turned_away(who, Doorkeeper::kRevoked);
+  return true;
 }
 
 void Endpoint::open_wanted_feeds(const std::string& name, ClientLink* link) {
+  const Principal who = door_.client(name);
+  if (door_.is_turned_away(IdentityRole::kClient, name)) return;
   for (const auto& [map, readers] : link->wanted) {
     if (link->feeds.contains(map)) continue;
-    const std::optional<FollowedMap> followed = service_.follow(client_principal(name), map);
+    const std::optional<FollowedMap> followed = service_.follow(who, map);
     if (!followed) continue;
     const MonotonicTime now = clock_->now();
     if (link->feed_failed_at && now - *link->feed_failed_at < kFeedRetry) return;

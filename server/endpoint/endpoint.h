@@ -19,6 +19,7 @@
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
 #include "server/endpoint/client_link.h"
+#include "server/endpoint/doorkeeper.h"
 #include "server/endpoint/publications.h"
 #include "server/endpoint/service.h"
 #include "server/service/map_service.h"
@@ -33,7 +34,7 @@ class Endpoint : private ServiceOutput {
   /// With all `restored` maps being served on return.
   [[nodiscard]] static Result<std::unique_ptr<Endpoint>> start(const ServiceOptions& options,
                                                                MapService::Lanes lanes, MapPersistence* store,
-                                                               SiteAccess& site,
+                                                               SiteAccess& site, SiteKeys keys,
                                                                std::vector<RestoredMap> restored, Logger log);
   ~Endpoint() override { stop(); }
   Endpoint(const Endpoint&) = delete;
@@ -64,7 +65,7 @@ class Endpoint : private ServiceOutput {
   };
   [[nodiscard]] static Result<Readers> make_readers(const wire::Participant& participant);
   Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPersistence* store, SiteAccess& site,
-           wire::Participant participant, Readers readers, Logger log);
+           SiteKeys keys, wire::Participant participant, Readers readers, Logger log);
 
   // The loop.
   void run();
@@ -83,6 +84,11 @@ class Endpoint : private ServiceOutput {
   // Who is there.
   void on_discovered(const wire::DiscoveredReader& reader);
   void connect(const std::string& name, ClientLink* link);
+  void disconnect(const std::string& name, ClientLink* link);
+  /// Somebody's keys were revoked, or a name that was has keys again.
+  void look_who_is_turned_away();
+  /// Whether it is; then that goes on record, now and then.
+  [[nodiscard]] bool turns_away(IdentityRole role, const Principal& who);
   void open_wanted_feeds(const std::string& name, ClientLink* link);
   /// Null: the sample is not of the client that it claims to be of.
   template <typename Message>
@@ -105,6 +111,7 @@ class Endpoint : private ServiceOutput {
   wire::Participant participant_;
   Readers readers_;
   Logger log_;
+  Doorkeeper door_;
   std::map<std::string, ClientLink> links_;
   OperatorWriters operators_;  ///< the one that was answered last in front
   MonotonicTime look_for_gone_at_;

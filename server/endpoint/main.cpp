@@ -53,6 +53,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.domain = options.domain;
   service.listen = options.listen;
   service.profile = options.profile;
+  service.security = options.security;
   service.seed = options.seed;
   service.mapping.adjuster = options.adjuster;
   service.relocalization.method = options.relocalizer;

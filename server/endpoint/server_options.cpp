@@ -18,6 +18,7 @@
 #include "common/base/yaml_file.h"
 #include "common/io/distinct_files.h"
 #include "common/wire/participant.h"
+#include "common/wire/security.h"
 
 namespace cairn {
 namespace {
@@ -83,7 +84,7 @@ constexpr OptionRow kOptions[] = {
     {"wearers", "FILE", "who wears which cameras: YAML, `anna: [hand-1, shoulder-1]` [as cairn-track claims]",
      true},
     {"stats", "FILE", "writes there at the end what the map makers did and how long it took, as JSON", true},
-    {"security", "DIR", "DDS Security files", false},
+    {"security", "DIR", wire::kSecurityHelp, true},
     {"http", "ADDR:PORT", "dashboard, health and metrics", false},
 };
 
@@ -184,6 +185,8 @@ Result<ServerOptions> translate(const Words& words) {
       options.wearer_policy = value == "first" ? WearerPolicy::kFirst : WearerPolicy::kOnly;
     } else if (name == "wearers") {
       options.wearers = value;
+    } else if (name == "security") {
+      options.security = value;
     } else if (name == "stats") {
       options.stats = value;
     } else if (name == "store") {

@@ -32,8 +32,9 @@ struct ServerOptions {
   std::chrono::seconds drop_after{10};           ///< ServiceOptions::drop_after
   bool lockstep = true;                          ///< ServiceOptions::lockstep
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
-  std::string stats;    ///< file; empty: none
-  std::string wearers;  ///< file; empty: as clients claim
+  std::string security;  ///< folder of the server's keys; empty: an open site
+  std::string stats;     ///< file; empty: none
+  std::string wearers;   ///< file; empty: as clients claim
   int verbosity = 0;
 };
 

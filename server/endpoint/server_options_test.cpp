@@ -156,7 +156,7 @@ TEST_F(ServerOptionsTest, MistakesInTheFileNameLineAndRemedy) {
 }
 
 TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
-  for (const std::string name : {"security", "http"}) {
+  for (const std::string name : {"http"}) {
     const EarlyExit exit = refused({"--" + name, "x"});
     EXPECT_EQ(exit.code, 2);
     EXPECT_THAT(exit.text, HasSubstr("--" + name));

@@ -8,8 +8,11 @@
 #include <random>
 #include <utility>
 
+#include "common/base/utc.h"
 #include "common/wire/participant.h"
+#include "common/wire/security.h"
 #include "server/endpoint/endpoint.h"
+#include "server/keys/site_keys.h"
 #include "server/service/map_persistence.h"
 #include "server/service/site_access.h"
 #include "server/service/store_threads.h"
@@ -21,6 +24,17 @@ namespace {
 
 constexpr int kBackgroundNice = 10;
 constexpr int kIdleNice = 19;
+
+/// Before maps are read, which takes time.
+Result<SiteKeys> read_keys(const ServiceOptions& options, const Logger& log) {
+  if (options.security.empty()) return SiteKeys();
+  if (const auto name = wire::secured_name(options.security, "server", ""); !name)
+    return tl::unexpected(name.error());
+  const auto keys = wire::read_security(options.security);
+  if (!keys) return tl::unexpected(keys.error());
+  log->info("a secured site: the keys of server {} are good until {}", keys->name, to_utc(keys->expires));
+  return SiteKeys::read(options.security);
+}
 
 }  // namespace
 
@@ -38,6 +52,7 @@ wire::ParticipantOptions joining_options(const ServiceOptions& options) {
   joining.role = wire::Role::kServer;
   joining.listen = options.listen;
   joining.profile = options.profile;
+  joining.security = options.security;
   joining.loss_per_mille = options.loss_per_mille;
   return joining;
 }
@@ -77,6 +92,8 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   if (options.domain < 0 || options.domain > static_cast<int>(wire::kMaxDomain)) {
     return fail(ErrorCode::kUsage, "domain " + std::to_string(options.domain) + ": expected 0 to 230");
   }
+  auto keys = read_keys(options, log);
+  if (!keys) return fail(keys.error().code, "--security " + keys.error().message);
   auto state = std::make_unique<State>(options.workers, log);
   ServiceOptions known = options;
   if (known.clock == nullptr) known.clock = std::make_shared<SystemClock>();
@@ -94,14 +111,16 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  const Rights standard(options.is_open_site ? Right::kWrite : Right::kNone, options.is_open_site);
+  const bool is_open_site = options.security.empty();
+  const Rights standard(is_open_site ? Right::kWrite : Right::kNone, is_open_site);
   const auto wall = [clock = known.clock] { return clock->wall(); };
   auto site = SiteAccess::open(options.store, standard, wall, log);
   if (!site) return tl::unexpected(site.error());
   state->site = std::move(*site);
   if (known.access == nullptr) known.access = state->site->policy();
   auto endpoint = Endpoint::start(known, {state->urgent, state->background, state->questions, state->idle},
-                                  state->store.get(), *state->site, std::move(restored), std::move(log));
+                                  state->store.get(), *state->site, *std::move(keys), std::move(restored),
+                                  std::move(log));
   if (!endpoint) return tl::unexpected(endpoint.error());
   state->endpoint = std::move(*endpoint);
   return std::unique_ptr<Service>(new Service(std::move(state)));

@@ -21,8 +21,10 @@ struct ServiceOptions : MapServiceOptions {
   std::string profile = "loopback";
   std::filesystem::path store;  ///< folder in which all is kept; empty: in memory only
   int workers = 2;              ///< of the urgent lane
-  bool is_open_site = true;     ///< until its operators decide otherwise, everybody may write and make maps
-  int loss_per_mille = 0;       ///< outgoing packets dropped on purpose; for tests
+  /// Of a secured site, where nobody may do anything until its operators have said who may; empty: an open
+  /// one, where everybody may write and make maps until they say otherwise.
+  std::string security;
+  int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
 };
 
 /// A random ServerId and a start count from the wall clock, for servers without a store.

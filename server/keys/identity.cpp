@@ -19,7 +19,6 @@ constexpr int kFormat = 1;
 constexpr size_t kMostBytes = 64 << 20;
 
 constexpr std::array<std::string_view, 4> kRoles{"client", "server", "operator", "rig"};
-constexpr std::array<std::string_view, 3> kDuties{"watch", "curate", "administer"};
 
 /// Which of the words it is, as the value of an enumeration.
 template <typename Value, size_t kCount>
@@ -112,9 +111,6 @@ std::string_view to_string(IdentityRole role) {
 Result<IdentityRole> parse_identity_role(std::string_view word) {
   return parse_word<IdentityRole>(word, kRoles, "kind of identity");
 }
-std::string_view to_string(Duty duty) {
-  return kDuties.at(static_cast<size_t>(duty));
-}
 Result<Duty> parse_duty(std::string_view word) {
   return parse_word<Duty>(word, kDuties, "role of an operator");
 }
@@ -145,22 +141,6 @@ Result<Register> read_register(const std::filesystem::path& path) {
   auto identities = parse_register(*text);
   if (!identities) return fail(identities.error().code, path.string() + ": " + identities.error().message);
   return identities;
-}
-
-RevocationList::RevocationList(const Register& identities) {
-  for (const auto& [key, identity] : identities) {
-    if (identity.revoked) revoked_.insert(key);
-  }
-}
-
-Result<RevocationList> RevocationList::read(const std::filesystem::path& security_folder) {
-  const auto identities = read_register(security_folder / kRegisterFile);
-  if (!identities) return tl::unexpected(identities.error());
-  return RevocationList(*identities);
-}
-
-bool RevocationList::is_revoked(IdentityRole role, std::string_view name) const {
-  return revoked_.contains({role, std::string(name)});
 }
 
 }  // namespace cairn

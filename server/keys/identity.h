@@ -12,6 +12,7 @@
 
 #include "common/base/result.h"
 #include "common/base/time.h"
+#include "server/access/duty.h"
 
 /// Who has been given keys: the register of a site, which the server reads.
 namespace cairn {
@@ -21,14 +22,7 @@ enum class IdentityRole : uint8_t { kClient, kServer, kOperator, kRig };
 [[nodiscard]] std::string_view to_string(IdentityRole role);
 [[nodiscard]] Result<IdentityRole> parse_identity_role(std::string_view word);
 
-/// What an operator may do at the server; each includes those before it.
-enum class Duty : uint8_t {
-  kWatch,       ///< sees everything, changes nothing
-  kCurate,      ///< looks after maps and labels
-  kAdminister,  ///< says who may do what
-};
-/// "watch", "curate", "administer".
-[[nodiscard]] std::string_view to_string(Duty duty);
+/// The word of to_string(); error kUsage with the words that there are.
 [[nodiscard]] Result<Duty> parse_duty(std::string_view word);
 
 /// A certificate that was made.
@@ -62,23 +56,5 @@ using Register = std::map<std::pair<IdentityRole, std::string>, Identity>;
 
 /// The name of the register in a folder of keys, and in the security folder of a server.
 inline constexpr std::string_view kRegisterFile = "identities.json";
-
-/// Whom the server turns away although the certificate is still good. It goes by names: on the wire an
-/// identity is its partition. So no name is issued again while a certificate that was revoked with it is
-/// still valid.
-class RevocationList {
- public:
-  RevocationList() = default;  ///< nobody
-  explicit RevocationList(const Register& identities);
-  /// Of the register in a server's security folder. Errors: kNotFound, kIo, kDamaged; who has read one before
-  /// goes on with that.
-  [[nodiscard]] static Result<RevocationList> read(const std::filesystem::path& security_folder);
-
-  [[nodiscard]] bool is_revoked(IdentityRole role, std::string_view name) const;
-  [[nodiscard]] size_t size() const { return revoked_.size(); }
-
- private:
-  std::set<std::pair<IdentityRole, std::string>> revoked_;
-};
 
 }  // namespace cairn

@@ -63,19 +63,5 @@ TEST(RegisterTest, DamageIsRefusedWithWhatIsWrong) {
     EXPECT_FALSE(parse_register(whole.substr(0, size))) << size;
 }
 
-TEST(RevocationListTest, GoesByRoleAndName) {
-  const RevocationList list(some_identities());
-  EXPECT_TRUE(list.is_revoked(IdentityRole::kClient, "phone-1"));
-  EXPECT_FALSE(list.is_revoked(IdentityRole::kRig, "phone-1"));
-  EXPECT_FALSE(list.is_revoked(IdentityRole::kOperator, "ann"));
-  EXPECT_FALSE(list.is_revoked(IdentityRole::kClient, "nobody"));
-  EXPECT_EQ(list.size(), 1U);
-  EXPECT_EQ(RevocationList().size(), 0U);
-  const auto missing = RevocationList::read("/nonexistent");
-  ASSERT_FALSE(missing);
-  EXPECT_EQ(missing.error().code, ErrorCode::kNotFound);
-  EXPECT_THAT(missing.error().message, HasSubstr("/nonexistent/identities.json"));
-}
-
 }  // namespace
 }  // namespace cairn

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/keys/keystore.h"
+#include "server/keys/site_keys.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -141,10 +142,10 @@ TEST_F(KeystoreTest, WhoIsRevokedStaysSoUntilItsKeysHaveExpired) {
   const fs::path server = issue(IdentityRole::kServer, "server");
   const fs::path phone = issue(IdentityRole::kClient, "phone-1");
   const std::string before = read_file(server / "crl.pem").value();
-  EXPECT_EQ(RevocationList::read(server)->size(), 0U);
+  EXPECT_FALSE(SiteKeys::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
   const Status revoked = open().revoke(IdentityRole::kClient, "phone-1", kNow);
   ASSERT_TRUE(revoked) << revoked.error().message;
-  EXPECT_TRUE(RevocationList::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
+  EXPECT_TRUE(SiteKeys::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
   EXPECT_NE(read_file(server / "crl.pem").value(), before);
   EXPECT_FALSE(fs::exists(phone));
 
@@ -156,7 +157,7 @@ TEST_F(KeystoreTest, WhoIsRevokedStaysSoUntilItsKeysHaveExpired) {
   EXPECT_THAT(early.error().message, HasSubstr("take another"));
   const auto late = open().issue(identity(IdentityRole::kClient, "phone-1"), kMonth, kNow + kMonth);
   EXPECT_TRUE(late) << late.error().message;
-  EXPECT_FALSE(RevocationList::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
+  EXPECT_FALSE(SiteKeys::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
   EXPECT_EQ(open().revoke(IdentityRole::kRig, "nobody", kNow).error().code, ErrorCode::kNotFound);
 }
 

@@ -270,8 +270,10 @@ TEST_F(SecuredSite, WhatIsWrongWithAFolderIsNamed) {
     return read ? "good" : read.error().message;
   };
   EXPECT_EQ(error_of(), "good");
-  EXPECT_EQ(secured_name(keys, "").value(), "phone-1");
-  EXPECT_THAT(secured_name(keys, "phone-2").error().message, HasSubstr("of client phone-1, not of phone-2"));
+  EXPECT_EQ(secured_name(keys, "client", "").value(), "phone-1");
+  EXPECT_THAT(secured_name(keys, "client", "phone-2").error().message,
+              HasSubstr("of client phone-1, not of phone-2"));
+  EXPECT_THAT(secured_name(keys, "server", "").error().message, HasSubstr("`cairnctl keys issue server`"));
   fs::permissions(keys / "key.pem", fs::perms::group_read, fs::perm_options::add);
   EXPECT_THAT(error_of(), HasSubstr("key.pem: others can read it; `chmod 600`"));
   fs::permissions(keys / "key.pem", fs::perms::owner_read | fs::perms::owner_write);

@@ -10,9 +10,9 @@
 
 namespace cairn {
 
-/// Sees to it that each request of an operator is carried out once, and that few are under way at a time:
-/// each holds what it brought and its place behind the store's writer. The time is handed in. Pure; used from
-/// one thread.
+/// Sees to it that each request of an operator is carried out once (`name` is that of a run of cairnctl), and
+/// that few are under way at a time: each holds what it brought and its place behind the store's writer. The
+/// time is handed in. Pure; used from one thread.
 class AdminGate {
  public:
   static constexpr size_t kMaxOperators =

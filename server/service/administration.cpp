@@ -56,6 +56,7 @@ ErrorCode error_of(wire::RequestDecision decision) {
 }
 
 OperatorAct act_of(const std::string& verb) {
+  if (changes_rights(verb)) return OperatorAct::kGovern;
   const bool is_transfer = verb == "export" || verb == "import" || verb.starts_with("export-") ||
                            verb.starts_with("import-") || verb.starts_with("backup");
   if (is_transfer) return OperatorAct::kTransfer;
@@ -92,6 +93,11 @@ json first_of(const std::vector<Item>& items, Describe describe_one) {
   return told;
 }
 
+/// An operator of a secured site has one name, and may run cairnctl several times at once.
+std::string run_of(const std::string& operator_name, wire::CommandId command) {
+  return operator_name + " " + std::to_string(command.session.value);
+}
+
 }  // namespace
 
 /// A request of an operator, from when it is taken on until it is answered. One whose answer is lost, with an
@@ -122,17 +128,19 @@ void MapService::take(const Principal& who, const wire::AdminRequest& message) {
     reply.operator_id = client_id_from_name(operator_name);
     reply.command = command;
     if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
-    admin_gate_.answered(operator_name, std::move(reply), clock_.now());
-    repeat_answer(operator_name);
+    const wire::CommandId answered = reply.command;
+    admin_gate_.answered(run_of(operator_name, answered), std::move(reply), clock_.now());
+    repeat_answer(operator_name, answered);
   };
-  const AdminGate::Judgement judged = admin_gate_.admit(operator_name, message.command, clock_.now());
+  const std::string run = run_of(operator_name, message.command);
+  const AdminGate::Judgement judged = admin_gate_.admit(run, message.command, clock_.now());
   switch (judged.admission) {
     case AdminGate::Admission::kNew:
       break;
     case AdminGate::Admission::kInWork:
       return;
     case AdminGate::Admission::kRepeated:
-      return repeat_answer(operator_name);
+      return repeat_answer(operator_name, message.command);
     case AdminGate::Admission::kRefused:
       return refuse_for_now(operator_name, message.command, judged.why);
   }
@@ -153,8 +161,8 @@ void MapService::refuse_for_now(const std::string& operator_name, wire::CommandI
   wire::AdminReply reply = refusal(ErrorCode::kRefused, why);
   reply.operator_id = client_id_from_name(operator_name);
   reply.command = command;
-  admin_gate_.answered(operator_name, std::move(reply), clock_.now());
-  repeat_answer(operator_name);
+  admin_gate_.answered(run_of(operator_name, command), std::move(reply), clock_.now());
+  repeat_answer(operator_name, command);
 }
 
 void MapService::carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& tell) {
@@ -204,8 +212,8 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
   answer(refusal(ErrorCode::kUsage, "this server does not know '" + verb + "'"));
 }
 
-void MapService::repeat_answer(const std::string& operator_name) {
-  const wire::AdminReply* reply = admin_gate_.last(operator_name);
+void MapService::repeat_answer(const std::string& operator_name, wire::CommandId command) {
+  const wire::AdminReply* reply = admin_gate_.last(run_of(operator_name, command));
   if (reply == nullptr) return;
   const Status written = output_.answer(operator_name, *reply);
   if (!written && output_trouble_.due(clock_.now()))

@@ -62,7 +62,8 @@ inline constexpr size_t kMaxClients = 256;
 struct Client {
   std::string name;
   ClientId id;
-  [[nodiscard]] Principal principal() const { return client_principal(name); }
+  Principal::Proof proof = Principal::Proof::kClaimed;  ///< of the name, by whoever spoke under it last
+  [[nodiscard]] Principal principal() const { return client_principal(name, proof); }
   OfferGate offer_gate;
   SeedGate seed_gate;
   RequestGate request_gate;

@@ -63,7 +63,7 @@ bool MapService::refuses_lockstep(Client& client, bool lockstep) {
 }
 
 void MapService::take(const Principal& who, wire::MapSeed message) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
@@ -152,7 +152,7 @@ void MapService::on_seed_decided(const std::string& client_name, wire::SeedVerdi
 }
 
 void MapService::take(const Principal& who, wire::KeyframeOffer message) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
@@ -250,7 +250,7 @@ CameraPtr MapService::best_known(const Client& client, uint32_t camera,
 }
 
 void MapService::take(const Principal& who, wire::RelocQuery message) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   if (refuses_lockstep(client, message.lockstep)) return;
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);

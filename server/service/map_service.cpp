@@ -128,7 +128,8 @@ void MapService::tick(MonotonicTime now) {
   }
 }
 
-Client& MapService::client_of(const std::string& name) {
+Client& MapService::client_of(const Principal& who) {
+  const std::string& name = who.name;
   const auto [it, is_new] = clients_.try_emplace(name);
   if (is_new) {
     it->second.name = name;
@@ -137,6 +138,7 @@ Client& MapService::client_of(const std::string& name) {
     names_[it->second.id] = name;
     forget_old_clients(name);
   }
+  it->second.proof = who.proof;
   return it->second;
 }
 
@@ -157,7 +159,7 @@ void MapService::forget_old_clients(const std::string& keep) {
 }
 
 void MapService::connect(const Principal& who) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   client.connected = true;
   client.maps_told.clear();
   log_->info("{}: connected", client.name);
@@ -173,7 +175,7 @@ void MapService::connect(const Principal& who) {
 }
 
 void MapService::disconnect(const Principal& who) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   log_->info("{}: left", client.name);
   client.connected = false;
   client.left_at = clock_.now();
@@ -193,7 +195,7 @@ std::optional<FollowedMap> MapService::follow(const Principal& who, MapId map) c
 }
 
 void MapService::take(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   const Status taken = client.cameras.put(process, camera);
   if (taken) client.camera_missed_at.reset();
   if (!taken && client.camera_warning.due(clock_.now()))
@@ -206,7 +208,7 @@ void MapService::take(const wire::RigState& rig) {
 
 bool MapService::take(const Principal& who, wire::PublicationHandle publication,
                       std::optional<wire::PeerId> process, const wire::TrackerStateMessage& message) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   const MonotonicTime now = clock_.now();
   switch (presence_.heard(client.name, message.session, publication, now)) {
     case Presence::Standing::kIntruder:

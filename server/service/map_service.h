@@ -74,6 +74,8 @@ class MapService {
   /// A client listens: it is told what there is. And does so no more.
   void connect(const Principal& who);
   void disconnect(const Principal& who);
+  /// Somebody is not heard, or is not any more, though he speaks: for the audit log.
+  void note_turned_away(const Principal& who, const std::string& why);
   /// Its process is not heard any more.
   void fell_silent(ClientId client);
   /// From a process under this name; more of them may send.
@@ -112,7 +114,7 @@ class MapService {
   [[nodiscard]] std::string health() const;
 
   // Who is there (map_service.cpp).
-  [[nodiscard]] Client& client_of(const std::string& name);
+  [[nodiscard]] Client& client_of(const Principal& who);
   void forget_old_clients(const std::string& keep);
   void tell_intruder(Client& client, SessionId session, MonotonicTime now);
   /// Whether this server does not serve the client since it works in lockstep; then it is told.
@@ -124,7 +126,7 @@ class MapService {
   void refuse_for_now(const std::string& operator_name, wire::CommandId command, const std::string& why);
   void carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& answer);
   /// The last answer to this operator, once more.
-  void repeat_answer(const std::string& operator_name);
+  void repeat_answer(const std::string& operator_name, wire::CommandId command);
   // About who may do what (site_administration.cpp).
   /// False: the verb is about something else.
   [[nodiscard]] bool administers_access(const std::string& operator_name, const std::string& verb,

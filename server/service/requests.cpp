@@ -25,7 +25,7 @@ Ruling MapService::ruling_on_labels(const Principal& author, MapId map) const {
 }
 
 void MapService::take(const Principal& who, const wire::ClientRequest& request) {
-  Client& client = client_of(who.name);
+  Client& client = client_of(who);
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
   const MapEntry* entry = maps_.find(request.map);
   if (entry != nullptr && entry->labels.is_busy(request.label)) return;

@@ -51,7 +51,7 @@ void MapService::resume_clients(const std::vector<RestoredMap>& restored) {
   kept.reserve(restored.size());
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
   for (auto& [name, resumed] : cairn::resume_clients(kept, kMaxClients)) {
-    Client& client = client_of(name);
+    Client& client = client_of(client_principal(name));
     client.offer_gate.resume(resumed.session, std::move(resumed.offers));
     client.request_gate.resume(resumed.session, std::move(resumed.requests));
     if (resumed.seed) {

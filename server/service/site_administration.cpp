@@ -78,7 +78,10 @@ json MapService::describe_clients() const {
   const Rights::Table rights = site_.rights().table();
   json clients = json::array();
   for (const auto& [name, client] : clients_) {
-    json told{{"name", name}, {"connected", client.connected}, {"blocked", rights.blocked.contains(name)}};
+    json told{{"name", name},
+              {"connected", client.connected},
+              {"proven", client.proof == Principal::Proof::kProven},
+              {"blocked", rights.blocked.contains(name)}};
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) told["wearer"] = wearer;
     clients.push_back(std::move(told));
   }
@@ -109,6 +112,13 @@ void MapService::unlist_map(MapId map, Client& client) {
   const bool was_listed = client.maps_told.erase(map) > 0;
   tell(client, MapUnlisted{map, was_listed});
   forget_cameras(map, client);
+}
+
+void MapService::note_turned_away(const Principal& who, const std::string& why) {
+  const bool is_client = who.kind == Principal::Kind::kClient;
+  const std::string object = (is_client ? "client " : "operator ") + who.name;
+  log_->warn("{} is turned away: {}", object, why);
+  site_.note({0, site_.policy()->now(), object, "turned away", {}, why});
 }
 
 MapService::AdminAnswer MapService::audited(const std::string& operator_name, const json& request,

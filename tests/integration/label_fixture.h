@@ -11,6 +11,7 @@
 
 #include "client/session/label_request.h"
 #include "common/io/test_directory.h"
+#include "tests/integration/key_ring.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
 
@@ -21,18 +22,27 @@ class LabelFixture : public ::testing::Test {
  protected:
   using Texts = std::vector<std::string>;
 
-  explicit LabelFixture(std::chrono::seconds drop_after = {}) {
+  explicit LabelFixture(std::chrono::seconds drop_after = {}, bool is_secured = false) {
     service_options_.store = folder_.path();
     service_options_.drop_after = drop_after;
+    if (is_secured) {
+      keys_.emplace();
+      service_options_.security = keys_->of(IdentityRole::kServer, "server");
+    }
     service_ = start_service(&service_options_);
     anna_ = open("anna");
   }
   std::unique_ptr<Session> open(const std::string& name, bool reads_only = false) {
+    SessionOptions options = client(name);
+    options.reads_only = reads_only;
+    return open_known_session(options, scene_.camera());
+  }
+  SessionOptions client(const std::string& name) {
     SessionOptions options;
     options.domain = service_options_.domain;
     options.name = name;
-    options.reads_only = reads_only;
-    return open_known_session(options, scene_.camera());
+    if (keys_) options.security = keys_->of(IdentityRole::kClient, name);
+    return options;
   }
   void make_map() {
     anna_->send_seed(make_seed(scene_));
@@ -70,6 +80,7 @@ class LabelFixture : public ::testing::Test {
   const Eigen::Vector3d kSeen{0.1, 0.05, 1};  ///< by the second keyframe, in its frame
   const Scene scene_{11};
   const TestDirectory folder_;
+  std::optional<KeyRing> keys_;  ///< of a secured site
   ServiceOptions service_options_;
   std::unique_ptr<Service> service_;
   std::unique_ptr<Session> anna_;

@@ -90,7 +90,7 @@ class Operator(OnTheDesk):
         self.ctl("labels", "remove", 7, expect=USAGE)
         unused = type("Nobody", (), {"domain": 229})
         self.assertIn("is cairn-server running", self.ctl("status", expect=NO_SERVER, server=unused))
-        self.assertIn("--security: DDS Security is not available", self.ctl("--security", self.folder, "status", expect=USAGE))
+        self.assertIn("`cairnctl keys issue`", self.ctl("--security", self.folder, "status", expect=CONFIGURATION))
 
     def test_a_run_that_drops_most_frames_says_so_last_and_is_no_success(self):
         done = subprocess.run(command("cairn-track", "--source", f"images:{self.folder}/desk/rgb?fps=20000", "--headless", "--role", "reader",

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who may do what, over real DDS: each right against each request and each thing that is sent.
+// Who may do what, over real DDS, without certificates and with them: each right against each request and
+// each thing that is sent.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -20,15 +21,20 @@ using nlohmann::json;
 using testing::eventually;
 using ::testing::HasSubstr;
 
-class RightsOverDds : public testing::LabelFixture {
+/// Of an open site, and of a secured one, whose default is made the same.
+class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamInterface<bool> {
  protected:
-  RightsOverDds() { connect(); }
-  void connect() {
+  explicit RightsOverDds(bool is_secured = GetParam()) : LabelFixture({}, is_secured) {
+    connect();
+    if (is_secured) ask_server({{"verb", "rights-default"}, {"right", "write"}, {"create", true}});
+  }
+  void connect() { admin_.emplace(operator_called("ops").value()); }
+  /// In a secured site, with keys of that role.
+  Result<AdminClient> operator_called(const std::string& name, Duty duty = Duty::kAdminister) {
     AdminClientOptions connection;
     connection.domain = service_options_.domain;
-    auto admin = AdminClient::connect(connection);
-    if (!admin) throw std::runtime_error(admin.error().message);
-    admin_.emplace(std::move(*admin));
+    if (keys_) connection.security = keys_->of(IdentityRole::kOperator, name, 24h, duty);
+    return AdminClient::connect(connection);
   }
   json ask_server(const json& request) {
     auto answer = admin_->ask(request);
@@ -94,7 +100,7 @@ struct Case {
   bool reads, adds, writes;
 };
 
-TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
+TEST_P(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
   make_map();
   const std::string id = to_hex(map_.bytes);
   LabelId annas = add(*anna_, "vice");
@@ -111,6 +117,7 @@ TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
       {"add", "add", {}, {}, {}, true, true, false},
       {"write", "write", {}, {}, {}, true, true, true},
       {"manage", "manage", {}, {}, {}, true, true, true},
+      {"extent", "write", {{"within", {{"center", {0, 0, 0}}, {"radius", 100}}}}, {}, {}, true, true, true},
       {"expired", "write", {{"until", soon}}, {}, {}, false, false, false},
       {"frozen", "write", {}, frozen, thawed, true, false, false},
       {"blocked", "write", {}, {{"verb", "client-block"}, {"client", "blocked"}}, {}, false, false, false},
@@ -132,7 +139,7 @@ TEST_F(RightsOverDds, EachRightAllowsWhatItSaysAndNoMore) {
   }
 }
 
-TEST_F(RightsOverDds, WhatIsRevokedIsGoneWithinASecondAndWhatIsGrantedComes) {
+TEST_P(RightsOverDds, WhatIsRevokedIsGoneWithinASecondAndWhatIsGrantedComes) {
   make_map();
   const auto bob = open("bob");
   ASSERT_TRUE(is_sent(*bob, true));
@@ -150,7 +157,7 @@ TEST_F(RightsOverDds, WhatIsRevokedIsGoneWithinASecondAndWhatIsGrantedComes) {
   EXPECT_NE(anna_->snapshot(), nullptr) << "others are not disturbed";
 }
 
-TEST_F(RightsOverDds, WhoMayNotMakeMapsIsToldWhy) {
+TEST_P(RightsOverDds, WhoMayNotMakeMapsIsToldWhy) {
   ask_server({{"verb", "rights-create"}, {"to", "anna"}, {"may", false}});
   anna_->send_seed(testing::make_seed(scene_));
   std::optional<SeedReply> reply;
@@ -159,7 +166,7 @@ TEST_F(RightsOverDds, WhoMayNotMakeMapsIsToldWhy) {
   EXPECT_EQ(reply->reason, "client anna may not make maps");
 }
 
-TEST_F(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
+TEST_P(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
   make_map();
   grant("bob", "read");
   ask_server({{"verb", "rename"}, {"map", "map-1"}, {"name", "desk"}});
@@ -172,15 +179,15 @@ TEST_F(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
   EXPECT_EQ(rights["grants"][0]["to"], "client bob");
   EXPECT_EQ(rights["grants"][0]["name"], "desk");
   const json entries = ask_server({{"verb", "audit"}})["entries"];
-  ASSERT_EQ(entries.size(), 2U);
+  ASSERT_EQ(entries.size(), keys_ ? 3U : 2U);
   EXPECT_EQ(entries[0]["action"], "rename");
   EXPECT_EQ(entries[0]["object"], "map map-1");
   EXPECT_EQ(entries[1]["action"], "rights grant");
-  EXPECT_THAT(entries[1]["who"].get<std::string>(), HasSubstr("operator "));
+  EXPECT_THAT(entries[1]["who"].get<std::string>(), HasSubstr(keys_ ? "operator ops" : "operator "));
 }
 
 /// The builder's frames beyond the extent are refused by name; those within are taken.
-TEST_F(RightsOverDds, AnExtentBoundsWhatOneAddsAndNobodyElse) {
+TEST_P(RightsOverDds, AnExtentBoundsWhatOneAddsAndNobodyElse) {
   make_map();
   const Eigen::Vector3d at = anna_->snapshot()->find(KeyframeId{1})->camera_from_map.center();
   const auto sphere = [&](double radius) {
@@ -195,6 +202,112 @@ TEST_F(RightsOverDds, AnExtentBoundsWhatOneAddsAndNobodyElse) {
   EXPECT_FALSE(replies[0].accepted);
   EXPECT_THAT(replies[0].reason, HasSubstr("is outside of where this client may let the map grow"));
   EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Site, RightsOverDds, ::testing::Bool(),
+                         [](const auto& site) { return site.param ? "secured" : "open"; });
+
+/// What there is in a secured site only.
+class KeysOverDds : public RightsOverDds {
+ protected:
+  KeysOverDds() : RightsOverDds(true) {}
+  /// Nothing is said to it and nothing of it is taken, though it tries everything.
+  void expect_nothing_passes(Session& session) {
+    session.use_map(map_);
+    session.send_seed(testing::make_seed(scene_));
+    testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 4);
+    session.send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{4});
+    session.send_request(new_label("not of mine"));
+    const auto is_anything_said = [&] {
+      return session.take_seed_reply() || !session.take_offer_replies().empty() ||
+             session.take_place_answer() || !session.take_request_replies().empty();
+    };
+    EXPECT_FALSE(eventually(is_anything_said, 1500ms));
+    EXPECT_THAT(texts(*anna_), ::testing::IsEmpty());
+    EXPECT_EQ(ask_server({{"verb", "maps"}})["maps"].size(), 1U);
+  }
+  json audit_of(const std::string& action) {
+    return ask_server({{"verb", "audit"}, {"action", action}})["entries"];
+  }
+};
+
+TEST_F(KeysOverDds, AForeignCertificateNoneAndOneThatHasExpiredPassNothing) {
+  make_map();
+  testing::KeyRing foreign;
+  SessionOptions stranger = client("anna");
+  stranger.name = "mallory";
+  stranger.security = foreign.of(IdentityRole::kClient, "mallory");
+  std::filesystem::copy_file(std::filesystem::path(service_options_.security) / "tag",
+                             std::filesystem::path(stranger.security) / "tag",
+                             std::filesystem::copy_options::overwrite_existing);
+  SessionOptions nobody = client("anna");
+  nobody.security.clear();  // and with a name that has rights
+  SessionOptions brief = client("anna");
+  brief.name = "brief";
+  brief.security = keys_->of(IdentityRole::kClient, "brief", 6s);
+  const auto expiring = open_known_session(brief, scene_.camera());
+  for (const SessionOptions& options : {stranger, nobody}) {
+    SCOPED_TRACE(options.name);
+    const auto session = testing::open_session(options, scene_.camera());
+    expect_nothing_passes(*session);
+    EXPECT_NE(session->status().link, ServerLink::kConnected);
+    EXPECT_EQ(session->snapshot(), nullptr);
+  }
+  ASSERT_TRUE(eventually([&] { return expiring->status().link != ServerLink::kConnected; }));
+  expect_nothing_passes(*expiring);
+  const auto late = Session::open(brief, scene_.camera(), null_logger());
+  ASSERT_FALSE(late);
+  EXPECT_THAT(late.error().message, HasSubstr("has expired"));
+  EXPECT_THAT(late.error().message, HasSubstr("`cairnctl keys renew client brief`"));
+}
+
+TEST_F(KeysOverDds, WhoIsRevokedIsCutOffWhileItGoesOnTryingAndThatIsOnRecord) {
+  make_map();
+  SessionOptions options = client("bob");
+  options.security = keys_->copied(options.security);
+  auto bob = testing::open_known_session(options, scene_.camera());
+  ASSERT_TRUE(is_sent(*bob, true));
+  keys_->revoke(IdentityRole::kClient, "bob");
+  ASSERT_TRUE(eventually([&] { return bob->status().link == ServerLink::kGone; }));
+  const Revision last = bob->snapshot()->revision;
+  EXPECT_THAT(why_no_offer(*anna_), ::testing::IsEmpty());
+  ASSERT_TRUE(eventually([&] { return anna_->snapshot()->revision > last; }));
+  expect_nothing_passes(*bob);
+  EXPECT_EQ(bob->snapshot()->revision, last);
+  bob.reset();
+  const auto again = testing::open_session(options, scene_.camera());
+  expect_nothing_passes(*again);
+  EXPECT_EQ(again->snapshot(), nullptr);
+  const json entries = audit_of("turned away");
+  ASSERT_EQ(entries.size(), 1U) << "however often it tries";
+  EXPECT_EQ(entries[0]["who"], "client bob");
+  EXPECT_EQ(entries[0]["outcome"], "its keys were revoked");
+  EXPECT_EQ(anna_->status().link, ServerLink::kConnected) << "others are not disturbed";
+}
+
+TEST_F(KeysOverDds, AnOperatorMayWhatItsRoleSaysAndOneThatIsRevokedIsTold) {
+  make_map();
+  const json look{{"verb", "status"}};
+  const json rename{{"verb", "rename"}, {"map", to_hex(map_.bytes)}, {"name", "desk"}};
+  const json block{{"verb", "client-block"}, {"client", "eve"}};
+  auto watcher = operator_called("wat", Duty::kWatch).value();
+  auto curator = operator_called("cur", Duty::kCurate).value();
+  // The register of the server knows both by now; it looks at it four times a second.
+  ASSERT_TRUE(eventually([&] { return curator.ask(rename).has_value(); }));
+  EXPECT_TRUE(watcher.ask(look));
+  EXPECT_EQ(watcher.ask(rename).error().message,
+            "operator wat has the role watch; this needs the role curate");
+  EXPECT_EQ(curator.ask(block).error().message,
+            "operator cur has the role curate; this needs the role administer");
+  EXPECT_TRUE(admin_->ask(block));
+  auto second = operator_called("ops").value();  // the same person in another window
+  EXPECT_TRUE(second.ask(look));
+  EXPECT_TRUE(admin_->ask(look));
+  keys_->revoke(IdentityRole::kOperator, "cur");
+  ASSERT_TRUE(eventually([&] { return !curator.ask(look); }));
+  EXPECT_EQ(curator.ask(look).error().message, "operator cur: its keys were revoked");
+  EXPECT_EQ(audit_of("rename")[0]["who"], "operator wat");
+  EXPECT_EQ(audit_of("turned away")[0]["who"], "operator cur");
 }
 
 }  // namespace

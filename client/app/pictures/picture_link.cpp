@@ -32,6 +32,7 @@ Result<std::unique_ptr<PictureLink>> PictureLink::open(const PictureLinkOptions&
   wire::ParticipantOptions joining;
   joining.role = wire::Role::kWearerCamera;
   joining.domain = static_cast<uint32_t>(options.domain);
+  joining.security = options.security;
   joining.tag += "." + wire::wearer_partition(options.wearer);
   joining.lease = kLease;
   joining.log = log;

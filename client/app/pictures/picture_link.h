@@ -27,6 +27,7 @@ struct PictureLinkOptions {
   std::string wearer;
   std::string name;  ///< the client's
   int domain = 0;
+  std::string security = {};  ///< folder of the client's keys; empty: an open site
 };
 
 /// Pictures between the cameras of one wearer on one host (README.md of this folder): gives those of this

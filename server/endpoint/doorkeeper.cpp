@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/endpoint/doorkeeper.h"
+
+namespace cairn {
+namespace {
+
+/// Who is revoked is gone within a second.
+constexpr std::chrono::milliseconds kLookInterval{250};
+/// What goes on trying must not fill the audit log.
+constexpr std::chrono::minutes kTellInterval{1};
+
+}  // namespace
+
+Principal Doorkeeper::client(std::string name) const {
+  return client_principal(std::move(name),
+                          keys_.is_secured() ? Principal::Proof::kProven : Principal::Proof::kClaimed);
+}
+
+Principal Doorkeeper::operator_of(std::string name) {
+  if (!keys_.is_secured()) return operator_principal(std::move(name));
+  const auto duty = keys_.duty_of(name);
+  if (!duty && unknown_operator_.due()) {
+    log_->warn(
+        "operator {} has keys of this site, but {} in this server's security folder does not know it: it may "
+        "watch only. Copy the file there from the folder of the keys",
+        name, kRegisterFile);
+  }
+  return operator_principal(std::move(name), Principal::Proof::kProven, duty.value_or(Duty::kWatch));
+}
+
+bool Doorkeeper::is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now) {
+  return told_.try_emplace({role, name}, kTellInterval).first->second.due(now);
+}
+
+bool Doorkeeper::look(MonotonicTime now) {
+  if (now < next_look()) return false;
+  next_look_ = now + kLookInterval;
+  const auto changed = keys_.look();
+  if (changed) return *changed;
+  if (trouble_.due(now))
+    log_->error("who has keys of this site: {}; what was known before holds", changed.error().message);
+  return false;
+}
+
+}  // namespace cairn

@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/endpoint/doorkeeper.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "common/io/test_directory.h"
+
+namespace cairn {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+constexpr MonotonicTime kStart{seconds(1000)};
+
+class DoorkeeperTest : public ::testing::Test {
+ protected:
+  DoorkeeperTest() { write(false); }
+  void write(bool is_revoked) const {
+    Register all;
+    Identity phone;
+    phone.name = "phone-1";
+    if (is_revoked) phone.revoked = Timestamp{1'800'000'000'000'000'000};
+    all[{phone.role, phone.name}] = phone;
+    Identity ann;
+    ann.role = IdentityRole::kOperator;
+    ann.name = "ann";
+    ann.duty = Duty::kCurate;
+    all[{ann.role, ann.name}] = ann;
+    std::ofstream(folder_.path() / kRegisterFile) << to_text(all);
+  }
+  const TestDirectory folder_;
+};
+
+TEST_F(DoorkeeperTest, InAnOpenSiteANameIsAClaimAndAnOperatorMayDoAll) {
+  Doorkeeper door({}, null_logger());
+  EXPECT_EQ(door.client("phone-1"), client_principal("phone-1"));
+  EXPECT_EQ(door.operator_of("ann"), operator_principal("ann"));
+  EXPECT_EQ(door.operator_of("ann").duty, Duty::kAdminister);
+  EXPECT_FALSE(door.look(kStart));
+  EXPECT_EQ(door.next_look(), MonotonicTime::max());
+}
+
+TEST_F(DoorkeeperTest, InASecuredSiteANameIsProvenAndARoleIsThatOfTheRegister) {
+  Doorkeeper door(SiteKeys::read(folder_.path()).value(), null_logger());
+  EXPECT_EQ(door.client("phone-1").proof, Principal::Proof::kProven);
+  EXPECT_EQ(door.operator_of("ann"),
+            (Principal{Principal::Kind::kOperator, "ann", Principal::Proof::kProven, Duty::kCurate}));
+  EXPECT_EQ(door.operator_of("nobody").duty, Duty::kWatch) << "whom the register does not know";
+}
+
+TEST_F(DoorkeeperTest, WhoIsRevokedIsTurnedAwayWithinASecondAndThatIsToldNowAndThen) {
+  Doorkeeper door(SiteKeys::read(folder_.path()).value(), null_logger());
+  EXPECT_FALSE(door.look(kStart));
+  EXPECT_FALSE(door.is_turned_away(IdentityRole::kClient, "phone-1"));
+  write(true);
+  EXPECT_FALSE(door.look(kStart)) << "not yet";
+  EXPECT_LE(door.next_look(), kStart + seconds(1));
+  EXPECT_TRUE(door.look(door.next_look()));
+  EXPECT_TRUE(door.is_turned_away(IdentityRole::kClient, "phone-1"));
+  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart));
+  EXPECT_FALSE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(59)));
+  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kOperator, "phone-1", kStart));
+  EXPECT_TRUE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(60)));
+}
+
+}  // namespace
+}  // namespace cairn
