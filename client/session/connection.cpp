@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/wire/partition.h"
+#include "common/wire/security.h"
 
 namespace cairn {
 namespace {
@@ -132,6 +133,19 @@ bool Connection::is_silent() const {
   return state_.monitor.link() != ServerLink::kConnected;
 }
 
+bool Connection::has_newer_keys() {
+  if (options_.security.empty()) return false;
+  const auto keys = wire::read_security(options_.security);
+  if (!keys) {
+    if (std::exchange(keys_trouble_, keys.error().message) != keys.error().message)
+      log_->warn("{}", keys.error().message);
+    return false;
+  }
+  keys_trouble_.clear();
+  const std::scoped_lock lock(mutex_);
+  return link_ && keys->expires > link_->participant.good_until();
+}
+
 void Connection::watch() {
   bool was_silent = false;
   std::unique_lock lock(mutex_);
@@ -142,7 +156,9 @@ void Connection::watch() {
     if (silent && was_silent) {
       const PathWatch::Advice advice = path_watch_->compare(find_path_(options_));
       if (!advice.text.empty()) log_->warn("{}", advice.text);
-      if (advice.join_anew) join_anew();
+      const bool has_renewed = has_newer_keys();
+      if (has_renewed) log_->info("the keys of {} were renewed: joining anew with them", options_.security);
+      if (advice.join_anew || has_renewed) join_anew();
     }
     was_silent = silent;
     lock.lock();

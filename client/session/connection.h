@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "client/session/path_watch.h"
@@ -56,9 +57,12 @@ class Connection {
   void join_anew();
   void watch();
   [[nodiscard]] bool is_silent() const;
+  /// Of a secured site: whether its folder has keys that are good for longer than those we joined with.
+  [[nodiscard]] bool has_newer_keys();
 
   SessionState& state_;
   const wire::ParticipantOptions options_;
+  std::string keys_trouble_;  ///< as told; of the thread that watches
   const wire::ImageEncoding encoding_;
   const FindPath find_path_;
   const Logger log_;

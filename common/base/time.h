@@ -29,6 +29,12 @@ inline Timestamp operator+(Timestamp a, std::chrono::nanoseconds d) {
   return {a.nanoseconds + d.count()};
 }
 
+/// What time it is, since the Unix epoch: for what goes by the calendar.
+[[nodiscard]] inline Timestamp wall_clock_now() {
+  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
+  return {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()};
+}
+
 /// Seconds from b to a.
 inline double seconds_between(Timestamp a, Timestamp b) {
   return static_cast<double>(a.nanoseconds - b.nanoseconds) * 1e-9;

@@ -15,6 +15,10 @@ Traffic Participant::traffic() const {
   return {context_->bytes_sent, context_->bytes_received};
 }
 
+std::optional<Timestamp> Participant::good_until() const {
+  return context_->good_until();
+}
+
 const NetworkPath& Participant::path() const {
   return context_->path();
 }

@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "common/base/log.h"
 #include "common/base/result.h"
+#include "common/base/time.h"
 
 namespace cairn::wire {
 
@@ -87,6 +89,8 @@ class Participant {
   [[nodiscard]] static Result<Participant> create(const ParticipantOptions& options);
 
   [[nodiscard]] Traffic traffic() const;
+  /// When our keys expire, and nobody hears us any more; nothing on an open site.
+  [[nodiscard]] std::optional<Timestamp> good_until() const;
   /// As it was when it joined: addresses that change later are not followed.
   [[nodiscard]] const NetworkPath& path() const;
   [[nodiscard]] const std::shared_ptr<internal::Context>& context() const { return context_; }

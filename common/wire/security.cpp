@@ -98,8 +98,7 @@ Result<Security> read_security(const fs::path& folder, Timestamp now) {
 }
 
 Result<Security> read_security(const fs::path& folder) {
-  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return read_security(folder, {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()});
+  return read_security(folder, wall_clock_now());
 }
 
 Result<std::string> secured_name(const std::string& folder, std::string_view role,

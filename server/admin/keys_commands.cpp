@@ -49,11 +49,6 @@ std::chrono::seconds life_of(const Words& words, IdentityRole role) {
   return std::chrono::hours(24 * (words.days > 0 ? words.days : standard));
 }
 
-Timestamp now() {
-  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()};
-}
-
 json to_json(const Identity& identity, Timestamp at) {
   json row{{"role", to_string(identity.role)},
            {"name", identity.name},
@@ -87,7 +82,7 @@ void print_row(const Identity& identity, Timestamp at) {
 
 /// Rows, or all of them as JSON.
 void print_identities(const std::vector<Identity>& identities, bool as_json) {
-  const Timestamp at = now();
+  const Timestamp at = wall_clock_now();
   if (as_json) {
     json rows = json::array();
     for (const Identity& identity : identities) rows.push_back(to_json(identity, at));
@@ -106,7 +101,7 @@ struct Made {
 void print_made(const std::vector<Made>& all, bool as_json) {
   json rows = json::array();
   for (const Made& made : all) {
-    json row = to_json(made.identity, now());
+    json row = to_json(made.identity, wall_clock_now());
     row["folder"] = path_in_json(made.folder);
     rows.push_back(std::move(row));
     if (as_json) continue;
@@ -129,7 +124,7 @@ Result<std::pair<IdentityRole, std::string>> who(const Words& words) {
 }
 
 Status init(const Words& words, bool as_json) {
-  const Status made = Keystore::init(words.folder, now());
+  const Status made = Keystore::init(words.folder, wall_clock_now());
   if (!made) return made;
   if (as_json) {
     std::printf("%s\n", json_text(json{{"keys", path_in_json(words.folder)}}, 2).c_str());
@@ -162,7 +157,7 @@ Status issue(const Words& words, bool as_json) {
   }
   auto keys = Keystore::open(words.folder);
   if (!keys) return tl::unexpected(keys.error());
-  const auto made = keys->issue(wanted, life_of(words, wanted.role), now());
+  const auto made = keys->issue(wanted, life_of(words, wanted.role), wall_clock_now());
   if (!made) return tl::unexpected(made.error());
   print_made({{keys->identities().at(*named), *made}}, as_json);
   return {};
@@ -185,7 +180,7 @@ Status renew(const Words& words, bool as_json) {
   std::vector<Made> all;
   Status done;
   for (const auto& key : wanted) {
-    const auto made = keys->renew(key.first, key.second, life_of(words, key.first), now());
+    const auto made = keys->renew(key.first, key.second, life_of(words, key.first), wall_clock_now());
     if (!made) {
       done = tl::unexpected(made.error());
       break;
@@ -201,7 +196,7 @@ Status revoke(const Words& words, bool as_json) {
   if (!named) return tl::unexpected(named.error());
   auto keys = Keystore::open(words.folder);
   if (!keys) return tl::unexpected(keys.error());
-  if (Status revoked = keys->revoke(named->first, named->second, now()); !revoked) return revoked;
+  if (Status revoked = keys->revoke(named->first, named->second, wall_clock_now()); !revoked) return revoked;
   print_identities({keys->identities().at(*named)}, as_json);
   std::fprintf(stderr,
                "cairnctl: copy %s and crl.pem to the security folder of a server on another machine\n",

@@ -18,7 +18,11 @@ Principal Doorkeeper::client(std::string name) const {
 
 Principal Doorkeeper::operator_of(std::string name) {
   if (!keys_.is_secured()) return operator_principal(std::move(name));
-  const auto duty = keys_.duty_of(name);
+  auto duty = keys_.duty_of(name);
+  if (!duty) {  // its keys may have been made a moment ago
+    read();
+    duty = keys_.duty_of(name);
+  }
   if (!duty && unknown_operator_.due()) {
     log_->warn(
         "operator {} has keys of this site, but {} in this server's security folder does not know it: it may "
@@ -35,11 +39,17 @@ bool Doorkeeper::is_to_be_told(IdentityRole role, const std::string& name, Monot
 bool Doorkeeper::look(MonotonicTime now) {
   if (now < next_look()) return false;
   next_look_ = now + kLookInterval;
+  read();
+  return std::exchange(is_changed_, false);
+}
+
+void Doorkeeper::read() {
   const auto changed = keys_.look();
-  if (changed) return *changed;
-  if (trouble_.due(now))
+  if (changed) {
+    is_changed_ |= *changed;
+  } else if (trouble_.due()) {
     log_->error("who has keys of this site: {}; what was known before holds", changed.error().message);
-  return false;
+  }
 }
 
 }  // namespace cairn

@@ -42,9 +42,12 @@ class Doorkeeper {
   }
 
  private:
+  void read();
+
   SiteKeys keys_;
   Logger log_;
   MonotonicTime next_look_;
+  bool is_changed_ = false;                                         ///< since look() said so
   std::map<std::pair<IdentityRole, std::string>, RateLimit> told_;  ///< of the register's revoked names
   RateLimit trouble_;
   RateLimit unknown_operator_;

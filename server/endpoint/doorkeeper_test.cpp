@@ -51,6 +51,16 @@ TEST_F(DoorkeeperTest, InASecuredSiteANameIsProvenAndARoleIsThatOfTheRegister) {
   EXPECT_EQ(door.operator_of("nobody").duty, Duty::kWatch) << "whom the register does not know";
 }
 
+TEST_F(DoorkeeperTest, AnOperatorIsKnownAsSoonAsItHasKeys) {
+  std::ofstream(folder_.path() / kRegisterFile) << to_text({});
+  Doorkeeper door(SiteKeys::read(folder_.path()).value(), null_logger());
+  EXPECT_FALSE(door.look(kStart));
+  EXPECT_EQ(door.operator_of("ann").duty, Duty::kWatch);
+  write(true);
+  EXPECT_EQ(door.operator_of("ann").duty, Duty::kCurate);
+  EXPECT_TRUE(door.look(door.next_look())) << "and who was revoked with it is not forgotten";
+}
+
 TEST_F(DoorkeeperTest, WhoIsRevokedIsTurnedAwayWithinASecondAndThatIsToldNowAndThen) {
   Doorkeeper door(SiteKeys::read(folder_.path()).value(), null_logger());
   EXPECT_FALSE(door.look(kStart));

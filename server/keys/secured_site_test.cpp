@@ -34,11 +34,6 @@ using ::testing::HasSubstr;
 /// In which a handshake is over, by far; who is not matched then is not.
 constexpr std::chrono::milliseconds kRefusalTime{2500};
 
-Timestamp now() {
-  const auto since_epoch = std::chrono::system_clock::now().time_since_epoch();
-  return {std::chrono::duration_cast<std::chrono::nanoseconds>(since_epoch).count()};
-}
-
 /// Lines, for whoever asks.
 class LineSink final : public spdlog::sinks::base_sink<std::mutex> {
  public:
@@ -74,7 +69,7 @@ class SecuredSite : public ::testing::Test {
   }
 
   static void make_site(const fs::path& keys) {
-    const Status made = Keystore::init(keys, now());
+    const Status made = Keystore::init(keys, wall_clock_now());
     ASSERT_TRUE(made) << made.error().message;
   }
   static fs::path issue(const fs::path& keys, IdentityRole role, const std::string& name,
@@ -82,7 +77,7 @@ class SecuredSite : public ::testing::Test {
     Identity wanted;
     wanted.role = role;
     wanted.name = name;
-    return Keystore::open(keys).value().issue(wanted, valid_for, now()).value();
+    return Keystore::open(keys).value().issue(wanted, valid_for, wall_clock_now()).value();
   }
   void start_server() {
     ParticipantOptions options;
@@ -222,7 +217,7 @@ TEST_F(SecuredSite, WhoIsRevokedIsRefusedByAServerThatStartsAnew) {
     ASSERT_TRUE(phone) << phone.error().message;
     ASSERT_TRUE(is_heard(*phone, "phone-1")) << lines_->all();
   }
-  ASSERT_TRUE(Keystore::open(keys_).value().revoke(IdentityRole::kClient, "phone-1", now()));
+  ASSERT_TRUE(Keystore::open(keys_).value().revoke(IdentityRole::kClient, "phone-1", wall_clock_now()));
   stop_server();
   start_server();
   expect_nothing_passes(join(copied).value());

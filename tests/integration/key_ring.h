@@ -6,9 +6,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "common/base/time.h"
 #include "common/io/test_directory.h"
 #include "server/keys/keystore.h"
-#include "server/service/clock.h"
 
 namespace cairn::testing {
 
@@ -16,7 +16,7 @@ namespace cairn::testing {
 class KeyRing {
  public:
   KeyRing() {
-    if (const Status made = Keystore::init(folder(), SystemClock().wall()); !made)
+    if (const Status made = Keystore::init(folder(), wall_clock_now()); !made)
       throw std::runtime_error(made.error().message);
   }
 
@@ -30,11 +30,18 @@ class KeyRing {
     wanted.role = role;
     wanted.name = name;
     if (role == IdentityRole::kOperator) wanted.duty = duty;
-    return keys.issue(wanted, good_for, SystemClock().wall()).value();
+    return keys.issue(wanted, good_for, wall_clock_now()).value();
+  }
+  /// In the same folder.
+  void renew(IdentityRole role, const std::string& name) {
+    (void)Keystore::open(folder())
+        .value()
+        .renew(role, name, std::chrono::hours(24), wall_clock_now())
+        .value();
   }
   /// As when a device is lost: it has a copy of what goes here.
   void revoke(IdentityRole role, const std::string& name) {
-    if (const Status done = Keystore::open(folder()).value().revoke(role, name, SystemClock().wall()); !done)
+    if (const Status done = Keystore::open(folder()).value().revoke(role, name, wall_clock_now()); !done)
       throw std::runtime_error(done.error().message);
   }
   /// What was copied to a device.

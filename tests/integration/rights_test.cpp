@@ -245,7 +245,7 @@ TEST_F(KeysOverDds, AForeignCertificateNoneAndOneThatHasExpiredPassNothing) {
   SessionOptions brief = client("anna");
   brief.name = "brief";
   brief.security = keys_->of(IdentityRole::kClient, "brief", 6s);
-  const auto expiring = open_known_session(brief, scene_.camera());
+  const auto expiring = testing::open_known_session(brief, scene_.camera());
   for (const SessionOptions& options : {stranger, nobody}) {
     SCOPED_TRACE(options.name);
     const auto session = testing::open_session(options, scene_.camera());
@@ -259,6 +259,9 @@ TEST_F(KeysOverDds, AForeignCertificateNoneAndOneThatHasExpiredPassNothing) {
   ASSERT_FALSE(late);
   EXPECT_THAT(late.error().message, HasSubstr("has expired"));
   EXPECT_THAT(late.error().message, HasSubstr("`cairnctl keys renew client brief`"));
+  keys_->renew(IdentityRole::kClient, "brief");
+  EXPECT_TRUE(eventually([&] { return expiring->status().link == ServerLink::kConnected; }));
+  EXPECT_TRUE(is_answered(*expiring));
 }
 
 TEST_F(KeysOverDds, WhoIsRevokedIsCutOffWhileItGoesOnTryingAndThatIsOnRecord) {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string_view>
 
+#include "common/base/utc.h"
 #include "common/wire/internal/configuration.h"
 #include "common/wire/internal/port_holder.h"
 #include "common/wire/network_path.h"
@@ -17,6 +18,10 @@ namespace {
 /// inside, each participant of ours has a number of its own, the first free one from that on and, behind the
 /// last one, from 0 on: the documents of a secured site speak of these and know none above kMaxDomain.
 constexpr uint32_t kMaxParticipants = kMaxDomain + 1;
+
+/// At the moment when its keys expire the middleware takes our participant apart, under those who use it:
+/// what is made of it then ends the process.
+constexpr std::chrono::seconds kExpiryMargin{1};
 
 constexpr std::chrono::minutes kUnfitInterval{1};  ///< a peer that sends rubbish cannot fill the disk
 
@@ -132,11 +137,19 @@ Result<std::shared_ptr<Context>> Context::create(const ParticipantOptions& optio
                     "; the lines above say more");
   }
   return std::shared_ptr<Context>(
-      new Context(std::move(domain->first), participant, *std::move(path), options.log));
+      new Context(std::move(domain->first), participant, *std::move(path), *security, options.log));
+}
+
+Status Context::check_keys() const {
+  if (!security_ || wall_clock_now() < security_->expires + -kExpiryMargin) return {};
+  return fail(ErrorCode::kConfiguration, security_->folder.string() + ": the keys have expired at " +
+                                             to_utc(security_->expires) + "; `cairnctl keys renew " +
+                                             security_->role + " " + security_->name + "` makes new ones");
 }
 
 Result<dds_entity_t> Context::topic(const TopicDescription& description) {
   const std::lock_guard lock(mutex_);
+  if (Status good = check_keys(); !good) return tl::unexpected(good.error());
   if (const auto known = topics_.find(description.name); known != topics_.end()) return known->second;
   const dds_entity_t created =
       dds_create_topic(participant_, description.type, description.name, nullptr, nullptr);

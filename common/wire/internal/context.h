@@ -5,12 +5,14 @@
 #include <chrono>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 
 #include "common/base/log.h"
 #include "common/wire/internal/entity.h"
 #include "common/wire/internal/qos.h"
 #include "common/wire/participant.h"
+#include "common/wire/security.h"
 
 namespace cairn::wire::internal {
 
@@ -28,7 +30,11 @@ class Context {
 
   [[nodiscard]] dds_entity_t participant() const { return participant_; }
   [[nodiscard]] const NetworkPath& path() const { return path_; }
-  /// Made when first asked for; lives as long as the context.
+  [[nodiscard]] std::optional<Timestamp> good_until() const {
+    return security_ ? std::optional(security_->expires) : std::nullopt;
+  }
+  /// Made when first asked for; lives as long as the context. Error kConfiguration: our keys have expired,
+  /// and nothing more can be made here.
   [[nodiscard]] Result<dds_entity_t> topic(const TopicDescription& description);
 
   /// Logs that samples of a topic are dropped, at most once a minute for each topic.
@@ -38,10 +44,18 @@ class Context {
   std::atomic<uint64_t> bytes_received{0};
 
  private:
-  Context(Entity domain, dds_entity_t participant, NetworkPath path, Logger log)
-      : path_(std::move(path)), domain_(std::move(domain)), participant_(participant), log_(std::move(log)) {}
+  Context(Entity domain, dds_entity_t participant, NetworkPath path, std::optional<Security> security,
+          Logger log)
+      : path_(std::move(path)),
+        security_(std::move(security)),
+        domain_(std::move(domain)),
+        participant_(participant),
+        log_(std::move(log)) {}
+  /// Error kConfiguration: they have expired, or do in a moment.
+  [[nodiscard]] Status check_keys() const;
 
   const NetworkPath path_;
+  const std::optional<Security> security_;
   Entity domain_;  ///< owns the rest
   dds_entity_t participant_ = 0;
   std::mutex mutex_;

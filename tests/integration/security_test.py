@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""A secured site with the programs as its people run them: an operator, two builders, a reader, a stranger.
+
+security_test.py BIN_DIR [TestClass[.test]]   Standard library only.
+"""
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+import time
+import unittest
+
+import programs_test
+from programs_test import LIMIT, SLOWNESS, OnTheDesk, ServerProcess, command
+
+OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED = 0, 2, 3, 4, 5
+SITES = pathlib.Path(__file__).resolve().parents[2] / "deploy/sites"
+PATIENCE = 2 * SLOWNESS  # seconds, in which a handshake is over by far
+
+
+class Security(OnTheDesk):
+    FRAMES = 120
+
+    @classmethod
+    def setUpClass(cls):
+        super().setUpClass()
+        cls.keys("init")
+        cls.keys("issue", "server")
+        for client in ("builder-1", "builder-2", "reader"):
+            cls.keys("issue", "client", client)
+        cls.keys("issue", "operator", "ann", "--role", "administer")
+        cls.keys("issue", "operator", "wat", "--role", "watch")
+        cls.server = ServerProcess("--store", cls.folder / "store", "--security", cls.folder_of("server", "server"))
+        cls.addClassCleanup(cls.server.__exit__)
+
+    @classmethod
+    def keys(cls, *words, keystore="keys"):
+        subprocess.run(command("cairnctl", "keys", "--keys", cls.folder / keystore, *words), check=True, capture_output=True,
+                       text=True, timeout=LIMIT)
+
+    @classmethod
+    def folder_of(cls, role, name, keystore="keys"):
+        return cls.folder / keystore / "enclaves" / role / name
+
+    def ctl(self, *words, operator="ann", expect=OK):
+        security = ("--security", self.folder_of("operator", operator)) if operator else ()
+        done = subprocess.run(command("cairnctl", "--domain", self.server.domain, "--json", *security, *words),
+                              capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, expect, done.stderr)
+        return json.loads(done.stdout) if expect == OK else done.stderr
+
+    def client(self, name, *more, code=0):
+        return self.track(self.server, name, "--security", self.folder_of("client", name), *more, code=code)
+
+    def sees_nothing(self, *security):
+        """Though it plays the whole recording."""
+        process = subprocess.Popen(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", self.server.domain,
+                                           "--role", "reader", "--headless", *security), stderr=subprocess.PIPE, text=True)
+        time.sleep(PATIENCE)
+        process.terminate()
+        said = process.communicate(timeout=LIMIT)[1]
+        self.assertIn("waiting for cairn-server", said)
+        for word in ("connected", "map-1", "desk"):
+            self.assertNotIn(f" {word}", said.split("waiting for cairn-server")[1], said)
+
+    def test_the_people_of_a_site(self):
+        self.nobody_may_anything_at_first()
+        self.a_builder_makes_a_map_that_a_reader_only_reads()
+        self.strangers_see_nothing()
+        self.who_is_revoked_is_cut_off()
+        self.keys_that_do_not_fit_are_refused_with_the_remedy()
+
+    def nobody_may_anything_at_first(self):
+        _, said = self.client("builder-1", "--pace", "lockstep", code=1)
+        self.assertIn("may not make maps", said)
+        self.assertEqual(self.ctl("maps")["maps"], [])
+        self.ctl("rights", "create", "builder-1", "yes")
+        for builder in ("builder-1", "builder-2"):
+            self.ctl("rights", "grant", builder, "all", "write")
+        self.ctl("rights", "grant", "reader", "all", "read")
+
+    def a_builder_makes_a_map_that_a_reader_only_reads(self):
+        stats, said = self.client("builder-1", "--pace", "lockstep")
+        self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.95, said)
+        self.ctl("map", "map-1", "rename", "desk")
+        stats, said = self.client("builder-2", "--pace", "lockstep", "--no-new-maps")
+        self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.9, said)
+        stats, said = self.client("reader", "--pace", "lockstep", "--role", "reader")
+        self.assertGreaterEqual(stats["summary"]["tracked_share"], 0.9, said)
+        _, said = self.client("reader", "--pace", "lockstep", "--no-new-maps", "--labels", self.folder / "desk/labels.txt")
+        self.assertRegex(said, "label .* not placed: refused: .*read, as granted to client reader by ann")
+        self.assertEqual(self.ctl("labels", "desk"), [])
+        proven = {c["name"]: c["proven"] for c in self.ctl("clients")["clients"]}
+        self.assertEqual(proven, {"builder-1": True, "builder-2": True, "reader": True})
+
+    def strangers_see_nothing(self):
+        self.sees_nothing("--name", "reader")
+        self.keys("init", keystore="foreign")
+        self.keys("issue", "client", "reader", keystore="foreign")
+        foreign = self.folder_of("client", "reader", keystore="foreign")
+        shutil.copy(self.folder_of("client", "reader") / "tag", foreign)
+        self.sees_nothing("--security", foreign)
+        self.assertIn("with --security", self.ctl("status", operator=None, expect=NO_SERVER))
+        self.assertEqual(self.ctl("maps", operator="wat")["maps"][0]["name"], "desk")
+        self.assertIn("operator wat has the role watch; this needs the role curate",
+                      self.ctl("map", "desk", "rename", "table", operator="wat", expect=REFUSED))
+
+    def who_is_revoked_is_cut_off(self):
+        device = self.folder / "device"
+        shutil.copytree(self.folder_of("client", "reader"), device)
+        process = subprocess.Popen(command("cairn-track", "--source", "sim:desk?seed=1", "--domain", self.server.domain, "--security", device,
+                                           "--role", "reader", "--headless"), stderr=subprocess.PIPE, text=True)
+        said = ""
+        for line in process.stderr:
+            said += line
+            if "connected" in line:
+                break
+        self.keys("revoke", "client", "reader")
+        for line in process.stderr:
+            said += line
+            if "server gone" in line:
+                break
+        process.terminate()
+        said += process.communicate(timeout=LIMIT)[0] or ""
+        self.assertIn("server gone", said)
+        self.sees_nothing("--security", device)
+        entries = self.ctl("audit", "--action", "turned away")
+        self.assertEqual([(e["who"], e["outcome"]) for e in entries], [("client reader", "its keys were revoked")])
+
+    def keys_that_do_not_fit_are_refused_with_the_remedy(self):
+        refused = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--security",
+                                         self.folder_of("operator", "ann")), capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual(refused.returncode, CONFIGURATION)
+        self.assertIn("`cairnctl keys issue client`", refused.stderr)
+        done = subprocess.run(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--name", "builder-2", "--security",
+                                      self.folder_of("client", "builder-1")), capture_output=True, text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, USAGE)
+        self.assertIn("the keys are of client builder-1, not of builder-2", done.stderr)
+        done = subprocess.run(command("cairn-server", "--security", self.folder_of("server", "nobody")), capture_output=True,
+                              text=True, timeout=LIMIT)
+        self.assertEqual(done.returncode, CONFIGURATION)
+        self.assertIn("`cairnctl keys issue`", done.stderr)
+        for site, expected in (("secured", "enclaves/server/server"), ("open", "'nowhere': no such network interface")):
+            done = subprocess.run(command("cairn-server", "--config", SITES / f"{site}.yaml", "--listen", "nowhere"), cwd=self.folder,
+                                  capture_output=True, text=True, timeout=LIMIT)
+            self.assertIn(expected, done.stderr)
+
+
+if __name__ == "__main__":
+    programs_test.BINARIES = pathlib.Path(sys.argv.pop(1)).resolve()
+    unittest.main(verbosity=2)
