@@ -181,7 +181,7 @@ TEST_P(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
   const json entries = ask_server({{"verb", "audit"}})["entries"];
   ASSERT_EQ(entries.size(), keys_ ? 3U : 2U);
   EXPECT_EQ(entries[0]["action"], "rename");
-  EXPECT_EQ(entries[0]["object"], "map map-1");
+  EXPECT_EQ(entries[0]["object"], "map map-1, name desk");
   EXPECT_EQ(entries[1]["action"], "rights grant");
   EXPECT_THAT(entries[1]["who"].get<std::string>(), HasSubstr(keys_ ? "operator ops" : "operator "));
 }
