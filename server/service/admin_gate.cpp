@@ -11,6 +11,10 @@ AdminGate::Judgement AdminGate::admit(const std::string& name, wire::CommandId c
   Operator& asking = operators_.try_emplace(name, Operator{now}).first->second;
   if (asking.last && asking.last->command == command) return {Admission::kRepeated, {}};
   if (asking.in_work == command) return {Admission::kInWork, {}};
+  // Answered before the last one: it was overtaken on its way, and nobody waits for it.
+  if (asking.last && asking.last->command.session == command.session &&
+      command.seq < asking.last->command.seq)
+    return {Admission::kInWork, {}};
   asking.last_heard = now;
   if (asking.in_work) {
     return {Admission::kRefused,

@@ -42,6 +42,16 @@ TEST_F(AdminGateTest, ARequestIsCarriedOutOnceAndItsAnswerRepeated) {
   EXPECT_EQ(gate_.last("bob"), nullptr);
 }
 
+TEST_F(AdminGateTest, ARequestThatIsOvertakenOnItsWayIsNotCarriedOutAgain) {
+  for (const uint64_t seq : {1, 2}) {
+    EXPECT_EQ(ask("ann", seq).admission, Admission::kNew);
+    answer("ann", seq);
+  }
+  EXPECT_EQ(ask("ann", 1).admission, Admission::kInWork) << "nothing follows";
+  EXPECT_EQ(gate_.last("ann")->command.seq, 2U);
+  EXPECT_EQ(ask("ann", 3).admission, Admission::kNew);
+}
+
 TEST_F(AdminGateTest, WhoSendsRequestsWithoutWaitingIsRefusedAllButTheFirst) {
   EXPECT_EQ(ask("ann", 1).admission, Admission::kNew);
   for (uint64_t seq = 2; seq < 10'000; ++seq) {

@@ -14,9 +14,9 @@
 namespace cairn::simulation {
 namespace {
 
-constexpr std::chrono::seconds kLength{12};  ///< of what is done and goes wrong
-constexpr std::chrono::seconds kCalm{60};    ///< in which all that was begun has to come to its end
-constexpr double kRestarts = 0.004;          ///< at each step
+constexpr std::chrono::seconds kLength{8};  ///< of what is done and goes wrong
+constexpr std::chrono::seconds kCalm{60};   ///< in which all that was begun has to come to its end
+constexpr double kRestarts = 0.004;         ///< at each step
 constexpr double kKills = 0.006;
 constexpr double kFullDisks = 0.004;
 

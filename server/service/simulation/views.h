@@ -13,7 +13,7 @@ namespace cairn::simulation {
 class Views {
  public:
   static constexpr size_t kPlaces = 2;
-  static constexpr int kSteps = 24;  ///< Scene::pose(0..kSteps-1)
+  static constexpr int kSteps = 14;  ///< Scene::pose(0..kSteps-1)
   [[nodiscard]] static const Views& of_place(size_t place);
 
   [[nodiscard]] CameraPtr camera() const { return scene_.camera(); }
