@@ -2,9 +2,11 @@
 #include "common/base/unknown_word.h"
 
 #include <cstdio>
+#include <cstdlib>
 #include <sstream>
 #include <vector>
 
+#include "common/base/help_formats.h"
 #include "common/base/log.h"
 #include "common/base/result.h"
 #include "common/base/suggestion.h"
@@ -41,6 +43,10 @@ int end_of_parse(const CLI::App& app, const CLI::ParseError& error) {
     say_error(app.get_name(), *unknown);
     std::fputs("Run with --help for more information.\n", stderr);
     return exit_code(ErrorCode::kUsage);
+  }
+  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr && std::getenv("CAIRN_HELP_AS") != nullptr) {
+    std::fputs(told_help(app).c_str(), stdout);
+    return 0;
   }
   std::ostringstream help;
   std::ostringstream complaint;
