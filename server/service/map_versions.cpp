@@ -158,6 +158,8 @@ void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
   entry->labels = LabelBook();
   entry->labels.restore(map.labels);
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
+  // Offers to the state before end with the runner that judges them.
+  while (entry->offers_in_work > 0) maps_.end_offer(entry);
   entry->runner = map.runner;
   entry->plane_aligned = map.plane_aligned;
   entry->frozen.clear();
