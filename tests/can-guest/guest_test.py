@@ -67,7 +67,7 @@ class Usage(unittest.TestCase):
     def test_what_it_does_not_know_is_told(self):
         for arguments, words in (([], "no command"), (["--bogus"], "unknown option '--bogus'"),
                                  (["--timeout", "x", "true"], "--timeout x"), (["--timeout"], "--timeout needs a value"),
-                                 (["--backend", "none", "true"], "there are auto, native and qemu")):
+                                 (["--backend", "none", "true"], "there are auto, native, qemu and uml")):
             done = run(*arguments)
             self.assertEqual(done.returncode, 2, done.stderr)
             self.assertIn(words, done.stderr)
