@@ -165,7 +165,9 @@ Result<BackupContent> unpack(const std::string& backup, const fs::path& unpacked
 }
 
 Status restore(const std::string& backup, const std::string& data, bool as_json) {
-  const fs::path folder = fs::absolute(data).lexically_normal();
+  fs::path folder = fs::absolute(data).lexically_normal();
+  if (!folder.has_filename())
+    folder = folder.parent_path();  // it was named with a slash at its end, or as "."
   if (Status is_free = check_is_free(folder); !is_free) return is_free;
   const fs::path unpacked = folder.parent_path() / ("." + folder.filename().string() + ".restoring");
   const auto content = unpack(backup, unpacked);

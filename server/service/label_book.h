@@ -54,6 +54,8 @@ class LabelBook {
   /// As in the revision followed last. Nothing: no such label.
   [[nodiscard]] std::optional<Label> find(LabelId label) const;
   [[nodiscard]] std::vector<Label> all() const;
+  /// No label had a greater id yet.
+  [[nodiscard]] LabelId last_given() const { return LabelId{last_id_}; }
 
  private:
   struct Entry {

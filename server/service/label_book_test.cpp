@@ -140,6 +140,7 @@ TEST_F(LabelBookTest, AnIdThatWasGivenBeforeTheRestartIsNotGivenAgain) {
   restored.restore({}, LabelId{4});  // removed since
   wire::ClientRequest made = request(RequestAction::kAddLabel, {}, "vice");
   made.reference_from_label = pose();
+  EXPECT_EQ(restored.last_given(), LabelId{4});
   EXPECT_EQ(restored.judge(made, "anna", kNow, map_of({pose()})).label, LabelId{5});
 }
 

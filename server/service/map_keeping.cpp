@@ -104,11 +104,11 @@ void MapRunner::save() {
   });
 }
 
-void MapRunner::save_last_changes() {
+void MapRunner::save_last_changes(const std::function<void(const Status&)>& done) {
   if (store_ == nullptr || frozen_ || replaced_ || maker_ == nullptr || published_ == nullptr) return;
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
-  store_->write(published_->map, std::move(update), {});
+  store_->write(published_->map, std::move(update), done);
 }
 
 void MapRunner::flush(std::function<void()> then) {
@@ -120,7 +120,11 @@ void MapRunner::flush(std::function<void()> then) {
 
 void MapRunner::give_way(std::function<void()> then) {
   queue_.post([self = shared_from_this(), then = std::move(then)] {
-    self->guarded([&] { self->save_last_changes(); });
+    // The map goes on where a roll-back fails, and then the store has to be brought up to date.
+    const auto kept = [self](const Status& done) {
+      if (!done) self->on_not_kept(done.error());
+    };
+    self->guarded([&] { self->save_last_changes(kept); });
     self->replaced_ = true;
     self->stopping_ = true;
     if (const auto waiting = self->awaiting_images_.lock()) self->end_reading(waiting);

@@ -133,8 +133,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void rename(std::string name, std::function<void(Status kept)> done);
   /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.
   void flush(std::function<void()> then);
-  /// Hands what has changed to the store. For the end, when no lane runs any more.
-  void save_last_changes();
+  /// Hands what has changed to the store, which calls `done` when it has it or has failed. For the end, when
+  /// no lane runs any more.
+  void save_last_changes(const std::function<void(const Status& kept)>& done = {});
 
  private:
   static constexpr const char* kDeleted = "the map was deleted";

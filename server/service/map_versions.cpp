@@ -155,8 +155,10 @@ void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
   if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
   std::set<LabelId> labels;
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
+  // Somebody may yet mean by an id a label that the roll-back takes away.
+  const LabelId last_given = std::max(entry->labels.last_given(), map.last_label);
   entry->labels = LabelBook();
-  entry->labels.restore(map.labels);
+  entry->labels.restore(map.labels, last_given);
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
   // Offers to the state before end with the runner that judges them.
   while (entry->offers_in_work > 0) maps_.end_offer(entry);
