@@ -1,4 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
+# shellcheck disable=SC2154  # what it uses of run-in-can-guest is assigned there
 # Sourced by run-in-can-guest: Debian's user-mode Linux, a kernel that runs as a process of this one. Programs run in it as fast as
 # outside, on one processor; system calls take longer. There are virtual buses only.
 
