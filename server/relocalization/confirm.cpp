@@ -85,9 +85,18 @@ bool does_look_right(const ConfirmOptions& options, const Confirmation& said) {
   return speak(by_picture(options, said), said) || speak(options.by_points, said);
 }
 
-void judge(const ConfirmOptions& options, Confirmation* result) {
+std::string why_not_upright(int agreeing) {
+  return fmt::format("{} corners agree on a pose in which the camera is held otherwise than gravity says",
+                     agreeing);
+}
+
+/// By the refined pose, which may have turned away from the one that was upright.
+void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& options,
+           Confirmation* result) {
   const bool looks_right = does_look_right(options, *result);
-  if (result->inliers < options.min_inliers) {
+  if (!is_upright(*result->camera_from_map, map.up, view.up)) {
+    result->reason = why_not_upright(result->inliers);
+  } else if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
   } else if (result->parts < options.min_parts) {
     result->reason = fmt::format("points in few parts of the picture only ({} of {})", result->parts, kParts);
@@ -210,9 +219,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   result.agreeing = pose->inliers;
   if (!is_upright(pose->camera_from_map, map.up, view.up)) {
     result.explained.clear();  // what is held otherwise is not there, and no rival of what is
-    result.reason =
-        fmt::format("{} corners agree on a pose in which the camera is held otherwise than gravity says",
-                    result.agreeing);
+    result.reason = why_not_upright(result.agreeing);
     return result;
   }
   result.camera_from_map = pose->camera_from_map;
@@ -224,7 +231,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   if (refined) {
     take_refined(view, camera, *refined, &result);
     result.found_otherwise = count_found_otherwise(supported, agree, result.found);
-    judge(options, &result);
+    judge(view, map, options, &result);
   } else {
     result.reason = refined.error().message;
   }
@@ -246,7 +253,7 @@ void confirm_settled(const PlaceView& view, const CornerGrid& grid, const Camera
   const double depth = median_depth(refined->points);
   const Refined settled = settle(view, grid, camera, map, keyframe, std::move(*refined), depth);
   take_refined(view, camera, settled, said);
-  judge(options, said);
+  judge(view, map, options, said);
   const double sigma = position_sigma(view, camera, settled) / depth;
   if (!said->confirmed || sigma <= options.most_sigma) return;
   said->confirmed = false;
