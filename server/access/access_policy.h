@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <iterator>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -47,6 +48,13 @@ class AccessPolicy {
                          [&](const MapId& map) { return may_read(client, map); });
     return MapSet(std::move(maps));
   }
+  /// Whether a keyframe that the client may not add to the map, or does not want to, is kept aside as a
+  /// proposal.
+  [[nodiscard]] virtual bool may_propose(const Principal& /*client*/, const MapId& /*map*/) const {
+    return false;
+  }
+  /// Why the map takes nothing, from operators either; empty: it does.
+  [[nodiscard]] virtual std::string why_frozen(const MapId& /*map*/) const { return {}; }
   /// Error kRefused with the reason.
   [[nodiscard]] virtual Status may_ask(const Principal& operator_, OperatorAct act) const = 0;
 

@@ -178,6 +178,27 @@ Status Rights::block(const std::string& client, std::optional<Closure> closure) 
 void Rights::forget(const MapId& map) {
   std::erase_if(grants_, [&](const auto& entry) { return entry.first.second == map; });
   frozen_.erase(map);
+  proposals_in_.erase(map);
+}
+
+void Rights::welcome_proposals(const std::optional<MapId>& map, std::optional<bool> welcome) {
+  if (!map) {
+    proposals_ = welcome.value_or(false);
+  } else if (welcome) {
+    proposals_in_[*map] = *welcome;
+  } else {
+    proposals_in_.erase(*map);
+  }
+}
+
+bool Rights::welcomes_proposals(const MapId& map) const {
+  const auto said = proposals_in_.find(map);
+  return said == proposals_in_.end() ? proposals_ : said->second;
+}
+
+std::string Rights::why_frozen(const MapId& map) const {
+  const auto frozen = frozen_.find(map);
+  return frozen == frozen_.end() ? std::string() : reason_of("the map is frozen", frozen->second);
 }
 
 /// The closest first.
@@ -291,7 +312,7 @@ std::optional<Timestamp> Rights::next_expiry(Timestamp now) const {
 }
 
 Rights::Table Rights::table() const {
-  Table table{standard_, may_create_, {}, creators_, groups_, frozen_, blocked_};
+  Table table{standard_, may_create_, {}, creators_, groups_, frozen_, blocked_, proposals_, proposals_in_};
   for (const auto& [key, grant] : grants_) table.grants.push_back(grant);
   return table;
 }
@@ -313,6 +334,8 @@ Result<Rights> Rights::of(const Table& table) {
   for (const auto& [client, closure] : table.blocked) {
     if (Status taken = rights.block(client, closure); !taken) return tl::unexpected(taken.error());
   }
+  rights.proposals_ = table.proposals;
+  rights.proposals_in_ = table.proposals_in;
   return rights;
 }
 

@@ -103,12 +103,18 @@ class Rights {
   Status freeze(const MapId& map, std::optional<Closure> closure);
   /// Nothing: let in again. Error kUsage: no client can have that name; as of freeze().
   Status block(const std::string& client, std::optional<Closure> closure);
+  /// Whether keyframes of those who may not add them are kept aside as proposals: in a map, or, without one,
+  /// in all maps of which nothing else is said. Nothing: in the map, as in all others; in all, no.
+  void welcome_proposals(const std::optional<MapId>& map, std::optional<bool> welcome);
   /// The map is gone for good: its grants go with it.
   void forget(const MapId& map);
 
   [[nodiscard]] Ruling rule(const std::string& client, const MapId& map, Timestamp now) const;
   /// `right` is kWrite or kNone.
   [[nodiscard]] Ruling rule_on_creating(const std::string& client) const;
+  [[nodiscard]] bool welcomes_proposals(const MapId& map) const;
+  /// Empty: it is not frozen.
+  [[nodiscard]] std::string why_frozen(const MapId& map) const;
   /// All that was looked at for rule().
   [[nodiscard]] std::vector<RuleSeen> explain(const std::string& client, const MapId& map,
                                               Timestamp now) const;
@@ -124,6 +130,8 @@ class Rights {
     std::map<std::string, std::set<std::string>> groups;
     std::map<MapId, Closure> frozen;
     std::map<std::string, Closure> blocked;
+    bool proposals = false;              ///< are welcome in maps of which nothing is said
+    std::map<MapId, bool> proposals_in;  ///< and in these
     bool operator==(const Table&) const = default;
   };
   [[nodiscard]] Table table() const;
@@ -143,6 +151,8 @@ class Rights {
   std::map<std::string, std::set<std::string>> groups_;
   std::map<MapId, Closure> frozen_;
   std::map<std::string, Closure> blocked_;
+  bool proposals_ = false;
+  std::map<MapId, bool> proposals_in_;
 };
 
 }  // namespace cairn

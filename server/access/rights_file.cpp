@@ -173,7 +173,8 @@ void read_members(const json& rule, Rights* rights) {
 }
 
 Rights rights_of(const json& all) {
-  allow_keys(all, {"format", "default", "create", "groups", "grants", "creators", "frozen", "blocked"});
+  allow_keys(all, {"format", "default", "create", "groups", "grants", "creators", "frozen", "blocked",
+                   "proposals", "proposals_in"});
   const auto format = all.find("format");
   if (format == all.end() || !format->is_number_integer()) throw Wrong{"'format' is missing"};
   if (*format != kFormat)
@@ -192,6 +193,11 @@ Rights rights_of(const json& all) {
   for_each_rule(all, "blocked", [&](const json& rule) {
     Closure closure = closure_of(rule, "client");
     demand(rights.block(text_of(rule, "client"), std::move(closure)));
+  });
+  if (all.contains("proposals")) rights.welcome_proposals(std::nullopt, truth_of(all, "proposals"));
+  for_each_rule(all, "proposals_in", [&](const json& rule) {
+    allow_keys(rule, {"map", "welcome"});
+    rights.welcome_proposals(map_of(text_of(rule, "map")), truth_of(rule, "welcome"));
   });
   return rights;
 }
@@ -216,6 +222,11 @@ std::string to_text(const Rights& rights) {
   flush("frozen");
   for (const auto& [client, closure] : table.blocked) rules.push_back(to_json("client", client, closure));
   flush("blocked");
+  // Left out where nothing is said: an earlier version reads the file, then.
+  if (table.proposals) text += ",\n \"proposals\": true";
+  for (const auto& [map, welcome] : table.proposals_in)
+    rules.push_back({{"map", to_hex(map.bytes)}, {"welcome", welcome}});
+  if (!rules.empty()) flush("proposals_in");
   return text + "\n}\n";
 }
 

@@ -29,6 +29,8 @@ class RandomRights {
     for (int i = below(4); i > 0; --i) EXPECT_TRUE(rights.let_create(subject(), coin()));
     for (int i = below(4); i > 0; --i) EXPECT_TRUE(rights.freeze(map(), closure()));
     for (int i = below(4); i > 0; --i) EXPECT_TRUE(rights.block(name(), closure()));
+    if (coin()) rights.welcome_proposals({}, coin());
+    for (int i = below(4); i > 0; --i) rights.welcome_proposals(map(), coin());
     return rights;
   }
 

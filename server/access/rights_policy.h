@@ -22,6 +22,10 @@ class RightsPolicy : public AccessPolicy {
   [[nodiscard]] Ruling on_creating(const Principal& client) const override {
     return rights_.rule_on_creating(client.name);
   }
+  [[nodiscard]] bool may_propose(const Principal& client, const MapId& map) const override {
+    return rights_.welcomes_proposals(map) && may_read(client, map);
+  }
+  [[nodiscard]] std::string why_frozen(const MapId& map) const override { return rights_.why_frozen(map); }
   /// By the operator's role.
   [[nodiscard]] Status may_ask(const Principal& who, OperatorAct act) const override {
     const Duty needed = duty_for(act);

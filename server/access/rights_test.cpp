@@ -216,5 +216,32 @@ TEST(RightsPolicyTest, AnOperatorMayAskForWhatItsRoleAllows) {
       "operator ann has the role watch; this needs the role curate");
 }
 
+TEST(RightsPolicyTest, ProposalsAreOfWhoMayReadWhereTheyAreWelcome) {
+  RightsPolicy policy(Rights(Right::kNone, false), [] { return kNow; });
+  const auto change = [&](auto make) {
+    Rights rights = policy.rights();
+    make(&rights);
+    policy.put(rights);
+  };
+  const Principal ann = client_principal("ann");
+  const Principal zoe = client_principal("zoe");
+  change([](Rights* r) { EXPECT_TRUE(r->grant({kAnn, {}, Right::kRead, {}, {}, "ops", kNow})); });
+  EXPECT_FALSE(policy.may_propose(ann, kDesk)) << "off by default";
+  change([](Rights* r) { r->welcome_proposals(kDesk, true); });
+  EXPECT_TRUE(policy.may_propose(ann, kDesk));
+  EXPECT_FALSE(policy.may_propose(ann, kBench));
+  EXPECT_FALSE(policy.may_propose(zoe, kDesk)) << "who may not read";
+  change([](Rights* r) { r->welcome_proposals({}, true); });
+  EXPECT_TRUE(policy.may_propose(ann, kBench));
+  change([](Rights* r) { r->welcome_proposals(kBench, false); });
+  EXPECT_FALSE(policy.may_propose(ann, kBench)) << "what is said of the map counts";
+  change([](Rights* r) { EXPECT_TRUE(r->freeze(kDesk, Closure{"ops", kNow, "it opens"})); });
+  EXPECT_TRUE(policy.may_propose(ann, kDesk));
+  EXPECT_EQ(policy.why_frozen(kDesk), "the map is frozen by ops: it opens");
+  EXPECT_EQ(policy.why_frozen(kBench), "");
+  change([](Rights* r) { EXPECT_TRUE(r->block("ann", Closure{"ops", kNow, ""})); });
+  EXPECT_FALSE(policy.may_propose(ann, kDesk));
+}
+
 }  // namespace
 }  // namespace cairn

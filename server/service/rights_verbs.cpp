@@ -208,14 +208,24 @@ void unblock(const Change& c) {
   c.out.entry.object = "client " + client;
 }
 
+void welcome_proposals(const Change& c) {
+  const auto map = map_or_all(c.request, c.find);
+  const std::optional<bool> welcome = truth_of(c.request, "welcome");
+  if (!map && !welcome) refuse(ErrorCode::kUsage, "'welcome' is missing: in all maps it is true or false");
+  c.out.rights.welcome_proposals(map ? std::optional(map->id) : std::nullopt, welcome);
+  c.out.entry.object = words_for(map) + (welcome ? (*welcome ? ": on" : ": off") : ": as in all maps");
+}
+
 struct Verb {
   std::string_view name;
   void (*change)(const Change&);
 };
 constexpr std::array kVerbs{
-    Verb{"rights-grant", grant},       Verb{"rights-revoke", revoke},   Verb{"rights-default", set_standard},
-    Verb{"rights-create", let_create}, Verb{"rights-group", put_group}, Verb{"map-freeze", freeze},
-    Verb{"map-unfreeze", unfreeze},    Verb{"client-block", block},     Verb{"client-unblock", unblock}};
+    Verb{"rights-grant", grant},          Verb{"rights-revoke", revoke},
+    Verb{"rights-default", set_standard}, Verb{"rights-create", let_create},
+    Verb{"rights-group", put_group},      Verb{"map-freeze", freeze},
+    Verb{"map-unfreeze", unfreeze},       Verb{"client-block", block},
+    Verb{"client-unblock", unblock},      Verb{"proposals-welcome", welcome_proposals}};
 
 const Verb* find_verb(std::string_view name) {
   const auto* found =
@@ -280,7 +290,9 @@ json describe_rights(const Rights& rights, const std::function<std::string(const
                {"creators", json::array()},
                {"groups", json::array()},
                {"frozen", json::array()},
-               {"blocked", json::array()}};
+               {"blocked", json::array()},
+               {"proposals", table.proposals},
+               {"proposals_in", json::array()}};
   for (const Grant& grant : table.grants)
     content["grants"].push_back(describe(grant, grant.map ? name_of(*grant.map) : "", now));
   for (const auto& [subject, may] : table.creators)
@@ -296,6 +308,9 @@ json describe_rights(const Rights& rights, const std::function<std::string(const
     json& rule = content["blocked"].emplace_back(describe(closure));
     rule["client"] = client;
   }
+  for (const auto& [map, welcome] : table.proposals_in)
+    content["proposals_in"].push_back(
+        {{"map", to_hex(map.bytes)}, {"name", name_of(map)}, {"welcome", welcome}});
   return content;
 }
 

@@ -32,12 +32,13 @@ struct RightsChange {
 };
 
 /// Whether this is one of these requests: the verbs "rights-..." and "map-freeze", "map-unfreeze",
-/// "client-block", "client-unblock".
+/// "client-block", "client-unblock", "proposals-welcome".
 [[nodiscard]] bool changes_rights(const std::string& verb);
 
 /// rights-grant (to, map, right, within, until), rights-revoke (to, map), rights-default (right, create),
 /// rights-create (to, may), rights-group (group, members), map-freeze (map, why), map-unfreeze (map),
-/// client-block (client, why), client-unblock (client). `within`: {"box": [[x, y, z], [x, y, z]]},
+/// client-block (client, why), client-unblock (client), proposals-welcome (map, welcome). `within`: {"box":
+/// [[x, y, z], [x, y, z]]},
 /// {"center": [x, y, z], "radius": r}, or {"margin": m} around the map's present bounds. Errors kUsage,
 /// kNotFound: what is wrong with it.
 [[nodiscard]] Result<RightsChange> change_rights(const Rights& rights, const nlohmann::json& request,

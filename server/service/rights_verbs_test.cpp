@@ -91,6 +91,24 @@ TEST_F(RightsVerbsTest, MapsAreFrozenAndClientsBlockedUntilThatIsTakenBack) {
   EXPECT_THAT(ask({{"verb", "client-unblock"}, {"client", "bob"}}), HasSubstr("is not blocked"));
 }
 
+TEST_F(RightsVerbsTest, ProposalsAreWelcomeInAMapOrEverywhere) {
+  const auto welcome = [&](const char* map, json yes) {
+    return ask({{"verb", "proposals-welcome"}, {"map", map}, {"welcome", std::move(yes)}});
+  };
+  EXPECT_EQ(welcome("desk", true), "proposals welcome: map desk: on");
+  EXPECT_EQ(entry_.action, "proposals welcome");
+  EXPECT_TRUE(rights_.welcomes_proposals(kDesk));
+  EXPECT_FALSE(rights_.welcomes_proposals(MapId{{2}}));
+  EXPECT_EQ(welcome("all", true), "proposals welcome: all maps: on");
+  EXPECT_TRUE(rights_.welcomes_proposals(MapId{{2}}));
+  EXPECT_EQ(welcome("desk", false), "proposals welcome: map desk: off");
+  EXPECT_FALSE(rights_.welcomes_proposals(kDesk));
+  EXPECT_EQ(welcome("desk", nullptr), "proposals welcome: map desk: as in all maps");
+  EXPECT_TRUE(rights_.welcomes_proposals(kDesk));
+  EXPECT_THAT(welcome("all", nullptr), HasSubstr("'welcome' is missing"));
+  EXPECT_THAT(welcome("bench", true), HasSubstr("no map is called 'bench'"));
+}
+
 TEST_F(RightsVerbsTest, WhatCannotBeIsRefusedAndChangesNothing) {
   const auto before = rights_.table();
   EXPECT_THAT(ask({{"verb", "rights-grant"}, {"to", "bob"}, {"map", "bench"}, {"right", "read"}}),

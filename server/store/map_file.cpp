@@ -203,7 +203,7 @@ Status MapFile::put(const MapUpdate& update) {
   for (const uint64_t id : update.removed_labels) {
     if (done) done = remove("labels", static_cast<int64_t>(id));
   }
-  return done;
+  return done ? put_proposals(update) : done;
 }
 
 Result<sqlite::Statement*> MapFile::statement(std::string_view sql) {
@@ -443,6 +443,7 @@ StoredMap MapFile::load(LoadedImages images) {
   take("decisions", &map.decisions,
        [](int64_t, std::span<const uint8_t> data) { return decode_decision(data); });
   take("labels", &map.labels, decode_label);
+  load_proposals(&map);
   return map;
 }
 

@@ -15,6 +15,7 @@
 #include "common/map/ids.h"
 #include "common/map/label.h"
 #include "server/mapping/map_record.h"
+#include "server/store/proposal.h"
 #include "server/store/sqlite.h"
 
 namespace cairn {
@@ -72,6 +73,8 @@ struct MapUpdate {
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;  ///< new or changed
   std::vector<uint64_t> removed_labels;
+  std::vector<KeptProposal> proposals = {};  ///< new ones
+  std::vector<uint64_t> removed_proposals = {};
 };
 
 /// A state of the map that can be had back.
@@ -93,6 +96,8 @@ struct StoredMap {
   std::vector<EpochRecord> epochs;  ///< ascending
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;
+  std::vector<ProposalSummary> proposals;
+  uint64_t last_proposal = 0;       ///< the highest number that was given to one
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
 };
 
@@ -147,6 +152,10 @@ class MapFile {
   /// tags: durable on return, or nothing has happened. Ids that were given since have another meaning from
   /// then on: a new epoch must follow. Errors: kNotFound, kDamaged.
   Status roll_back(const std::string& name);
+  /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
+  [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
+  /// Removes all proposals, and what they showed from the file: for one that leaves the server.
+  Status erase_proposals();
   /// Reads everything; what is damaged is named and left out.
   [[nodiscard]] StoredMap load(LoadedImages images = LoadedImages::kAll);
   /// What is damaged of that which only tags need.
@@ -175,6 +184,9 @@ class MapFile {
   [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
   [[nodiscard]] Status remove(std::string_view table, int64_t id);
   [[nodiscard]] Status put_header();
+  // Proposals (map_proposals.cpp).
+  [[nodiscard]] Status put_proposals(const MapUpdate& update);
+  void load_proposals(StoredMap* map);
   // Tags (map_versions.cpp).
   [[nodiscard]] Status learn_newest_tag();
   [[nodiscard]] Result<MapTag> find_tag(const std::string& name);

@@ -458,6 +458,11 @@ Result<std::vector<ImageRow>> Store::read_images(MapId map, std::span<const Keyf
   return file ? (*file)->read_images(keyframes, enough_bytes) : tl::unexpected(file.error());
 }
 
+Result<KeptProposal> Store::read_proposal(MapId map, uint64_t number) {
+  const auto file = file_of(map);
+  return file ? (*file)->read_proposal(number) : tl::unexpected(file.error());
+}
+
 Status Store::remove(MapId map) {
   close(map);
   if (!is_there(path_of(map))) {
@@ -536,7 +541,10 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
 
 Status Store::export_map(MapId map, const fs::path& path) const {
   auto file = MapFile::open(path_of(map));
-  return file ? file->copy_to(path) : tl::unexpected(file.error());
+  if (!file) return tl::unexpected(file.error());
+  if (Status copied = file->copy_to(path); !copied) return copied;
+  auto copy = MapFile::open(path);
+  return copy ? copy->erase_proposals() : tl::unexpected(copy.error());
 }
 
 Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {

@@ -101,6 +101,8 @@ class Store {
   /// As MapFile::read_images().
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
+  /// As MapFile::read_proposal().
+  [[nodiscard]] Result<KeptProposal> read_proposal(MapId map, uint64_t number);
   /// To the deleted ones and back. Idempotent; kNotFound for a map that is in neither place. An error leaves
   /// it where it was.
   Status remove(MapId map);
@@ -128,7 +130,7 @@ class Store {
                                                       const std::vector<std::string>& reasons);
 
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
-  /// not while it is removed. `path` must not exist.
+  /// not while it is removed. `path` must not exist. What was proposed to the map stays here.
   Status export_map(MapId map, const std::filesystem::path& path) const;
   /// A map of its own that is like another, without its tags and decisions, under an id that is free. Over a
   /// connection of its own, as export_map().

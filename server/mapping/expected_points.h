@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "server/mapping/map_state.h"
+
+/// What of a published map a picture shows: for who has no map maker at hand, or must not wait for it. Pure,
+/// on any thread.
+namespace cairn {
+
+/// A point of the map that should be seen in a picture.
+struct ExpectedPoint {
+  PointId id;
+  bool found = false;
+  Eigen::Vector2f pixel =
+      Eigen::Vector2f::Zero();  ///< level-0 px: where it was found, else where it should be
+  double depth = 0;             ///< along the optical axis [map unit]
+};
+
+/// The live points of `map` that project into the picture at a scale and from a side at which their patches
+/// look alike, and whether they are there, within a few pixels. `most`: of more, a choice that is spread over
+/// them all, the same on every call. Those in front of what stands still are left out.
+[[nodiscard]] std::vector<ExpectedPoint> expected_points(const MapSnapshot& map, const Camera& camera,
+                                                         const SE3& camera_from_map,
+                                                         const KeyframeImages& images,
+                                                         const StillMaskPtr& still, size_t most);
+
+}  // namespace cairn

@@ -1,0 +1,89 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Keyframes that were kept aside. They are no part of the map's state: tags and roll-backs leave them alone.
+#include <algorithm>
+
+#include "server/store/bytes.h"
+#include "server/store/map_file.h"
+#include "server/store/proposal_codec.h"
+#include "server/store/rows.h"
+
+namespace cairn {
+namespace {
+
+/// Of table proposals: the highest number that was given. An operator may still mean by a number what has
+/// been dropped since.
+constexpr int64_t kLastNumberRow = 0;
+
+std::optional<uint64_t> decode_last_number(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  const auto last = in.get<uint64_t>();
+  return in.finished() ? std::optional(last) : std::nullopt;
+}
+
+}  // namespace
+
+Status MapFile::put_proposals(const MapUpdate& update) {
+  uint64_t last = 0;
+  Status done;
+  for (const KeptProposal& p : update.proposals) {
+    const auto id = static_cast<int64_t>(p.record.summary.number);
+    last = std::max(last, p.record.summary.number);
+    if (done) done = put("proposals", id, encode_proposal(p.record));
+    if (done) done = put("proposal_pictures", id, p.picture);
+  }
+  if (done && last > 0) {
+    ByteWriter row;
+    row.put(last);
+    done = put("proposals", kLastNumberRow, row.take());
+  }
+  for (const uint64_t number : update.removed_proposals) {
+    const auto id = static_cast<int64_t>(number);
+    if (done && id != kLastNumberRow) done = remove("proposals", id);
+    if (done) done = remove("proposal_pictures", id);
+  }
+  return done;
+}
+
+void MapFile::load_proposals(StoredMap* map) {
+  read_rows(
+      &database_, "proposals",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        if (id == kLastNumberRow) {
+          const auto last = decode_last_number(data);
+          map->last_proposal = std::max(map->last_proposal, last.value_or(0));
+          return last.has_value();
+        }
+        auto proposal = decode_proposal(id, data);
+        if (!proposal) return false;
+        map->last_proposal = std::max(map->last_proposal, proposal->summary.number);
+        map->proposals.push_back(std::move(proposal->summary));
+        return true;
+      },
+      &map->damage);
+}
+
+Result<KeptProposal> MapFile::read_proposal(uint64_t number) {
+  const auto id = static_cast<int64_t>(number);
+  auto row = read_row("proposals", id);
+  if (!row) return tl::unexpected(row.error());
+  auto record = decode_proposal(id, *row);
+  if (!record)
+    return fail(ErrorCode::kDamaged,
+                database_.path() + ": table proposals, row " + std::to_string(number) + " makes no sense");
+  auto picture = read_row("proposal_pictures", id);
+  if (!picture) return tl::unexpected(picture.error());
+  return KeptProposal{std::move(*record), std::move(*picture)};
+}
+
+Status MapFile::erase_proposals() {
+  const auto rows = database_.number("SELECT count(*) FROM proposals");
+  if (!rows) return tl::unexpected(rows.error());
+  if (*rows == 0) return {};
+  // Overwritten, too: the file goes to others.
+  Status done =
+      database_.execute("PRAGMA secure_delete = ON; DELETE FROM proposals; DELETE FROM proposal_pictures");
+  return done ? write_back() : done;
+}
+
+}  // namespace cairn

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// Keyframes kept aside: they come back as they were, and are no part of the map's state.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <iterator>
+
+#include "common/image/still_mask.h"
+#include "server/store/kept_map_fixture.h"
+#include "server/store/proposal_codec.h"
+#include "server/store/sqlite.h"
+#include "server/store/store.h"
+
+namespace cairn {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+class ProposalsTest : public testing::KeptMapFixture {
+ protected:
+  void SetUp() override {
+    start();
+    auto store = Store::open(folder_ / "store", null_logger());
+    ASSERT_TRUE(store) << store.error().message;
+    store_ = std::move(*store);
+    ASSERT_TRUE(store_->create(header_, take_update()));
+  }
+  [[nodiscard]] KeptProposal proposal(uint64_t number) const {
+    KeptProposal made;
+    ProposalRecord& r = made.record;
+    r.summary = {number,
+                 "berta",
+                 SessionId{9},
+                 4,
+                 "read only, by default",
+                 Timestamp{50},
+                 Timestamp{40},
+                 Epoch{3},
+                 SE3(),
+                 1.5,
+                 100,
+                 61,
+                 2000};
+    r.reference = KeyframeId{2};
+    r.camera_from_reference = SE3(Eigen::Quaterniond::Identity(), {0.1, 0.2, 0.3});
+    r.camera = input_.camera->parameters();
+    r.measurements = {{PointId{3}, 1, {20, 30}}, {PointId{5}, 0, {25, 31}}};
+    r.candidates = {{CandidateId{8}, 2, {40, 50}, 0.5F, 0.1F}};
+    r.still_mask.assign(still_mask_bytes(r.camera.width, r.camera.height), 0);
+    r.still_mask[0] = 5;
+    r.up = UpDirection{Eigen::Vector3d(0, -1, 0), 0.02};
+    made.picture = {1, 2, 3, 4};
+    return made;
+  }
+  void keep(std::vector<KeptProposal> proposals, std::vector<uint64_t> removed = {}) {
+    MapUpdate update;
+    update.proposals = std::move(proposals);
+    update.removed_proposals = std::move(removed);
+    const Status written = store_->write(header_.id, {&update, 1});
+    ASSERT_TRUE(written) << written.error().message;
+  }
+  [[nodiscard]] std::vector<uint64_t> numbers() {
+    std::vector<uint64_t> all;
+    const auto stored = store_->load(header_.id);
+    EXPECT_TRUE(stored);
+    EXPECT_THAT(stored->damage, IsEmpty());
+    for (const ProposalSummary& p : stored->proposals) all.push_back(p.number);
+    return all;
+  }
+
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(ProposalsTest, WhatIsReadIsWhatWasKept) {
+  const KeptProposal kept = proposal(7);
+  keep({kept});
+  const auto read = store_->read_proposal(header_.id, 7);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->picture, kept.picture);
+  EXPECT_EQ(encode_proposal(read->record), encode_proposal(kept.record));
+  EXPECT_EQ(read->record.summary.client, "berta");
+  EXPECT_EQ(read->record.summary.number, 7U);
+  EXPECT_EQ(read->record.measurements[1].id, (PointId{5}));
+  EXPECT_FALSE(store_->read_proposal(header_.id, 8));
+}
+
+TEST_F(ProposalsTest, ANumberDoesNotComeAgain) {
+  keep({proposal(1), proposal(2), proposal(3)});
+  keep({}, {3, 1});
+  EXPECT_THAT(numbers(), ElementsAre(2));
+  EXPECT_EQ(store_->load(header_.id)->last_proposal, 3U);
+  EXPECT_FALSE(store_->read_proposal(header_.id, 3));
+}
+
+TEST_F(ProposalsTest, RollBackLeavesThemAlone) {
+  keep({proposal(1)});
+  ASSERT_TRUE(store_->tag(header_.id, {0, "bare", Timestamp{7}, "operator ann", 0, 0, 0, 0}));
+  keep({proposal(2)}, {1});
+  ASSERT_TRUE(store_->roll_back(header_.id, "bare", {0, "before", Timestamp{8}, "operator ann", 0, 0, 0, 0}));
+  EXPECT_THAT(numbers(), ElementsAre(2));
+}
+
+TEST_F(ProposalsTest, TheyGoWithADeletedMapAndComeBackWithIt) {
+  keep({proposal(1)});
+  ASSERT_TRUE(store_->remove(header_.id));
+  ASSERT_TRUE(store_->undelete(header_.id));
+  EXPECT_THAT(numbers(), ElementsAre(1));
+}
+
+TEST_F(ProposalsTest, AnArchiveAndACopyHaveNone) {
+  KeptProposal kept = proposal(1);
+  kept.picture.clear();
+  const std::string shown = "what the picture of a stranger shows";
+  for (int i = 0; i < 1000; ++i) kept.picture.insert(kept.picture.end(), shown.begin(), shown.end());
+  keep({kept});
+  const auto archive = folder_ / "desk.cairnmap";
+  ASSERT_TRUE(store_->export_map(header_.id, archive));
+  const auto read = read_archive(archive);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_THAT(read->proposals, IsEmpty());
+  std::ifstream in(archive, std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+  EXPECT_EQ(bytes.find(shown), std::string::npos) << "it can still be read in the archive";
+  const MapId copy{{7, 2}};
+  ASSERT_TRUE(store_->copy_map(header_.id, copy, "copy"));
+  EXPECT_THAT(store_->load(copy)->proposals, IsEmpty());
+  EXPECT_THAT(numbers(), ElementsAre(1));
+}
+
+TEST_F(ProposalsTest, ADamagedOneIsNamedAndTheMapIsWhole) {
+  keep({proposal(1), proposal(2)});
+  const auto path = store_->path_of(header_.id);
+  store_.reset();
+  {
+    auto raw = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(raw && raw->execute("UPDATE proposals SET data = x'00' WHERE id = 1"));
+  }
+  auto file = MapFile::open(path);
+  ASSERT_TRUE(file);
+  const StoredMap stored = file->load();
+  EXPECT_THAT(stored.damage, ElementsAre(HasSubstr("proposals")));
+  EXPECT_THAT(stored.proposals, SizeIs(1));
+  EXPECT_EQ(stored.record.keyframe_count, 2U);
+}
+
+TEST_F(ProposalsTest, NoBytesDoHarm) {
+  const Blob whole = encode_proposal(proposal(3).record);
+  ASSERT_TRUE(decode_proposal(3, whole));
+  EXPECT_FALSE(decode_proposal(0, whole));
+  for (size_t size = 0; size < whole.size(); ++size) {
+    const Blob part(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
+    // It may end where its mask begins: most have none.
+    const auto decoded = decode_proposal(3, part);
+    EXPECT_TRUE(!decoded || encode_proposal(*decoded) == part);
+  }
+  for (size_t at = 0; at < whole.size(); ++at) {
+    Blob other = whole;
+    other[at] ^= 0xFF;
+    (void)decode_proposal(3, other);
+  }
+}
+
+}  // namespace
+}  // namespace cairn
