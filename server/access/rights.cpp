@@ -154,6 +154,13 @@ void Rights::set_standard(Right right, bool may_create) {
   may_create_ = may_create;
 }
 
+void Rights::close_to_unnamed() {
+  set_standard(Right::kNone, false);
+  const auto is_everyone = [](const Subject& subject) { return subject.kind == Subject::Kind::kEveryone; };
+  std::erase_if(grants_, [&](const auto& grant) { return is_everyone(grant.first.first); });
+  std::erase_if(creators_, [&](const auto& creator) { return is_everyone(creator.first); });
+}
+
 Status Rights::freeze(const MapId& map, std::optional<Closure> closure) {
   if (!closure) {
     frozen_.erase(map);

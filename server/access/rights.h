@@ -99,6 +99,9 @@ class Rights {
   /// An empty set removes the group.
   Status put_group(const std::string& name, std::set<std::string> members);
   void set_standard(Right right, bool may_create);
+  /// Who is not named, as a client or by a group, may do nothing: neither by default nor by what everyone was
+  /// granted.
+  void close_to_unnamed();
   /// Nothing: it takes keyframes again. Error kUsage: words that a person cannot read in one line.
   Status freeze(const MapId& map, std::optional<Closure> closure);
   /// Nothing: let in again. Error kUsage: no client can have that name; as of freeze().

@@ -106,18 +106,19 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     state->store = std::move(*store);
     known.server = state->store->server();
     known.start_count = state->store->start_count();
+  }
+  const SiteKind kind = options.security.empty() ? SiteKind::kOpen : SiteKind::kSecured;
+  const auto wall = [clock = known.clock] { return clock->wall(); };
+  auto site = SiteAccess::open(options.store, kind, wall, log);
+  if (!site) return tl::unexpected(site.error());
+  state->site = std::move(*site);
+  if (known.access == nullptr) known.access = state->site->policy();
+  if (state->store) {
     restored = state->store->restore(options.mapping, on_threads(options.workers),
                                      restored_images(options.rest_after));
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  const bool is_open_site = options.security.empty();
-  const Rights standard(is_open_site ? Right::kWrite : Right::kNone, is_open_site);
-  const auto wall = [clock = known.clock] { return clock->wall(); };
-  auto site = SiteAccess::open(options.store, standard, wall, log);
-  if (!site) return tl::unexpected(site.error());
-  state->site = std::move(*site);
-  if (known.access == nullptr) known.access = state->site->policy();
   auto endpoint = Endpoint::start(known, {state->urgent, state->background, state->questions, state->idle},
                                   state->store.get(), *state->site, *std::move(keys), std::move(restored),
                                   std::move(log));

@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "common/base/utc.h"
 #include "server/access/rights_file.h"
 
 namespace cairn {
@@ -15,7 +16,8 @@ constexpr int64_t kEntriesKept = 1'000'000;  // 200 MB: decades of what operator
 
 struct Opened {
   SiteFile file;
-  std::optional<Rights> rights;  ///< nothing: none were ever kept
+  std::optional<Rights> rights;            ///< nothing: none were ever kept
+  std::optional<Timestamp> secured_since;  ///< nothing: it is an open site's
 };
 
 Result<Opened> open_file(const fs::path& path) {
@@ -23,12 +25,50 @@ Result<Opened> open_file(const fs::path& path) {
   if (!file) return tl::unexpected(file.error());
   const auto text = file->rights();
   if (!text) return tl::unexpected(text.error());
-  Opened opened{std::move(*file), std::nullopt};
+  const auto since = file->secured_since();
+  if (!since) return tl::unexpected(since.error());
+  Opened opened{std::move(*file), std::nullopt, *since};
   if (!*text) return opened;
   auto rights = read_rights(**text);
   if (!rights) return tl::unexpected(rights.error());
   opened.rights = std::move(*rights);
   return opened;
+}
+
+Rights rights_at_first(SiteKind kind) {
+  const bool is_open = kind == SiteKind::kOpen;
+  return {is_open ? Right::kWrite : Right::kNone, is_open};
+}
+
+/// Whoever was let in by a name that he chose himself would be let in for good.
+tl::unexpected<Error> refuse_to_open(const fs::path& path, Timestamp since) {
+  return fail(
+      ErrorCode::kConfiguration,
+      path.string() + ": the store is of a secured site since " + to_utc(since) +
+          ", and without --security everybody could do there what its rights allow to any name; start "
+          "the server with --security DIR (`cairnctl keys issue server` makes it). Its maps can be "
+          "given to an open site: `cairnctl maps export` there, `cairnctl maps import` here");
+}
+
+/// Kept before anybody is served.
+Status secure(Opened* opened, Timestamp now, const Logger& log) {
+  const bool was_open = opened->rights.has_value();
+  Rights rights = opened->rights.value_or(rights_at_first(SiteKind::kSecured));
+  const size_t before = rights.table().grants.size();
+  rights.close_to_unnamed();
+  const size_t left = rights.table().grants.size();
+  const std::string what = "default: none, makes no maps; " + std::to_string(before - left) +
+                           " grants to everyone withdrawn, " + std::to_string(left) +
+                           " to named clients and groups left";
+  const AuditEntry entry{0, now, "server", "site secured", {}, what};
+  if (Status kept = opened->file.keep_secured(to_text(rights), entry); !kept) return kept;
+  opened->rights = std::move(rights);
+  opened->secured_since = now;
+  if (was_open)
+    log->warn(
+        "the store was an open site's and is a secured one's from now on: {}; `cairnctl rights` shows them",
+        what);
+  return {};
 }
 
 /// Out of the way; the path under which it is kept.
@@ -43,33 +83,40 @@ fs::path set_aside(const fs::path& path, Timestamp now) {
 
 }  // namespace
 
-Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, const Rights& standard,
-                                                     Clock clock, const Logger& log) {
+Result<std::unique_ptr<SiteAccess>> SiteAccess::open(const fs::path& folder, SiteKind kind, Clock clock,
+                                                     const Logger& log) {
   const Timestamp now = clock();
-  const auto make = [&](const Rights& rights, std::shared_ptr<SiteFile> file, std::string trouble) {
+  const auto make = [&](const Rights& rights, std::shared_ptr<SiteFile> file,
+                        std::optional<Timestamp> secured_since, std::string trouble) {
     auto policy = std::make_shared<RightsPolicy>(rights, clock);
-    return std::unique_ptr<SiteAccess>(
-        new SiteAccess(std::move(policy), std::move(file), std::move(trouble), log));  // NOLINT: private
+    return std::unique_ptr<SiteAccess>(new SiteAccess(std::move(policy), std::move(file), secured_since,
+                                                      std::move(trouble), log));  // NOLINT: private
   };
-  if (folder.empty()) return make(standard, nullptr, {});
+  if (folder.empty()) return make(rights_at_first(kind), nullptr, {}, {});
   const fs::path path = folder / kFile;
   auto opened = open_file(path);
-  if (opened)
-    return make(opened->rights.value_or(standard), std::make_shared<SiteFile>(std::move(opened->file)), {});
-  if (opened.error().code != ErrorCode::kDamaged) return tl::unexpected(opened.error());
-  const std::string why = opened.error().message;
-  const fs::path aside = set_aside(path, now);
-  auto anew = open_file(path);
-  if (!anew) return tl::unexpected(anew.error());
-  // Open to all until somebody notices would be the worse mistake.
-  const Rights closed(Right::kNone, false);
-  const AuditEntry entry{0, now, "server", "rights closed", {}, why};
-  if (Status kept = anew->file.keep_rights(to_text(closed), entry); !kept)
-    return tl::unexpected(kept.error());
-  std::string trouble = "the rights could not be read and lie in " + aside.string() +
-                        "; nobody may do anything until `cairnctl rights` says who may";
-  log->error("{}: {}", why, trouble);
-  return make(closed, std::make_shared<SiteFile>(std::move(anew->file)), std::move(trouble));
+  if (!opened && opened.error().code != ErrorCode::kDamaged) return tl::unexpected(opened.error());
+  std::string trouble;
+  if (!opened) {
+    const std::string why = opened.error().message;
+    const fs::path aside = set_aside(path, now);
+    opened = open_file(path);
+    if (!opened) return tl::unexpected(opened.error());
+    // Open to all until somebody notices would be the worse mistake.
+    opened->rights = Rights(Right::kNone, false);
+    const AuditEntry entry{0, now, "server", "rights closed", {}, why};
+    if (Status kept = opened->file.keep_rights(to_text(*opened->rights), entry); !kept)
+      return tl::unexpected(kept.error());
+    trouble = "the rights could not be read and lie in " + aside.string() +
+              "; nobody may do anything until `cairnctl rights` says who may";
+    log->error("{}: {}", why, trouble);
+  }
+  if (kind == SiteKind::kOpen && opened->secured_since) return refuse_to_open(path, *opened->secured_since);
+  if (kind == SiteKind::kSecured && !opened->secured_since) {
+    if (Status secured = secure(&*opened, now, log); !secured) return tl::unexpected(secured.error());
+  }
+  return make(opened->rights.value_or(rights_at_first(kind)),
+              std::make_shared<SiteFile>(std::move(opened->file)), opened->secured_since, std::move(trouble));
 }
 
 void SiteAccess::put_in_force(const Rights& rights) {

@@ -15,6 +15,11 @@
 
 namespace cairn {
 
+enum class SiteKind : uint8_t {
+  kOpen,     ///< names are believed; everybody may write and make maps until an operator says otherwise
+  kSecured,  ///< names are proven; nobody may do anything until an operator has said who may
+};
+
 /// The rights of a site in force, and its audit log. Rights are kept first and are in force then: what the
 /// disk does not take has not happened. Used from the service's thread, but for the file, which is used by
 /// the tasks handed to `beside` only.
@@ -27,18 +32,21 @@ class SiteAccess {
   };
   using Clock = RightsPolicy::Clock;
 
-  /// `folder`: of the store; empty: nothing is kept. `standard`: the rights of a site that has decided
-  /// nothing yet. A file that cannot be read is set aside in the folder `damaged`; nobody may do anything
-  /// then until an operator has granted it, also after the next start. Errors: kIo, kConfiguration (of a
-  /// newer version).
+  /// `folder`: of the store; empty: nothing is kept. A store that was an open site's and is opened as a
+  /// secured one is secured for good, and who is not named has no rights there any more, whatever was decided
+  /// when nobody had to prove who he was. A file that cannot be read is set aside in the folder `damaged`;
+  /// nobody may do anything then until an operator has granted it, also after the next start. Errors: kIo,
+  /// kConfiguration (of a newer version; a secured store that is to be opened to everybody).
   [[nodiscard]] static Result<std::unique_ptr<SiteAccess>> open(const std::filesystem::path& folder,
-                                                                const Rights& standard, Clock clock,
+                                                                SiteKind kind, Clock clock,
                                                                 const Logger& log);
   /// Before anything of what follows.
   void run_by(Executors executors) { executors_ = std::move(executors); }
 
   [[nodiscard]] const std::shared_ptr<RightsPolicy>& policy() const { return policy_; }
   [[nodiscard]] bool is_kept() const { return file_ != nullptr; }
+  /// Since when the store is a secured site's; nothing: it is not, or nothing is kept.
+  [[nodiscard]] const std::optional<Timestamp>& secured_since() const { return secured_since_; }
   /// Why nobody may do anything, for the server's health; empty when all is well.
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
@@ -56,11 +64,12 @@ class SiteAccess {
   [[nodiscard]] bool has_expired();
 
  private:
-  SiteAccess(std::shared_ptr<RightsPolicy> policy, std::shared_ptr<SiteFile> file, std::string trouble,
-             Logger log)
+  SiteAccess(std::shared_ptr<RightsPolicy> policy, std::shared_ptr<SiteFile> file,
+             std::optional<Timestamp> secured_since, std::string trouble, Logger log)
       : policy_(std::move(policy)),
         newest_(policy_->rights()),
         file_(std::move(file)),
+        secured_since_(secured_since),
         trouble_(std::move(trouble)),
         log_(std::move(log)),
         next_expiry_(newest_.next_expiry(policy_->now())) {}
@@ -69,6 +78,7 @@ class SiteAccess {
   std::shared_ptr<RightsPolicy> policy_;
   Rights newest_;
   std::shared_ptr<SiteFile> file_;  ///< used beside only; null: nothing is kept
+  std::optional<Timestamp> secured_since_;
   std::string trouble_;
   Logger log_;
   Executors executors_;

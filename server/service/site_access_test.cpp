@@ -21,9 +21,10 @@ const MapId kDesk{{1}};
 /// A site whose tasks run when the test says, by a clock of its own.
 class SiteAccessTest : public testing::Test {
  protected:
-  [[nodiscard]] std::unique_ptr<SiteAccess> open(const std::filesystem::path& folder) {
+  [[nodiscard]] std::unique_ptr<SiteAccess> open(const std::filesystem::path& folder,
+                                                 SiteKind kind = SiteKind::kOpen) {
     auto site = SiteAccess::open(
-        folder, Rights(Right::kWrite, true), [this] { return now_; }, null_logger());
+        folder, kind, [this] { return now_; }, null_logger());
     if (!site) throw std::runtime_error(site.error().message);
     (*site)->run_by({[this](SiteAccess::Task task) { beside_.push_back(std::move(task)); },
                      [this](SiteAccess::Task task) { service_.push_back(std::move(task)); }});
@@ -117,6 +118,61 @@ TEST_F(SiteAccessTest, RightsThatCannotBeReadCloseTheSiteAlsoAtTheNextStart) {
   run();
   EXPECT_EQ(right(*site), Right::kWrite);
   EXPECT_TRUE(site->trouble().empty());
+}
+
+TEST_F(SiteAccessTest, AStoreThatWasOpenLetsNobodyInUnnamedOnceItIsSecured) {
+  const auto may_create = [](const SiteAccess& site) {
+    return site.policy()->on_creating(client_principal("eve")).right == Right::kWrite;
+  };
+  {
+    const auto site = open(folder_);
+    put(site.get(), {{"verb", "rights-default"}, {"right", "write"}, {"create", true}});
+    put(site.get(), {{"verb", "rights-grant"}, {"to", "everyone"}, {"map", "all"}, {"right", "manage"}});
+    put(site.get(), {{"verb", "rights-create"}, {"to", "everyone"}, {"may", true}});
+    put(site.get(), {{"verb", "rights-grant"}, {"to", "ann"}, {"map", "desk"}, {"right", "read"}});
+    run();
+    EXPECT_EQ(right(*site), Right::kManage);
+    EXPECT_TRUE(may_create(*site));
+    EXPECT_EQ(site->secured_since(), std::nullopt);
+  }
+  const Timestamp secured = now_;
+  for (int start = 0; start < 2; ++start) {
+    const auto site = open(folder_, SiteKind::kSecured);
+    EXPECT_EQ(site->secured_since(), secured);
+    EXPECT_EQ(right(*site), Right::kNone);
+    EXPECT_FALSE(may_create(*site));
+    EXPECT_EQ(site->policy()->in_map(client_principal("ann"), kDesk).right, Right::kRead);
+    EXPECT_THAT(
+        audit(site.get()).front(),
+        HasSubstr("server site secured default: none, makes no maps; 1 grants to everyone withdrawn, 1 "
+                  "to named clients and groups left"));
+    now_.nanoseconds += 86'400 * kSecond;
+  }
+  {  // what an operator of the secured site decides then is not withdrawn again
+    const auto site = open(folder_, SiteKind::kSecured);
+    put(site.get(), {{"verb", "rights-grant"}, {"to", "everyone"}, {"map", "all"}, {"right", "read"}});
+    run();
+  }
+  EXPECT_EQ(right(*open(folder_, SiteKind::kSecured)), Right::kRead);
+}
+
+TEST_F(SiteAccessTest, ASecuredStoreIsNotOpenedToEverybody) {
+  { const auto site = open(folder_, SiteKind::kSecured); }
+  const auto refused = SiteAccess::open(
+      folder_, SiteKind::kOpen, [this] { return now_; }, null_logger());
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().code, ErrorCode::kConfiguration);
+  EXPECT_THAT(refused.error().message, HasSubstr("of a secured site since 2027-01-15T08:00:00Z"));
+  EXPECT_THAT(refused.error().message, HasSubstr("start the server with --security DIR"));
+  EXPECT_EQ(right(*open(folder_, SiteKind::kSecured)), Right::kNone);
+}
+
+TEST_F(SiteAccessTest, DamagedRightsOfASecuredSiteCloseItAndLeaveItSecured) {
+  { const auto site = open(folder_, SiteKind::kSecured); }
+  std::ofstream(folder_ / "site.db") << "nothing that a database would say, and more of that, and more";
+  { const auto site = open(folder_, SiteKind::kSecured); }
+  EXPECT_FALSE(SiteAccess::open(
+      folder_, SiteKind::kOpen, [this] { return now_; }, null_logger()));
 }
 
 TEST_F(SiteAccessTest, WithoutAStoreRightsAreInMemoryAndThereIsNoLog) {

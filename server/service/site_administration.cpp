@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/base/utc.h"
 #include "server/service/admin_reply.h"
 #include "server/service/map_service.h"
 
@@ -45,6 +46,11 @@ bool MapService::administers_access(const std::string& operator_name, const std:
           return entry == nullptr ? std::string() : entry->name;
         },
         site_.policy()->now());
+    if (const auto& since = site_.secured_since()) {
+      content["secured"] = to_utc(*since);
+      content["note"] =
+          "a secured site since " + to_utc(*since) + "; what everyone had been allowed before is withdrawn";
+    }
     if (!site_.is_kept()) content["note"] = "this server has no --store: its rights are gone when it ends";
     answer(success(content));
     return true;

@@ -6,13 +6,14 @@
 #include <limits>
 #include <utility>
 
+#include "common/base/utc.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
 
 namespace cairn {
 namespace {
 
-constexpr int64_t kRightsRow = 1;
+constexpr int64_t kOnlyRow = 1;  // of the tables that hold one value
 
 /// So that what is looked for stands for itself in LIKE ... ESCAPE '\'.
 std::string escaped(std::string_view text) {
@@ -46,29 +47,54 @@ Result<SiteFile> SiteFile::open(const std::filesystem::path& path) {
   return SiteFile(std::move(*database));
 }
 
-Result<std::optional<std::string>> SiteFile::rights() {
+Result<std::optional<std::string>> SiteFile::text_in(const char* table) {
   std::optional<std::string> text;
   std::vector<std::string> damage;
   read_rows(
-      &database_, "rights",
+      &database_, table,
       [&](int64_t id, std::span<const uint8_t> data) {
-        if (id == kRightsRow) text = std::string(data.begin(), data.end());
-        return id == kRightsRow;
+        if (id == kOnlyRow) text = std::string(data.begin(), data.end());
+        return id == kOnlyRow;
       },
       &damage);
   if (!damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + damage.front());
   return text;
 }
 
+Status SiteFile::put(const char* table, std::string_view text) {
+  auto row = database_.prepare(put_row_sql(table));
+  if (!row) return tl::unexpected(row.error());
+  const std::span data(reinterpret_cast<const uint8_t*>(text.data()), text.size());
+  return row->bind(0, kOnlyRow).bind(1, data).bind(2, row_checksum(kOnlyRow, data)).run();
+}
+
+Result<std::optional<std::string>> SiteFile::rights() {
+  return text_in("rights");
+}
+
 Status SiteFile::keep_rights(std::string_view text, const AuditEntry& entry) {
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  auto put = database_.prepare(put_row_sql("rights"));
-  if (!put) return tl::unexpected(put.error());
-  const std::span data(reinterpret_cast<const uint8_t*>(text.data()), text.size());
-  if (Status done = put->bind(0, kRightsRow).bind(1, data).bind(2, row_checksum(kRightsRow, data)).run();
-      !done)
-    return done;
+  if (Status done = put("rights", text); !done) return done;
+  if (Status done = insert({&entry, 1}); !done) return done;
+  return transaction->commit();
+}
+
+Result<std::optional<Timestamp>> SiteFile::secured_since() {
+  const auto text = text_in("secured");
+  if (!text) return tl::unexpected(text.error());
+  if (!*text) return std::nullopt;
+  const auto since = parse_utc(**text);
+  if (!since)
+    return fail(ErrorCode::kDamaged, database_.path() + ": table secured: " + since.error().message);
+  return *since;
+}
+
+Status SiteFile::keep_secured(std::string_view rights, const AuditEntry& entry) {
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  if (Status done = put("secured", to_utc(entry.time)); !done) return done;
+  if (Status done = put("rights", rights); !done) return done;
   if (Status done = insert({&entry, 1}); !done) return done;
   return transaction->commit();
 }

@@ -36,8 +36,8 @@ struct AuditQuery {
   size_t limit = 100;
 };
 
-/// What a site decides and what happens at it: the rights, as text of `server/access`, and the audit log. One
-/// SQLite file beside the maps; one thread at a time.
+/// What a site decides and what happens at it: the rights, as text of `server/access`, whether only who has
+/// keys takes part, and the audit log. One SQLite file beside the maps; one thread at a time.
 class SiteFile {
  public:
   /// Opens the file, or makes it. Errors: kDamaged (not to be read, or of another program), kConfiguration
@@ -49,6 +49,11 @@ class SiteFile {
   /// Durable with the entry that says who changed it and how, or not at all.
   Status keep_rights(std::string_view text, const AuditEntry& entry);
 
+  /// Since when only who has keys takes part; nothing: it is an open site. Error kDamaged, as of rights().
+  [[nodiscard]] Result<std::optional<Timestamp>> secured_since();
+  /// Secured from `entry.time` on, with these rights: durable with the entry, or not at all.
+  Status keep_secured(std::string_view rights, const AuditEntry& entry);
+
   /// Durable on return.
   Status append(std::span<const AuditEntry> entries);
   /// The newest first.
@@ -58,6 +63,8 @@ class SiteFile {
 
  private:
   explicit SiteFile(sqlite::Database database) : database_(std::move(database)) {}
+  [[nodiscard]] Result<std::optional<std::string>> text_in(const char* table);
+  Status put(const char* table, std::string_view text);
   Status insert(std::span<const AuditEntry> entries);
 
   sqlite::Database database_;

@@ -104,6 +104,10 @@ void check_site(const fs::path& path, const CheckRights& rights, FileCheck* foun
   Status sound = text ? Status() : tl::unexpected(text.error());
   if (sound && *text && rights) sound = rights(**text);
   if (sound) {
+    const auto since = file->secured_since();
+    if (!since) sound = tl::unexpected(since.error());
+  }
+  if (sound) {
     const auto entries = file->find({});
     if (!entries) sound = tl::unexpected(entries.error());
   }

@@ -5,119 +5,16 @@
 
 #include <optional>
 
-#include "client/session/image_encoder.h"
-#include "common/wire/partition.h"
-#include "common/wire/topic.h"
+#include "tests/integration/raw_client.h"
 #include "tests/integration/test_domain.h"
-#include "tests/integration/two_views.h"
 
 namespace cairn {
 namespace {
 
 using testing::eventually;
 using ::testing::HasSubstr;
-
-template <typename T>
-T value_of(Result<T> result) {
-  if (!result) throw std::runtime_error(result.error().message);
-  return std::move(*result);
-}
-
-/// A client without manners: it writes what it is told to.
-class RawClient {
- public:
-  RawClient(int domain, const std::string& name, CameraPtr camera)
-      : id(client_id_from_name(name)),
-        participant_(join(domain)),
-        partition_(wire::client_partition(name)),
-        cameras_(writer<wire::CameraMessage>()),
-        states_(writer<wire::TrackerStateMessage>()),
-        seeds(writer<wire::MapSeed>()),
-        offers(writer<wire::KeyframeOffer>()),
-        status_(reader<wire::ServerStatus>()),
-        seed_verdicts_(reader<wire::SeedVerdict>()),
-        offer_verdicts_(reader<wire::OfferVerdict>()) {
-    announce(camera->parameters());
-  }
-
-  void announce(const CameraParameters& parameters) {
-    wire::CameraMessage message;
-    message.client = id;
-    message.parameters = parameters;
-    (void)cameras_.write(message);
-  }
-
-  /// Says that it is there, as trackers do, and takes what the server says.
-  void spin() {
-    wire::TrackerStateMessage state;
-    state.client = id;
-    state.session = session;
-    (void)states_.write(state);
-    for (auto& sample : seed_verdicts_.take()) {
-      if (sample.message) seed_verdict = std::move(sample.message);
-    }
-    for (auto& sample : offer_verdicts_.take()) {
-      if (sample.message) offer_verdict = std::move(sample.message);
-    }
-  }
-  /// Writes the same seed until there is a verdict on it.
-  [[nodiscard]] bool seed_until_decided(const wire::MapSeed& seed) {
-    return eventually([&] {
-      spin();
-      if (seed_verdict && seed_verdict->command == seed.command) return true;
-      (void)seeds.write(seed);
-      return false;
-    });
-  }
-  /// As if the tracker of that name had ended in good order.
-  void dispose_state_of(ClientId who) {
-    wire::TrackerStateMessage key;
-    key.client = who;
-    (void)states_.dispose(key);
-  }
-  [[nodiscard]] bool wait_decided(uint64_t seq) {
-    return eventually([&] {
-      spin();
-      return offer_verdict && offer_verdict->last_decided >= seq;
-    });
-  }
-
- private:
-  static wire::Participant join(int domain) {
-    wire::ParticipantOptions options;
-    options.domain = static_cast<uint32_t>(domain);
-    return value_of(wire::Participant::create(options));
-  }
-  template <typename Message>
-  wire::Writer<Message> writer() {
-    return value_of(wire::Writer<Message>::create(participant_, partition_));
-  }
-  template <typename Message>
-  wire::Reader<Message> reader() {
-    return value_of(wire::Reader<Message>::create(participant_, partition_));
-  }
-
- public:
-  ClientId id;
-  SessionId session{1001};
-
- private:
-  wire::Participant participant_;
-  std::string partition_;
-  wire::Writer<wire::CameraMessage> cameras_;
-  wire::Writer<wire::TrackerStateMessage> states_;
-
- public:
-  wire::Writer<wire::MapSeed> seeds;
-  wire::Writer<wire::KeyframeOffer> offers;
-  std::optional<wire::SeedVerdict> seed_verdict;
-  std::optional<wire::OfferVerdict> offer_verdict;
-
- private:
-  wire::Reader<wire::ServerStatus> status_;
-  wire::Reader<wire::SeedVerdict> seed_verdicts_;
-  wire::Reader<wire::OfferVerdict> offer_verdicts_;
-};
+using testing::RawClient;
+using testing::value_of;
 
 class ProtocolTest : public ::testing::Test {
  protected:
@@ -127,34 +24,30 @@ class ProtocolTest : public ::testing::Test {
         client_(options_.domain, "anna", scene_.camera()) {}
 
   wire::MapSeed make_seed(uint64_t seq) {
-    const SeedProposal proposal = testing::make_seed(scene_);
-    wire::MapSeed seed;
-    seed.client = client_.id;
-    seed.command = {client_.session, seq};
+    wire::MapSeed seed = testing::seed_of(client_, seq, scene_);
     seed.lockstep = true;
-    seed.first_time = proposal.first_time;
-    seed.second_time = proposal.second_time;
-    seed.first_image = encode_image(*proposal.first_image, wire::ImageEncoding::kRaw);
-    seed.second_image = encode_image(*proposal.second_image, wire::ImageEncoding::kJpeg);
-    seed.trails = proposal.trails;
-    seed.second_from_first = proposal.second_from_first;
     seed.map_name = "desk";
     return seed;
   }
   wire::KeyframeOffer make_offer(uint64_t seq, int step) {
-    const testing::Frame frame = testing::make_offer(scene_, *service_->maps().at(0), step);
-    wire::KeyframeOffer offer;
-    offer.client = client_.id;
-    offer.command = {client_.session, seq};
-    offer.map = frame.proposal.map;
-    offer.epoch = frame.proposal.epoch;
-    offer.revision = frame.proposal.revision;
-    offer.reference = frame.proposal.reference;
-    offer.camera_from_reference = frame.proposal.camera_from_reference;
+    wire::KeyframeOffer offer = testing::offer_of(client_, seq, scene_, *service_->maps().at(0), step);
     offer.lockstep = true;
-    offer.image = encode_image(*frame.image, wire::ImageEncoding::kJpeg);
-    offer.measurements = frame.proposal.measurements;
     return offer;
+  }
+  /// Writes the same seed until there is a verdict on it.
+  [[nodiscard]] bool seed_until_decided(const wire::MapSeed& seed) {
+    return eventually([&] {
+      client_.spin();
+      if (client_.seed_verdict && client_.seed_verdict->command == seed.command) return true;
+      (void)client_.seeds.write(seed);
+      return false;
+    });
+  }
+  [[nodiscard]] bool wait_decided(uint64_t seq) {
+    return eventually([&] {
+      client_.spin();
+      return client_.offer_verdict && client_.offer_verdict->last_decided >= seq;
+    });
   }
   [[nodiscard]] size_t keyframes() const { return service_->maps().at(0)->keyframe_count(); }
 
@@ -166,18 +59,18 @@ class ProtocolTest : public ::testing::Test {
 
 TEST_F(ProtocolTest, WhatIsSentAgainIsAppliedOnce) {
   const wire::MapSeed seed = make_seed(1);
-  ASSERT_TRUE(client_.seed_until_decided(seed));
+  ASSERT_TRUE(seed_until_decided(seed));
   ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
   for (int i = 0; i < 3; ++i) (void)client_.seeds.write(seed);
   const wire::KeyframeOffer offer = make_offer(1, 4);
   for (int i = 0; i < 3; ++i) (void)client_.offers.write(offer);
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
       << client_.offer_verdict->recent.at(0).reason;
   (void)client_.offers.write(offer);
   // A later offer of the same writer comes after the repetitions: when it is decided, they have been seen.
   (void)client_.offers.write(make_offer(2, 7));
-  ASSERT_TRUE(client_.wait_decided(2));
+  ASSERT_TRUE(wait_decided(2));
   EXPECT_EQ(client_.offer_verdict->last_decided, 2U);
   EXPECT_EQ(client_.offer_verdict->recent.size(), 2U);
   EXPECT_EQ(keyframes(), 4U);
@@ -186,20 +79,20 @@ TEST_F(ProtocolTest, WhatIsSentAgainIsAppliedOnce) {
 }
 
 TEST_F(ProtocolTest, AnOfferBeforeItsTurnWaitsForTheOneBefore) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   const wire::KeyframeOffer first = make_offer(1, 4);
   const wire::KeyframeOffer second = make_offer(2, 7);
   (void)client_.offers.write(second);
   (void)client_.offers.write(first);
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->last_decided, 1U);
   (void)client_.offers.write(second);
-  ASSERT_TRUE(client_.wait_decided(2));
+  ASSERT_TRUE(wait_decided(2));
   EXPECT_EQ(keyframes(), 4U);
 }
 
 TEST_F(ProtocolTest, UnusableOffersAreRefusedWithTheirReason) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   wire::KeyframeOffer unknown_map = make_offer(1, 4);
   unknown_map.map = MapId{{9, 9}};
   wire::KeyframeOffer old_epoch = make_offer(2, 4);
@@ -210,7 +103,7 @@ TEST_F(ProtocolTest, UnusableOffersAreRefusedWithTheirReason) {
   other_size.image = encode_image(GrayImage(32, 32), wire::ImageEncoding::kRaw);
   for (const auto* offer : {&unknown_map, &old_epoch, &not_jpeg, &other_size}) {
     (void)client_.offers.write(*offer);
-    ASSERT_TRUE(client_.wait_decided(offer->command.seq));
+    ASSERT_TRUE(wait_decided(offer->command.seq));
   }
   const auto& recent = client_.offer_verdict->recent;
   ASSERT_EQ(recent.size(), 4U);
@@ -226,17 +119,17 @@ TEST_F(ProtocolTest, AMessageThatClaimsToBeAnothersIsRefused) {
   wire::MapSeed forged = make_seed(1);
   forged.client = client_id_from_name("bob");
   (void)client_.seeds.write(forged);
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1))) << "its own is judged";
+  ASSERT_TRUE(seed_until_decided(make_seed(1))) << "its own is judged";
   EXPECT_EQ(service_->maps().size(), 1U);
 }
 
 TEST_F(ProtocolTest, ACommandWithAnUnknownCameraIsRefusedWithItsReason) {
   wire::MapSeed seed = make_seed(1);
   seed.camera = 7;
-  ASSERT_TRUE(client_.seed_until_decided(seed));
+  ASSERT_TRUE(seed_until_decided(seed));
   EXPECT_FALSE(client_.seed_verdict->accepted);
   EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("camera 7"));
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(2)));
+  ASSERT_TRUE(seed_until_decided(make_seed(2)));
   ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
   wire::KeyframeOffer offer = make_offer(1, 4);
   offer.camera_version = 9;
@@ -250,7 +143,7 @@ TEST_F(ProtocolTest, ACommandWithAnUnknownCameraIsRefusedWithItsReason) {
 }
 
 TEST_F(ProtocolTest, NobodyTakesANameFromItsHolderByDisposingOfIt) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   RawClient thief(options_.domain, "anna", scene_.camera());
   thief.session = SessionId{2002};
   RawClient eve(options_.domain, "eve", scene_.camera());
@@ -277,7 +170,7 @@ CameraPtr smaller_camera() {
 }
 
 TEST_F(ProtocolTest, AProcessThatIsRefusedTheNameDoesNotChangeItsHoldersCamera) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1))) << "so it holds the name";
+  ASSERT_TRUE(seed_until_decided(make_seed(1))) << "so it holds the name";
   RawClient impostor(options_.domain, "anna", smaller_camera());
   impostor.session = SessionId{2002};
   ASSERT_TRUE(eventually([&] {
@@ -286,16 +179,16 @@ TEST_F(ProtocolTest, AProcessThatIsRefusedTheNameDoesNotChangeItsHoldersCamera) 
     return impostor.offer_verdict && impostor.offer_verdict->session == impostor.session;
   })) << "it is told that it is not wanted";
   (void)client_.offers.write(make_offer(1, 4));
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
       << client_.offer_verdict->recent.at(0).reason;
 }
 
 TEST_F(ProtocolTest, AVersionOfACameraNeverChanges) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   client_.announce(smaller_camera()->parameters());
   (void)client_.offers.write(make_offer(1, 4));
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
       << client_.offer_verdict->recent.at(0).reason;
 }
@@ -312,13 +205,13 @@ class FullServerTest : public ProtocolTest {
 };
 
 TEST_F(FullServerTest, RefusesMapsAndKeyframesWithItsReason) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
   (void)client_.offers.write(make_offer(1, 4));
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kFull);
   EXPECT_THAT(client_.offer_verdict->recent.at(0).reason, HasSubstr("--max-memory"));
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(2)));
+  ASSERT_TRUE(seed_until_decided(make_seed(2)));
   EXPECT_FALSE(client_.seed_verdict->accepted);
   EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("1 maps (--max-maps)"));
 }
@@ -353,7 +246,7 @@ TEST_F(NoLockstepTest, WhoAsksForItIsToldAndNotServedAndTheOthersAre) {
   client_.session = SessionId{2001};
   wire::MapSeed seed = make_seed(1);
   seed.lockstep = false;
-  ASSERT_TRUE(client_.seed_until_decided(seed));
+  ASSERT_TRUE(seed_until_decided(seed));
   ASSERT_TRUE(client_.seed_verdict->accepted) << client_.seed_verdict->reason;
   const size_t before = keyframes();
   EXPECT_TRUE(is_refused([&] { (void)client_.offers.write(make_offer(1, 4)); }));
@@ -372,7 +265,7 @@ TEST_F(NoLockstepTest, WhoAsksForItIsToldAndNotServedAndTheOthersAre) {
 }
 
 TEST_F(ProtocolTest, AMapThatIsFedFromOutsideTakesNoKeyframes) {
-  ASSERT_TRUE(client_.seed_until_decided(make_seed(1)));
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
   auto foreign = std::make_shared<MapSnapshot>(*service_->maps().at(0));
   foreign->map = MapId{{3}};
   service_->publish(foreign);
@@ -380,7 +273,7 @@ TEST_F(ProtocolTest, AMapThatIsFedFromOutsideTakesNoKeyframes) {
   wire::KeyframeOffer offer = make_offer(1, 4);
   offer.map = foreign->map;
   (void)client_.offers.write(offer);
-  ASSERT_TRUE(client_.wait_decided(1));
+  ASSERT_TRUE(wait_decided(1));
   EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kNoRight);
 }
 

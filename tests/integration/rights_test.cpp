@@ -9,9 +9,11 @@
 #include "common/base/utc.h"
 #include "common/image/frame_images.h"
 #include "common/image/place.h"
+#include "common/wire/security.h"
 #include "server/admin/admin_client.h"
 #include "server/service/system_clock.h"
 #include "tests/integration/label_fixture.h"
+#include "tests/integration/raw_client.h"
 
 namespace cairn {
 namespace {
@@ -20,6 +22,7 @@ using namespace std::chrono_literals;
 using nlohmann::json;
 using testing::eventually;
 using ::testing::HasSubstr;
+using testing::RawClient;
 
 /// Of an open site, and of a secured one, whose default is made the same.
 class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamInterface<bool> {
@@ -47,12 +50,13 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
     ask_server(request);
   }
 
-  [[nodiscard]] bool is_answered(Session& session) {
+  [[nodiscard]] PlaceView view() const {
     FrameImages images;
     images.build_pyramid(scene_.render(testing::Scene::pose(testing::kFirstView), 0)->view());
-    session.send_question(
-        std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners())),
-        Timestamp{++asked_});
+    return describe_place(images.pyramid, images.all_corners());
+  }
+  [[nodiscard]] bool is_answered(Session& session) {
+    session.send_question(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
     std::optional<PlaceAnswer> answer;
     EXPECT_TRUE(eventually([&] { return (answer = session.take_place_answer()).has_value(); }));
     return answer && std::ranges::any_of(answer->candidates, [&](const auto& c) { return c.map == map_; });
@@ -87,9 +91,57 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
     return reply && reply->done;
   }
 
+  /// All that a client can say of the scene, each with number `seq`.
+  struct Everything {
+    wire::MapSeed seed;
+    wire::KeyframeOffer offer;
+    wire::RelocQuery question;
+    wire::ClientRequest request;
+  };
+  [[nodiscard]] Everything everything(const RawClient& client, uint64_t seq) {
+    Everything all{testing::seed_of(client, seq, scene_),
+                   testing::offer_of(client, seq, scene_, *anna_->snapshot(), 4),
+                   testing::question_of(client, seq, view()), new_label("by a raw client")};
+    all.request.client = client.id;
+    all.request.command = {client.session, seq};
+    return all;
+  }
+  /// Once more, whether the server has been heard or not.
+  void say(RawClient& client, const Everything& all) {
+    client.announce(scene_.camera()->parameters());
+    client.spin();
+    (void)client.seeds.write(all.seed);
+    (void)client.offers.write(all.offer);
+    (void)client.questions.write(all.question);
+    (void)client.requests.write(all.request);
+  }
+  [[nodiscard]] size_t map_count() { return ask_server({{"verb", "maps"}})["maps"].size(); }
+  /// As a client that keeps to no protocol; in a secured site, with the keys of that name.
+  [[nodiscard]] RawClient raw_client(const std::string& name) {
+    auto joining = RawClient::joining(service_options_.domain);
+    if (keys_) joining.security = keys_->copied(keys_->of(IdentityRole::kClient, name));
+    RawClient client(joining, name, scene_.camera());
+    client.use_map(map_);
+    return client;
+  }
+
   std::optional<AdminClient> admin_;
   int64_t asked_ = 0;
 };
+
+/// So that what is expected not to pass elsewhere would pass here.
+TEST_P(RightsOverDds, EverythingThatARawClientSaysIsTakenAndAnswered) {
+  make_map();
+  RawClient bob = raw_client("bob");
+  const Everything all = everything(bob, 1);
+  EXPECT_TRUE(eventually([&] {
+    say(bob, all);
+    return bob.has_every_answer();
+  }));
+  EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"by a raw client"}; }));
+  EXPECT_TRUE(eventually([&] { return map_count() == 2; }));
+  EXPECT_GT(bob.servers(), 0);
+}
 
 struct Case {
   const char* name;
@@ -179,7 +231,7 @@ TEST_P(RightsOverDds, RightsAndWhoChangedThemOutliveARestart) {
   EXPECT_EQ(rights["grants"][0]["to"], "client bob");
   EXPECT_EQ(rights["grants"][0]["name"], "desk");
   const json entries = ask_server({{"verb", "audit"}})["entries"];
-  ASSERT_EQ(entries.size(), keys_ ? 3U : 2U);
+  ASSERT_EQ(entries.size(), keys_ ? 4U : 2U);
   EXPECT_EQ(entries[0]["action"], "rename");
   EXPECT_EQ(entries[0]["object"], "map map-1, name desk");
   EXPECT_EQ(entries[1]["action"], "rights grant");
@@ -211,20 +263,24 @@ INSTANTIATE_TEST_SUITE_P(Site, RightsOverDds, ::testing::Bool(),
 class KeysOverDds : public RightsOverDds {
  protected:
   KeysOverDds() : RightsOverDds(true) {}
-  /// Nothing is said to it and nothing of it is taken, though it tries everything.
+  /// Nothing is said to it and nothing of it is taken, though it tries everything for some time.
+  void expect_nothing_passes(RawClient& client, uint64_t seq = 1) {
+    const Everything all = everything(client, seq);
+    const Texts labels = texts(*anna_);
+    const size_t maps = map_count();
+    EXPECT_FALSE(eventually(
+        [&] {
+          say(client, all);
+          return client.has_heard_anything();
+        },
+        1500ms));
+    EXPECT_EQ(map_count(), maps);
+    EXPECT_EQ(texts(*anna_), labels);
+  }
   void expect_nothing_passes(Session& session) {
     session.use_map(map_);
-    session.send_seed(testing::make_seed(scene_));
-    testing::Frame frame = testing::make_offer(scene_, *anna_->snapshot(), 4);
-    session.send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{4});
-    session.send_request(new_label("not of mine"));
-    const auto is_anything_said = [&] {
-      return session.take_seed_reply() || !session.take_offer_replies().empty() ||
-             session.take_place_answer() || !session.take_request_replies().empty();
-    };
-    EXPECT_FALSE(eventually(is_anything_said, 1500ms));
-    EXPECT_THAT(texts(*anna_), ::testing::IsEmpty());
-    EXPECT_EQ(ask_server({{"verb", "maps"}})["maps"].size(), 1U);
+    session.send_question(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
+    EXPECT_FALSE(eventually([&] { return session.take_place_answer().has_value(); }, 1500ms));
   }
   json audit_of(const std::string& action) {
     return ask_server({{"verb", "audit"}, {"action", action}})["entries"];
@@ -248,6 +304,15 @@ TEST_F(KeysOverDds, AForeignCertificateNoneAndOneThatHasExpiredPassNothing) {
   const auto expiring = testing::open_known_session(brief, scene_.camera());
   for (const SessionOptions& options : {stranger, nobody}) {
     SCOPED_TRACE(options.name);
+    // Each knows the tag of the site, without which nobody would as much as answer.
+    auto joining = RawClient::joining(options.domain);
+    joining.security = options.security;
+    if (options.security.empty())
+      joining.tag = wire::read_security(service_options_.security)->tag + "." + joining.tag;
+    RawClient raw(joining, options.name, scene_.camera());
+    raw.use_map(map_);
+    expect_nothing_passes(raw);
+    EXPECT_EQ(raw.servers(), 0) << "the middleware lets it write to the server";
     const auto session = testing::open_session(options, scene_.camera());
     expect_nothing_passes(*session);
     EXPECT_NE(session->status().link, ServerLink::kConnected);
@@ -286,6 +351,27 @@ TEST_F(KeysOverDds, WhoIsRevokedIsCutOffWhileItGoesOnTryingAndThatIsOnRecord) {
   EXPECT_EQ(entries[0]["who"], "client bob");
   EXPECT_EQ(entries[0]["outcome"], "its keys were revoked");
   EXPECT_EQ(anna_->status().link, ServerLink::kConnected) << "others are not disturbed";
+}
+
+/// The middleware lets it speak until the server is started again: what it says reaches the server's readers.
+TEST_F(KeysOverDds, WhatARevokedClientGoesOnSayingArrivesAndIsNotTaken) {
+  make_map();
+  RawClient bob = raw_client("bob");
+  const Everything first = everything(bob, 1);
+  ASSERT_TRUE(eventually([&] {
+    say(bob, first);
+    return bob.has_every_answer();
+  }));
+  ASSERT_TRUE(eventually([&] { return map_count() == 2 && texts(*anna_).size() == 1; }));
+  keys_->revoke(IdentityRole::kClient, "bob");
+  ASSERT_TRUE(eventually([&] {
+    bob.spin();
+    return audit_of("turned away").size() == 1;
+  }));
+  bob.spin();  // what was said before
+  bob.forget_what_was_heard();
+  expect_nothing_passes(bob, 2);
+  EXPECT_GT(bob.servers(), 0) << "nothing of this says what the server does with it";
 }
 
 TEST_F(KeysOverDds, AnOperatorMayWhatItsRoleSaysAndOneThatIsRevokedIsTold) {

@@ -32,7 +32,7 @@ Status ServerRun::open(const Setup& setup) {
   std::vector<RestoredMap> restored = store_->restore(
       options.mapping, [](const Task& share) { share(); }, restored_images(options.rest_after));
   auto site = SiteAccess::open(
-      setup.folder, Rights(Right::kWrite, true), [clock = clock_] { return clock->wall(); }, setup.log);
+      setup.folder, SiteKind::kOpen, [clock = clock_] { return clock->wall(); }, setup.log);
   if (!site) return tl::unexpected(site.error());
   site_ = std::move(*site);
   options.access = site_->policy();
