@@ -33,13 +33,15 @@ Result<std::unique_ptr<RigLink>> RigLink::open(const RigLinkOptions& options) {
   if (!participant) return tl::unexpected(participant.error());
   auto waiter = wire::Waiter::create(*participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  auto made = wire::create_all<wire::Writer<wire::RigCommand>, wire::Writer<wire::TrackerStateMessage>,
-                               wire::Reader<wire::RigState>>(*participant, wire::rig_partition(options.rig));
+  auto made = wire::create_all<wire::Writer<wire::RigCommand>, wire::Writer<wire::TrackerStateMessage>>(
+      *participant, wire::client_to_rig_partition(options.rig, options.name));
   if (!made) return tl::unexpected(made.error());
-  auto& [orders, poses, states] = *made;
-  if (Status attached = waiter->attach({states}); !attached) return tl::unexpected(attached.error());
+  auto& [orders, poses] = *made;
+  auto states = wire::Reader<wire::RigState>::create(*participant, wire::rig_partition(options.rig));
+  if (!states) return tl::unexpected(states.error());
+  if (Status attached = waiter->attach({*states}); !attached) return tl::unexpected(attached.error());
   return std::unique_ptr<RigLink>(new RigLink(options, *std::move(participant), std::move(orders),
-                                              std::move(poses), std::move(states), *std::move(waiter)));
+                                              std::move(poses), *std::move(states), *std::move(waiter)));
 }
 
 RigLink::RigLink(const RigLinkOptions& options, wire::Participant participant,

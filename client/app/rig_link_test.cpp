@@ -84,7 +84,7 @@ TEST_F(RigLinkTest, SamplesOfTheRigAreForTheTrackerOnceItKnowsHowTheImuSits) {
 }
 
 TEST_F(RigLinkTest, AStopIsSaidAtOnceAndOrdersOnlyToWhoIsThere) {
-  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::rig_partition("shoulder")).value();
+  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::everybody_to_rig("shoulder")).value();
   std::vector<wire::RigCommand> heard;
   const auto hear = [&] {
     for (const auto& sample : orders.take()) {
@@ -105,7 +105,7 @@ TEST_F(RigLinkTest, AStopIsSaidAtOnceAndOrdersOnlyToWhoIsThere) {
 }
 
 TEST_F(RigLinkTest, ATrackerWithoutFramesIsNoCommanderAndOneThatClosesLetsTheDrivesGo) {
-  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::rig_partition("shoulder")).value();
+  auto orders = wire::Reader<wire::RigCommand>::create(*rig_, wire::everybody_to_rig("shoulder")).value();
   std::optional<wire::RigCommand> last;
   int heard = 0;
   const auto hear = [&] {

@@ -116,6 +116,27 @@ Result<std::string> verify_document(const std::string& signed_text, X509& author
   return std::string(begin, static_cast<size_t>(length));
 }
 
+Result<RevocationsPtr> read_revocations(const std::filesystem::path& path) {
+  std::string content;
+  const auto text = open_text(path, &content);
+  if (!text) return tl::unexpected(text.error());
+  RevocationsPtr revocations(PEM_read_bio_X509_CRL(text->get(), nullptr, no_password, nullptr));
+  if (revocations) return revocations;
+  return fail(ErrorCode::kConfiguration,
+              path.string() + ": not a list of revoked certificates (PEM): " + crypto_error());
+}
+
+bool is_signed_by(X509_CRL& revocations, const X509& authority) {
+  const bool is_signed = X509_CRL_verify(&revocations, X509_get0_pubkey(&authority)) == 1;
+  ERR_clear_error();
+  return is_signed;
+}
+
+bool is_revoked(X509_CRL& revocations, const X509& certificate) {
+  X509_REVOKED* row = nullptr;
+  return X509_CRL_get0_by_cert(&revocations, &row, const_cast<X509*>(&certificate)) == 1;
+}
+
 bool is_signed_by(const X509& certificate, const X509& authority) {
   // libcrypto takes what it does not change as not const, here and in the next function.
   const bool is_signed = X509_verify(const_cast<X509*>(&certificate), X509_get0_pubkey(&authority)) == 1;

@@ -51,6 +51,13 @@ struct CertificateFacts {
 /// permissions). Error kConfiguration: it is none, or signed by somebody else. Does not name the file.
 [[nodiscard]] Result<std::string> verify_document(const std::string& signed_text, X509& authority);
 
+using RevocationsPtr = std::unique_ptr<X509_CRL, FreedBy<&X509_CRL_free>>;
+/// Of a PEM file; error as of read_certificate().
+[[nodiscard]] Result<RevocationsPtr> read_revocations(const std::filesystem::path& path);
+/// Whether they are that authority's word.
+[[nodiscard]] bool is_signed_by(X509_CRL& revocations, const X509& authority);
+[[nodiscard]] bool is_revoked(X509_CRL& revocations, const X509& certificate);
+
 /// Whether it bears the signature of that authority. Says nothing of time.
 [[nodiscard]] bool is_signed_by(const X509& certificate, const X509& authority);
 [[nodiscard]] bool belongs_to(const EVP_PKEY& key, const X509& certificate);

@@ -14,7 +14,8 @@ namespace cairn::wire {
 
 class LogRedirect::Sink {
  public:
-  Sink(Logger to, int limit) : logger_(std::move(to)), fold_(limit) {}
+  Sink(Logger to, int limit, std::shared_ptr<RefusedPeers> refused)
+      : logger_(std::move(to)), refused_(std::move(refused)), fold_(limit) {}
   ~Sink() { say(fold_.rest()); }
   Sink(const Sink&) = delete;
   Sink& operator=(const Sink&) = delete;
@@ -25,6 +26,7 @@ class LogRedirect::Sink {
   void write(const dds_log_data_t& line) {
     std::string_view text(line.message);
     while (text.ends_with('\n')) text.remove_suffix(1);
+    if (refused_ != nullptr) refused_->note(text);
     const bool is_error = (line.priority & (DDS_LC_FATAL | DDS_LC_ERROR)) != 0;
     const std::lock_guard lock(mutex_);
     say(fold_.take(line.file, line.line, {std::string(text), is_error}, std::chrono::steady_clock::now()));
@@ -36,12 +38,13 @@ class LogRedirect::Sink {
   }
 
   const Logger logger_;
+  const std::shared_ptr<RefusedPeers> refused_;
   std::mutex mutex_;
   internal::LineFold fold_;
 };
 
-LogRedirect::LogRedirect(Logger logger, int lines_per_second)
-    : sink_(std::make_unique<Sink>(std::move(logger), lines_per_second)) {
+LogRedirect::LogRedirect(Logger logger, int lines_per_second, std::shared_ptr<RefusedPeers> refused)
+    : sink_(std::make_unique<Sink>(std::move(logger), lines_per_second, std::move(refused))) {
   dds_set_log_sink(&Sink::write, sink_.get());
 }
 

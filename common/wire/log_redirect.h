@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/base/log.h"
+#include "common/wire/refused_peers.h"
 
 namespace cairn::wire {
 
@@ -15,7 +16,9 @@ namespace cairn::wire {
 /// LogRedirect, owned by main().
 class LogRedirect {
  public:
-  explicit LogRedirect(Logger logger, int lines_per_second = 10);
+  /// `refused`: who was not let into a secured site is noted there as well; null: nowhere.
+  explicit LogRedirect(Logger logger, int lines_per_second = 10,
+                       std::shared_ptr<RefusedPeers> refused = nullptr);
   ~LogRedirect();
   LogRedirect(const LogRedirect&) = delete;
   LogRedirect& operator=(const LogRedirect&) = delete;

@@ -24,6 +24,36 @@ std::string rig_partition(std::string_view name) {
   return std::string(kRigPrefix).append(name);
 }
 
+std::string client_to_rig_partition(std::string_view rig, std::string_view name) {
+  return rig_partition(rig).append(".").append(client_partition(name));
+}
+
+std::string operator_to_rig_partition(std::string_view rig, std::string_view name) {
+  return rig_partition(rig).append(".").append(operator_partition(name));
+}
+
+std::string everybody_to_rig(std::string_view rig) {
+  return rig_partition(rig).append(".*");
+}
+
+std::optional<RigSpeaker> parse_rig_speaker(std::string_view partition) {
+  if (!partition.starts_with(kRigPrefix)) return std::nullopt;
+  partition.remove_prefix(kRigPrefix.size());
+  const size_t dot = partition.find('.');  // a name holds none
+  if (dot == std::string_view::npos || !is_valid_name(partition.substr(0, dot))) return std::nullopt;
+  RigSpeaker speaker{std::string(partition.substr(0, dot)), {}, false};
+  const std::string_view who = partition.substr(dot + 1);
+  if (auto operator_name = parse_operator_partition(who)) {
+    speaker.name = *std::move(operator_name);
+    speaker.is_operator = true;
+    return speaker;
+  }
+  auto client = parse_partition(who);
+  if (!client || client->map) return std::nullopt;
+  speaker.name = std::move(client->client);
+  return speaker;
+}
+
 std::string wearer_partition(std::string_view name) {
   return std::string(kWearerPrefix).append(name);
 }

@@ -22,10 +22,22 @@ constexpr std::string_view kEveryOperator = "operator.*";
 [[nodiscard]] std::string operator_partition(std::string_view name);
 /// Name of the operator whose partition it is; nothing for any other text.
 [[nodiscard]] std::optional<std::string> parse_operator_partition(std::string_view partition);
-/// Where the server hears rigs, and where one of them, its commander and the server speak and listen:
-/// `rig.<name>`.
+/// Where the server hears rigs, and where one of them speaks: `rig.<name>`.
 constexpr std::string_view kEveryRig = "rig.*";
 [[nodiscard]] std::string rig_partition(std::string_view name);
+/// Where somebody speaks to a rig, so that it knows who he is: a client in `rig.<rig>.client.<name>`, an
+/// operator in `rig.<rig>.operator.<name>`; the rig reads in `rig.<rig>.*`.
+[[nodiscard]] std::string client_to_rig_partition(std::string_view rig, std::string_view name);
+[[nodiscard]] std::string operator_to_rig_partition(std::string_view rig, std::string_view name);
+[[nodiscard]] std::string everybody_to_rig(std::string_view rig);
+struct RigSpeaker {
+  std::string rig;
+  std::string name;
+  bool is_operator = false;  ///< else a client
+  bool operator==(const RigSpeaker&) const = default;
+};
+/// Inverse of the first two; nothing for any other text.
+[[nodiscard]] std::optional<RigSpeaker> parse_rig_speaker(std::string_view partition);
 
 /// Where the cameras of one wearer on one host speak and listen: `wearer.<name>`.
 [[nodiscard]] std::string wearer_partition(std::string_view name);

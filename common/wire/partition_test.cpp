@@ -40,5 +40,20 @@ TEST(Partition, OperatorsHaveTheirOwn) {
   EXPECT_EQ(rig_partition("shoulder"), "rig.shoulder");
 }
 
+TEST(Partition, WhoSpeaksToARigIsKnownByHis) {
+  EXPECT_EQ(parse_rig_speaker(client_to_rig_partition("shoulder", "eye")),
+            (RigSpeaker{"shoulder", "eye", false}));
+  EXPECT_EQ(parse_rig_speaker(operator_to_rig_partition("shoulder", "ann")),
+            (RigSpeaker{"shoulder", "ann", true}));
+  for (const std::string& text :
+       {rig_partition("shoulder"), everybody_to_rig("shoulder"), client_to_rig_partition("*", "eye"),
+        client_to_rig_partition("shoulder", "*"), client_to_rig_partition("shoulder", ""),
+        client_to_rig_partition("", "eye"), client_to_rig_partition("a.b", "eye"),
+        client_to_rig_partition("shoulder", "eye.operator.ann"), std::string("rig.shoulder.server.x"),
+        "rig.shoulder." + map_partition("eye", MapId{{1}}), client_partition("eye")}) {
+    EXPECT_EQ(parse_rig_speaker(text), std::nullopt) << text;
+  }
+}
+
 }  // namespace
 }  // namespace cairn::wire

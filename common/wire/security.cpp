@@ -55,6 +55,19 @@ Status check_time(const fs::path& file, const CertificateFacts& facts, Timestamp
   return {};
 }
 
+/// Whom the middleware turns away. A list that is missing would let in whoever was revoked, unsaid.
+Status check_revocations(const fs::path& file, const X509& authority, const X509& own) {
+  const std::string remedy = "; copy crl.pem from the folder of the keys";
+  const auto revocations = read_revocations(file);
+  if (!revocations) return fail(ErrorCode::kConfiguration, revocations.error().message + remedy);
+  if (!is_signed_by(**revocations, authority))
+    return wrong(file, "not of the authority of identity_ca.cert.pem; of another site?" + remedy);
+  const CertificateFacts facts = facts_of(own);
+  if (!is_revoked(**revocations, own)) return {};
+  return wrong(file, "the keys of " + facts.role + " " + facts.name +
+                         " were revoked; `cairnctl keys issue` makes some of another name");
+}
+
 /// What is in a file of one line.
 Result<std::string> read_tag(const fs::path& file) {
   const auto text = text_in(file);
@@ -94,7 +107,9 @@ Result<Security> read_security(const fs::path& folder, Timestamp now) {
   }
   const auto tag = read_tag(place / "tag");
   if (!tag) return tl::unexpected(tag.error());
-  return Security{place, facts.role, facts.name, *tag, facts.expires, fs::exists(place / "crl.pem", problem)};
+  if (Status taken = check_revocations(place / "crl.pem", **identities, **own); !taken)
+    return tl::unexpected(taken.error());
+  return Security{place, facts.role, facts.name, *tag, facts.expires};
 }
 
 Result<Security> read_security(const fs::path& folder) {

@@ -18,11 +18,11 @@ struct Security {
   std::string name;              ///< by which the partitions go that it may use
   std::string tag;               ///< of the site; who does not know it draws no answer
   Timestamp expires;
-  bool has_revocations = false;  ///< of a server: certificates that are turned away
 };
 
 /// Reads and checks a folder before anybody joins with it: all files are there and belong together, the key
-/// is for its owner only, it is not expired. Error kConfiguration names the file and what to do.
+/// is for its owner only, it has neither expired nor been revoked. Error kConfiguration names the file and
+/// what to do.
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder, Timestamp now);
 [[nodiscard]] Result<Security> read_security(const std::filesystem::path& folder);  ///< at this moment
 

@@ -198,6 +198,51 @@ TEST_F(WireTest, TwoProcessesThatClaimOneCameraAreBothHeardAndToldApart) {
   EXPECT_EQ(received.peer_of(PublicationHandle{12345}), std::nullopt);
 }
 
+/// What one client says under the key of another, as often as it likes, does not push out what that one said.
+template <typename Message>
+void expect_nothing_is_displaced(const Participant& server, const Participant& anna, const Participant& eve,
+                                 Message message) {
+  auto received = reader<Message>(server, kEveryClient);
+  auto watched = reader<Message>(server, kEveryClient);  // sees what has come, and leaves it to the other
+  auto of_anna = writer<Message>(anna, client_partition("anna"));
+  auto of_eve = writer<Message>(eve, client_partition("eve"));
+  ASSERT_TRUE(eventually([&] {
+    return received.matched() == 2 && watched.matched() == 2 && of_anna.matched() == 2 &&
+           of_eve.matched() == 2;
+  }));
+  constexpr size_t kForged = 100;
+  ASSERT_TRUE(of_anna.write(message));
+  size_t come = 0;
+  const auto write_and_see = [&](Writer<Message>& from, size_t count) {
+    ASSERT_TRUE(eventually([&] {
+      if (come < count) (void)from.write(message);
+      come += watched.take().size();
+      return come >= count;
+    }));
+  };
+  ASSERT_TRUE(eventually([&] { return (come += watched.take().size()) == 1; }));
+  write_and_see(of_eve, kForged);
+  size_t of_annas = 0;
+  for (size_t all = 0; all < kForged;) {
+    const auto samples = collect(&received, 1);
+    ASSERT_FALSE(samples.empty());
+    all += samples.size();
+    for (const auto& sample : samples) {
+      if (received.partition_of(sample.publication) == client_partition("anna")) ++of_annas;
+    }
+  }
+  EXPECT_EQ(of_annas, 1U) << topic_name<Message>();
+}
+
+TEST_F(WireTest, WhatAClientSaysUnderTheKeyOfAnotherPushesOutNothing) {
+  const Participant server = this->server();
+  const Participant anna = this->client();
+  const Participant eve = this->client();
+  expect_nothing_is_displaced(server, anna, eve, random_.make<TrackerStateMessage>());
+  expect_nothing_is_displaced(server, anna, eve, random_.make<RelocQuery>());
+  expect_nothing_is_displaced(server, anna, eve, random_.make<CameraMessage>());
+}
+
 TEST_F(WireTest, WhatIsForOneClientDoesNotReachAnother) {
   const Participant server = this->server();
   const Participant alice = this->client();

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -10,6 +11,8 @@
 
 #include "common/base/log.h"
 #include "common/wire/participant.h"
+#include "common/wire/partition.h"
+#include "common/wire/peers.h"
 #include "common/wire/rig_messages.h"
 #include "common/wire/topic.h"
 #include "common/wire/waiter.h"
@@ -17,8 +20,9 @@
 namespace cairn {
 
 /// What the network has to do with a rig: orders and the camera's poses that come are handed on, and states
-/// are written. With a
-/// thread of its own, so that the thread that has the bus never waits for the network.
+/// are written. Who gives an order is known by the partition that it came in, which in a secured site nobody
+/// else can write in. With a thread of its own, so that the thread that has the bus never waits for the
+/// network.
 class RigEndpoint {
  public:
   using Handler = std::function<void(wire::RigCommand)>;
@@ -40,16 +44,22 @@ class RigEndpoint {
   void stop();
 
  private:
-  RigEndpoint(wire::Participant participant, wire::Reader<wire::RigCommand> commands,
+  RigEndpoint(std::string rig, wire::Participant participant, wire::Reader<wire::RigCommand> commands,
               wire::Reader<wire::TrackerStateMessage> poses, wire::Writer<wire::RigState> states,
               wire::Waiter waiter);
   void run(const Handler& obey, const Source& take_state, const Watcher& see);
+  /// Nothing: he has gone, or speaks where nobody has a name.
+  [[nodiscard]] std::optional<wire::RigSpeaker> speaker_of(const wire::ReaderBase& reader,
+                                                           wire::PublicationHandle publication);
+
+  const std::string rig_;
 
   wire::Participant participant_;
   wire::Reader<wire::RigCommand> commands_;
   wire::Reader<wire::TrackerStateMessage> poses_;
   wire::Writer<wire::RigState> states_;
   wire::Waiter waiter_;
+  std::map<wire::PublicationHandle, wire::RigSpeaker> speakers_;  ///< as the middleware was asked once
   std::atomic<bool> ends_{false};
   std::thread thread_;
 };

@@ -83,7 +83,9 @@ class RigNetwork : public ::testing::Test {
                      [this] { return loop_->take_state(); }, [](const wire::TrackerStateMessage&) {});
     options.role = wire::Role::kRigClient;
     commander_ = wire::Participant::create(options).value();
-    orders_ = wire::Writer<wire::RigCommand>::create(*commander_, wire::rig_partition("shoulder")).value();
+    orders_ = wire::Writer<wire::RigCommand>::create(*commander_,
+                                                     wire::client_to_rig_partition("shoulder", "tracker-1"))
+                  .value();
     states_ = wire::Reader<RigState>::create(*commander_, wire::rig_partition("shoulder")).value();
   }
   void TearDown() override {
@@ -190,9 +192,12 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
   ASSERT_TRUE(host);
   network.role = wire::Role::kRigClient;
   const auto tracker = wire::Participant::create(network).value();
-  auto poses =
-      wire::Writer<wire::TrackerStateMessage>::create(tracker, wire::rig_partition("shoulder")).value();
-  auto orders = wire::Writer<wire::RigCommand>::create(tracker, wire::rig_partition("shoulder")).value();
+  auto poses = wire::Writer<wire::TrackerStateMessage>::create(
+                   tracker, wire::client_to_rig_partition("shoulder", "ada"))
+                   .value();
+  auto orders =
+      wire::Writer<wire::RigCommand>::create(tracker, wire::client_to_rig_partition("shoulder", "ada"))
+          .value();
   auto states = wire::Reader<RigState>::create(tracker, wire::rig_partition("shoulder")).value();
   std::atomic<bool> ends_now{false};
   std::thread speaks([&] {

@@ -20,7 +20,7 @@ namespace cairn {
 /// What an operator's request does.
 enum class OperatorAct : uint8_t {
   kSee,       ///< lists and shows
-  kChange,    ///< renames, deletes, undeletes and purges maps, changes labels
+  kChange,    ///< renames, freezes, deletes, undeletes and purges maps, changes labels
   kTransfer,  ///< takes a map out as an archive or brings one in: pictures leave the server
   kGovern,    ///< says who may do what
 };

@@ -25,7 +25,7 @@ struct Principal {
   Kind kind = Kind::kClient;
   std::string name;
   Proof proof = Proof::kClaimed;
-  Duty duty = Duty::kAdminister;  ///< of an operator; where nobody is known, everybody may do all
+  Duty duty = Duty::kWatch;  ///< of an operator
   auto operator<=>(const Principal&) const = default;
 };
 
@@ -34,9 +34,7 @@ struct Principal {
   return {Principal::Kind::kClient, std::move(name), proof};
 }
 
-[[nodiscard]] inline Principal operator_principal(std::string name,
-                                                  Principal::Proof proof = Principal::Proof::kClaimed,
-                                                  Duty duty = Duty::kAdminister) {
+[[nodiscard]] inline Principal operator_principal(std::string name, Principal::Proof proof, Duty duty) {
   return {Principal::Kind::kOperator, std::move(name), proof, duty};
 }
 

@@ -208,7 +208,10 @@ TEST(RightsPolicyTest, AnOperatorMayAskForWhatItsRoleAllows) {
   EXPECT_EQ(most_of(Duty::kWatch), (std::vector{true, false, false, false}));
   EXPECT_EQ(most_of(Duty::kCurate), (std::vector{true, true, true, false}));
   EXPECT_EQ(most_of(Duty::kAdminister), (std::vector{true, true, true, true}));
-  EXPECT_TRUE(policy.may_ask(operator_principal("ann"), OperatorAct::kGovern)) << "in an open site";
+  EXPECT_TRUE(policy.may_ask(operator_principal("ann", Principal::Proof::kClaimed, Duty::kAdminister),
+                             OperatorAct::kGovern));
+  EXPECT_FALSE(policy.may_ask(Principal{Principal::Kind::kOperator, "ann"}, OperatorAct::kChange))
+      << "of whom nothing is said, may watch";
   EXPECT_EQ(
       policy.may_ask(operator_principal("ann", Principal::Proof::kProven, Duty::kWatch), OperatorAct::kChange)
           .error()

@@ -199,7 +199,9 @@ Status revoke(const Words& words, bool as_json) {
   if (Status revoked = keys->revoke(named->first, named->second, wall_clock_now()); !revoked) return revoked;
   print_identities({keys->identities().at(*named)}, as_json);
   std::fprintf(stderr,
-               "cairnctl: copy %s and crl.pem to the security folder of a server on another machine\n",
+               "cairnctl: copy %s and crl.pem to the security folders of servers on other machines, crl.pem "
+               "also to those "
+               "of rigs and of a wearer's other cameras there\n",
                std::string(kRegisterFile).c_str());
   return {};
 }

@@ -34,7 +34,8 @@ Result<RigClient> RigClient::join(const RigClientOptions& options) {
   joining.listen = options.listen;
   auto participant = wire::Participant::create(joining);
   if (!participant) return tl::unexpected(participant.error());
-  auto orders = wire::Writer<wire::RigCommand>::create(*participant, wire::rig_partition(options.rig));
+  auto orders = wire::Writer<wire::RigCommand>::create(*participant,
+                                                       wire::operator_to_rig_partition(options.rig, *name));
   if (!orders) return tl::unexpected(orders.error());
   auto states = wire::Reader<wire::RigState>::create(*participant, wire::kEveryRig);
   if (!states) return tl::unexpected(states.error());

@@ -8,6 +8,7 @@ namespace {
 constexpr std::chrono::milliseconds kLookInterval{250};
 /// What goes on trying must not fill the audit log.
 constexpr std::chrono::minutes kTellInterval{1};
+constexpr size_t kMostRefusedTold = 32;  ///< different ones within that time
 
 }  // namespace
 
@@ -17,7 +18,9 @@ Principal Doorkeeper::client(std::string name) const {
 }
 
 Principal Doorkeeper::operator_of(std::string name) {
-  if (!keys_.is_secured()) return operator_principal(std::move(name));
+  // Where nobody is known, everybody may do all.
+  if (!keys_.is_secured())
+    return operator_principal(std::move(name), Principal::Proof::kClaimed, Duty::kAdminister);
   auto duty = keys_.duty_of(name);
   if (!duty) {  // its keys may have been made a moment ago
     read();
@@ -34,6 +37,18 @@ Principal Doorkeeper::operator_of(std::string name) {
 
 bool Doorkeeper::is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now) {
   return told_.try_emplace({role, name}, kTellInterval).first->second.due(now);
+}
+
+std::vector<wire::RefusedPeer> Doorkeeper::refused_to_be_told(MonotonicTime now) {
+  if (refused_ == nullptr || !keys_.is_secured()) return {};
+  std::erase_if(refused_told_, [now](const auto& known) { return now - known.second >= kTellInterval; });
+  std::vector<wire::RefusedPeer> told;
+  for (wire::RefusedPeer& peer : refused_->take()) {
+    // That there are many is on record then.
+    if (refused_told_.size() >= kMostRefusedTold || !refused_told_.try_emplace(peer, now).second) continue;
+    told.push_back(std::move(peer));
+  }
+  return told;
 }
 
 bool Doorkeeper::look(MonotonicTime now) {

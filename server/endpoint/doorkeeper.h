@@ -3,12 +3,15 @@
 
 #include <chrono>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "common/base/log.h"
 #include "common/base/rate_limit.h"
 #include "common/base/time.h"
+#include "common/wire/refused_peers.h"
 #include "server/access/principal.h"
 #include "server/keys/site_keys.h"
 
@@ -22,17 +25,27 @@ class Doorkeeper {
   /// Why somebody is turned away, for a person.
   static constexpr const char* kRevoked = "its keys were revoked";
 
-  Doorkeeper(SiteKeys keys, Logger log) : keys_(std::move(keys)), log_(std::move(log)) {}
+  /// `refused`: whom the middleware has not let in; null: nobody says.
+  Doorkeeper(SiteKeys keys, Logger log, std::shared_ptr<wire::RefusedPeers> refused = nullptr)
+      : keys_(std::move(keys)), log_(std::move(log)), refused_(std::move(refused)) {}
 
   /// By the name in a partition of theirs.
   [[nodiscard]] Principal client(std::string name) const;
   [[nodiscard]] Principal operator_of(std::string name);
+
+  /// Who wears the camera of that client: as its keys say in a secured site, as it claims in an open one.
+  [[nodiscard]] std::string wearer_of(const std::string& client, const std::string& claimed) const {
+    return keys_.is_secured() ? keys_.wearer_of(client) : claimed;
+  }
 
   [[nodiscard]] bool is_turned_away(IdentityRole role, const std::string& name) const {
     return keys_.is_revoked(role, name);
   }
   /// Whether it is time to say (again) that somebody who was turned away goes on trying.
   [[nodiscard]] bool is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now);
+
+  /// Whom the middleware has not let in, and of whom that is to be said (again): of few at a time.
+  [[nodiscard]] std::vector<wire::RefusedPeer> refused_to_be_told(MonotonicTime now);
 
   /// Whether somebody else may come in, or not any more. Does nothing before next_look().
   [[nodiscard]] bool look(MonotonicTime now);
@@ -49,6 +62,8 @@ class Doorkeeper {
   MonotonicTime next_look_;
   bool is_changed_ = false;                                         ///< since look() said so
   std::map<std::pair<IdentityRole, std::string>, RateLimit> told_;  ///< of the register's revoked names
+  std::shared_ptr<wire::RefusedPeers> refused_;
+  std::map<wire::RefusedPeer, MonotonicTime> refused_told_;  ///< when; few: who tries chooses his name
   RateLimit trouble_;
   RateLimit unknown_operator_;
 };

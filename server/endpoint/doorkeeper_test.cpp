@@ -22,6 +22,7 @@ class DoorkeeperTest : public ::testing::Test {
     Register all;
     Identity phone;
     phone.name = "phone-1";
+    phone.wearer = "ada";
     if (is_revoked) phone.revoked = Timestamp{1'800'000'000'000'000'000};
     all[{phone.role, phone.name}] = phone;
     Identity ann;
@@ -37,8 +38,10 @@ class DoorkeeperTest : public ::testing::Test {
 TEST_F(DoorkeeperTest, InAnOpenSiteANameIsAClaimAndAnOperatorMayDoAll) {
   Doorkeeper door({}, null_logger());
   EXPECT_EQ(door.client("phone-1"), client_principal("phone-1"));
-  EXPECT_EQ(door.operator_of("ann"), operator_principal("ann"));
+  EXPECT_EQ(door.operator_of("ann"),
+            operator_principal("ann", Principal::Proof::kClaimed, Duty::kAdminister));
   EXPECT_EQ(door.operator_of("ann").duty, Duty::kAdminister);
+  EXPECT_EQ(door.wearer_of("phone-1", "bob"), "bob");
   EXPECT_FALSE(door.look(kStart));
   EXPECT_EQ(door.next_look(), MonotonicTime::max());
 }
@@ -49,6 +52,8 @@ TEST_F(DoorkeeperTest, InASecuredSiteANameIsProvenAndARoleIsThatOfTheRegister) {
   EXPECT_EQ(door.operator_of("ann"),
             (Principal{Principal::Kind::kOperator, "ann", Principal::Proof::kProven, Duty::kCurate}));
   EXPECT_EQ(door.operator_of("nobody").duty, Duty::kWatch) << "whom the register does not know";
+  EXPECT_EQ(door.wearer_of("phone-1", "bob"), "ada");
+  EXPECT_EQ(door.wearer_of("phone-2", "ada"), "");
 }
 
 TEST_F(DoorkeeperTest, AnOperatorIsKnownAsSoonAsItHasKeys) {
@@ -74,6 +79,33 @@ TEST_F(DoorkeeperTest, WhoIsRevokedIsTurnedAwayWithinASecondAndThatIsToldNowAndT
   EXPECT_FALSE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(59)));
   EXPECT_TRUE(door.is_to_be_told(IdentityRole::kOperator, "phone-1", kStart));
   EXPECT_TRUE(door.is_to_be_told(IdentityRole::kClient, "phone-1", kStart + seconds(60)));
+}
+
+TEST_F(DoorkeeperTest, WhomTheMiddlewareDoesNotLetInIsToldNowAndThenAndOfFew) {
+  const auto refused = std::make_shared<wire::RefusedPeers>();
+  Doorkeeper door(SiteKeys::read(folder_.path()).value(), null_logger(), refused);
+  const auto try_as = [&](int phone) {
+    refused->note("error: certificate revoked; subject: /OU=client/CN=phone-" + std::to_string(phone));
+  };
+  try_as(1);
+  const auto told = door.refused_to_be_told(kStart);
+  ASSERT_EQ(told.size(), 1U);
+  EXPECT_EQ(told[0].who, "somebody as client phone-1");
+  try_as(1);
+  EXPECT_TRUE(door.refused_to_be_told(kStart + seconds(59)).empty());
+  try_as(1);
+  EXPECT_EQ(door.refused_to_be_told(kStart + seconds(60)).size(), 1U);
+  size_t many = 0;
+  for (int phone = 2; phone < 500; ++phone) {
+    try_as(phone);
+    many += door.refused_to_be_told(kStart + seconds(61)).size();
+  }
+  EXPECT_LT(many, 50U);
+  try_as(1000);
+  EXPECT_EQ(door.refused_to_be_told(kStart + seconds(200)).size(), 1U);
+  Doorkeeper open({}, null_logger(), refused);
+  try_as(1);
+  EXPECT_TRUE(open.refused_to_be_told(kStart).empty());
 }
 
 }  // namespace

@@ -77,7 +77,7 @@ Endpoint::Endpoint(const ServiceOptions& options, MapService::Lanes lanes, MapPe
       participant_(std::move(participant)),
       readers_(std::move(readers)),
       log_(log),
-      door_(std::move(keys), log),
+      door_(std::move(keys), log, options.refused),
       look_for_gone_at_(clock_->now() + kLookForGone),
       service_(
           options, lanes, store, site, *this, [this](Task task) { post(std::move(task)); }, std::move(log)) {}
@@ -120,7 +120,7 @@ void Endpoint::run() {
       feed_clients();
       const MonotonicTime now = clock_->now();
       if (now >= service_.next_tick()) service_.tick(now);
-      if (door_.look(now)) look_who_is_turned_away();
+      if (now >= door_.next_look()) look_who_is_at_the_door(now);
       if (now >= look_for_gone_at_) forget_gone_publications();
     } catch (const std::exception& problem) {
       log_->error("internal error: {}", problem.what());  // whatever a peer did: the others are served
@@ -194,14 +194,23 @@ void Endpoint::take_messages() {
   take_states();
   take_commands(&readers_.seeds, hand_over);
   take_commands(&readers_.offers, hand_over);
-  take_commands(&readers_.queries, hand_over);
+  take_questions();
   take_commands(&readers_.client_requests, hand_over);
   take_requests();
   take_rigs();
 }
 
+/// Of each client the newest counts.
+void Endpoint::take_questions() {
+  std::map<std::string, std::pair<Principal, wire::RelocQuery>> newest;
+  take_commands(&readers_.queries, [&newest](const Principal& who, const auto&, wire::RelocQuery question) {
+    newest.insert_or_assign(who.name, std::pair(who, std::move(question)));
+  });
+  for (auto& [name, asked] : newest) service_.take(asked.first, std::move(asked.second));
+}
+
 void Endpoint::take_states() {
-  wire::take_all(readers_.states.reader, [this](const auto& sample) {
+  wire::take_all(readers_.states.reader, [this](auto& sample) {
     if (!sample.message) {
       // No tracker disposes; anybody may under any key. That no writer of a key is left, the middleware says.
       if (sample.gone == wire::Gone::kNoWriters) service_.fell_silent(sample.key.client);
@@ -209,8 +218,9 @@ void Endpoint::take_states() {
     }
     const Publications::Publication* source = identify(&readers_.states, sample);
     if (source == nullptr) return;
-    const wire::TrackerStateMessage& state = *sample.message;
+    wire::TrackerStateMessage& state = *sample.message;
     const std::string& name = source->client->client;
+    state.wearer = door_.wearer_of(name, state.wearer);
     if (!service_.take(door_.client(name), sample.publication, source->process, state)) return;
     const auto link = links_.find(name);
     if (link == links_.end()) return;
@@ -234,7 +244,7 @@ void Endpoint::take_requests() {
         refusal(ErrorCode::kRefused, std::string("operator ") + *name + ": " + Doorkeeper::kRevoked);
     reply.operator_id = sample.message->operator_id;
     reply.command = sample.message->command;
-    check(answer(*name, reply), "an answer");
+    check(write_reply(*name, reply), "an answer");
   });
 }
 
@@ -301,9 +311,23 @@ void Endpoint::disconnect(const std::string& name, ClientLink* link) {
   service_.disconnect(door_.client(name));
 }
 
+void Endpoint::look_who_is_at_the_door(MonotonicTime now) {
+  for (const wire::RefusedPeer& peer : door_.refused_to_be_told(now))
+    service_.note_refused(peer.who, peer.why);
+  if (door_.look(now)) look_who_is_turned_away();
+}
+
 void Endpoint::look_who_is_turned_away() {
+  const auto is_turned_away = [this](const std::string& client) {
+    return door_.is_turned_away(IdentityRole::kClient, client);
+  };
+  service_.withdraw_offers(is_turned_away);
+  // Its writer keeps the last answer for whoever comes with those keys.
+  std::erase_if(operators_, [this](const auto& known) {
+    return door_.is_turned_away(IdentityRole::kOperator, known.first);
+  });
   for (auto& [name, link] : links_) {
-    if (door_.is_turned_away(IdentityRole::kClient, name)) {
+    if (is_turned_away(name)) {
       if (link.writers) (void)turns_away(IdentityRole::kClient, door_.client(name));
       disconnect(name, &link);
     } else if (!link.writers && link.status_readers > 0) {
@@ -358,11 +382,17 @@ Status Endpoint::tell(const std::string& client, const ClientEvent& event) {
 }
 
 Status Endpoint::answer(const std::string& operator_name, const wire::AdminReply& reply) {
+  // What was under way when its keys were revoked is not for whoever has them now.
+  if (door_.is_turned_away(IdentityRole::kOperator, operator_name)) return {};
+  return write_reply(operator_name, reply);
+}
+
+Status Endpoint::write_reply(const std::string& operator_name, const wire::AdminReply& reply) {
   auto known = std::ranges::find(operators_, operator_name, &OperatorWriters::value_type::first);
   if (known == operators_.end()) {
     auto made = wire::Writer<wire::AdminReply>::create(participant_, wire::operator_partition(operator_name));
     if (!made) return tl::unexpected(made.error());
-    while (operators_.size() >= AdminGate::kMaxOperators) operators_.pop_back();
+    while (operators_.size() >= AdminGate::kMostRuns) operators_.pop_back();
     known = operators_.emplace(operators_.begin(), operator_name, std::move(*made));
   }
   operators_.splice(operators_.begin(), operators_, known);

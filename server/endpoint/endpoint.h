@@ -75,6 +75,7 @@ class Endpoint : private ServiceOutput {
   void take_messages();
   template <typename Message, typename Use>
   void take_commands(Inlet<Message>* inlet, const Use& use);
+  void take_questions();
   void take_states();
   void take_requests();
   void take_rigs();
@@ -85,6 +86,7 @@ class Endpoint : private ServiceOutput {
   void on_discovered(const wire::DiscoveredReader& reader);
   void connect(const std::string& name, ClientLink* link);
   void disconnect(const std::string& name, ClientLink* link);
+  void look_who_is_at_the_door(MonotonicTime now);
   /// Somebody's keys were revoked, or a name that was has keys again.
   void look_who_is_turned_away();
   /// Whether it is; then that goes on record, now and then.
@@ -100,6 +102,7 @@ class Endpoint : private ServiceOutput {
   // What the service says.
   Status tell(const std::string& client, const ClientEvent& event) override;
   Status answer(const std::string& operator_name, const wire::AdminReply& reply) override;
+  Status write_reply(const std::string& operator_name, const wire::AdminReply& reply);
   void revised(MapId map, const MapSnapshotPtr& newest) override;
   void labelled(const wire::LabelMessage& label) override;
   void label_removed(MapId map, LabelId label) override;

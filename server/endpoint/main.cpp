@@ -48,8 +48,10 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   // errors of the write, not the end.
   std::signal(SIGXFSZ, SIG_IGN);
   std::signal(SIGPIPE, SIG_IGN);
-  const cairn::wire::LogRedirect middleware_log(log);
   cairn::ServiceOptions service;
+  service.refused = std::make_shared<cairn::wire::RefusedPeers>();
+  constexpr int kLinesASecond = 10;
+  const cairn::wire::LogRedirect middleware_log(log, kLinesASecond, service.refused);
   service.domain = options.domain;
   service.listen = options.listen;
   service.profile = options.profile;
@@ -59,6 +61,9 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.relocalization.method = options.relocalizer;
   service.max_maps = options.max_maps;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
+  service.max_keyframes = options.max_keyframes;
+  service.max_labels = options.max_labels;
+  service.rates = options.rates;
   service.store = options.store;
   service.rest_after = options.rest_after;
   service.drop_after = options.drop_after;

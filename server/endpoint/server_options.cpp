@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <utility>
@@ -62,6 +63,14 @@ constexpr OptionRow kOptions[] = {
      true},
     {"max-maps", "N", "maps at most [1000]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
+    {"max-keyframes", "N", "keyframes of a map at most [2000]", true},
+    {"max-labels", "N", "labels of a map at most, up to 1000 [1000]", true},
+    {"keyframe-rate", "N",
+     "keyframes a second that one client may offer in the long run, and 100 at once; 0: no limit [5]", true},
+    {"question-rate", "N",
+     "questions a second where it is that one client may ask in the long run, and 100 at once; 0: no limit "
+     "[20]",
+     true},
     {"store", "DIR", "keeps maps across restarts, in this folder [in memory only]", true},
     {"rest-after", "SECONDS",
      "with --store, pictures of a map that nobody has worked on for so long are let go until somebody does; "
@@ -173,6 +182,16 @@ Result<ServerOptions> translate(const Words& words) {
         return refuse("expected a number of megabytes from 1 on");
       }
       options.max_memory_mb = *megabytes;
+    } else if (name == "max-keyframes" || name == "max-labels") {
+      const bool is_labels = name == "max-labels";
+      const auto most = to_number<size_t>(value);
+      if (!most || *most == 0 || (is_labels && *most > kMaxLabels))
+        return refuse(is_labels ? "expected a number from 1 to 1000" : "expected a number from 1 on");
+      (is_labels ? options.max_labels : options.max_keyframes) = *most;
+    } else if (name == "keyframe-rate" || name == "question-rate") {
+      const auto rate = to_number<double>(value);
+      if (!rate || !(*rate >= 0) || !std::isfinite(*rate)) return refuse("expected a number from 0 on");
+      (name == "keyframe-rate" ? options.rates.keyframes : options.rates.questions) = *rate;
     } else if (name == "rest-after" || name == "drop-after") {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");

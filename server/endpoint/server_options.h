@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
+#include "server/service/service_options.h"
 #include "server/service/wearer_rule.h"
 
 namespace cairn {
@@ -27,10 +28,13 @@ struct ServerOptions {
   RelocMethod relocalizer = RelocMethod::kImproved;
   size_t max_maps = 1000;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
-  std::string store;                             ///< folder; empty: nothing is kept
-  std::chrono::seconds rest_after{60};           ///< ServiceOptions::rest_after
-  std::chrono::seconds drop_after{10};           ///< ServiceOptions::drop_after
-  bool lockstep = true;                          ///< ServiceOptions::lockstep
+  size_t max_keyframes = MapServiceOptions().max_keyframes;
+  size_t max_labels = MapServiceOptions().max_labels;
+  RateLimits rates;
+  std::string store;                    ///< folder; empty: nothing is kept
+  std::chrono::seconds rest_after{60};  ///< ServiceOptions::rest_after
+  std::chrono::seconds drop_after{10};  ///< ServiceOptions::drop_after
+  bool lockstep = true;                 ///< ServiceOptions::lockstep
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
   std::string security;  ///< folder of the server's keys; empty: an open site
   std::string stats;     ///< file; empty: none

@@ -74,10 +74,21 @@ TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
 TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512", "--stats", "server.json"});
   EXPECT_EQ(options.stats, "server.json");
+  const ServerOptions limited =
+      accepted({"--max-keyframes=50", "--max-labels=20", "--keyframe-rate=0.5", "--question-rate=0"});
+  EXPECT_EQ(limited.max_keyframes, 50U);
+  EXPECT_EQ(limited.max_labels, 20U);
+  EXPECT_EQ(limited.rates.keyframes, 0.5);
+  EXPECT_EQ(limited.rates.questions, 0);
+  EXPECT_EQ(refused({"--max-labels", "1001"}).code, 2);
+  for (const char* rate : {"-1", "nan", "inf", "many", "1/s"})
+    EXPECT_EQ(refused({"--keyframe-rate", rate}).code, 2) << rate;
   EXPECT_EQ(options.max_maps, 3U);
   EXPECT_EQ(options.max_memory_mb, 512U);
   for (const char* none : {"0", "-1", "many"}) {
     EXPECT_EQ(refused({"--max-maps", none}).code, 2);
+    EXPECT_EQ(refused({"--max-keyframes", none}).code, 2);
+    EXPECT_EQ(refused({"--max-labels", none}).code, 2);
     EXPECT_EQ(refused({"--max-memory", none}).code, 2);
   }
 }
@@ -169,9 +180,11 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
   for (const char* word :
-       {"Examples:", "--config", "--store", "--domain", "--listen", "--profile", "--security", "--http",
-        "--seed", "--max-maps", "--max-memory", "--relocalizer", "--rest-after", "--drop-after",
-        "--wearer-rule", "--wearers", "--stats", "--lockstep"}) {
+       {"Examples:",     "--config",        "--store",      "--domain",        "--listen",
+        "--profile",     "--security",      "--http",       "--seed",          "--max-maps",
+        "--max-memory",  "--max-keyframes", "--max-labels", "--keyframe-rate", "--question-rate",
+        "--relocalizer", "--rest-after",    "--drop-after", "--wearer-rule",   "--wearers",
+        "--stats",       "--lockstep"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/map/snapshot.h"
 #include "common/wire/participant.h"
+#include "common/wire/refused_peers.h"
 #include "server/service/service_options.h"
 
 namespace cairn {
@@ -24,7 +25,8 @@ struct ServiceOptions : MapServiceOptions {
   /// Of a secured site, where nobody may do anything until its operators have said who may; empty: an open
   /// one, where everybody may write and make maps until they say otherwise.
   std::string security;
-  int loss_per_mille = 0;  ///< outgoing packets dropped on purpose; for tests
+  std::shared_ptr<wire::RefusedPeers> refused = {};  ///< of a LogRedirect: for the audit log
+  int loss_per_mille = 0;                            ///< outgoing packets dropped on purpose; for tests
 };
 
 /// A random ServerId and a start count from the wall clock, for servers without a store.

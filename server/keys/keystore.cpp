@@ -232,11 +232,9 @@ Status Keystore::leave_folder(const Identity& identity, const KeyPair& keys, con
       {folder / "identity_ca.cert.pem", read_file(certificate_file(folder_, kIdentities))},
       {folder / "permissions_ca.cert.pem", to_pem(*documents.certificate)},
       {folder / "tag", read_file(folder_ / "tag"), kSecretFile},
+      {folder / kRevocations, read_file(folder_ / kRevocations)},
   };
-  if (identity.role == IdentityRole::kServer) {
-    files.push_back({folder / kRegisterFile, to_text(identities_)});
-    files.push_back({folder / kRevocations, read_file(folder_ / kRevocations)});
-  }
+  if (identity.role == IdentityRole::kServer) files.push_back({folder / kRegisterFile, to_text(identities_)});
   if (Status written = write_all(files); !written) return told_of_place(folder, place, written.error());
   return unfinished->leave();
 }
@@ -272,9 +270,9 @@ Status Keystore::save(Register changed, Timestamp now) {
   for (const auto& [key, identity] : changed) {
     const fs::path folder = security_folder(key.first, key.second);
     std::error_code ignored;
-    if (key.first != IdentityRole::kServer || !fs::exists(folder, ignored)) continue;
-    files.push_back({folder / kRegisterFile, text});
+    if (!fs::exists(folder, ignored)) continue;
     files.push_back({folder / kRevocations, revocations});
+    if (key.first == IdentityRole::kServer) files.push_back({folder / kRegisterFile, text});
   }
   if (Status written = write_all(files); !written) return written;
   identities_ = std::move(changed);

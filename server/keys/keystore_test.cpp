@@ -141,12 +141,15 @@ TEST_F(KeystoreTest, ANameIsIssuedOnceAndRenewedWithANewSerial) {
 TEST_F(KeystoreTest, WhoIsRevokedStaysSoUntilItsKeysHaveExpired) {
   const fs::path server = issue(IdentityRole::kServer, "server");
   const fs::path phone = issue(IdentityRole::kClient, "phone-1");
+  const fs::path rig = issue(IdentityRole::kRig, "shoulder");
   const std::string before = read_file(server / "crl.pem").value();
+  EXPECT_EQ(read_file(rig / "crl.pem").value(), before);
   EXPECT_FALSE(SiteKeys::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
   const Status revoked = open().revoke(IdentityRole::kClient, "phone-1", kNow);
   ASSERT_TRUE(revoked) << revoked.error().message;
   EXPECT_TRUE(SiteKeys::read(server)->is_revoked(IdentityRole::kClient, "phone-1"));
   EXPECT_NE(read_file(server / "crl.pem").value(), before);
+  EXPECT_EQ(read_file(rig / "crl.pem").value(), read_file(server / "crl.pem").value()) << "of every role";
   EXPECT_FALSE(fs::exists(phone));
 
   const auto renewed = open().renew(IdentityRole::kClient, "phone-1", kMonth, kNow);

@@ -56,8 +56,8 @@ std::string rules_of_client(const Identity& client) {
                       rule("subscribe", said_to_clients(), {own}) +
                       rule("subscribe", parts_of_maps(), {own + ".map.*"});
   if (!client.rig.empty()) {
-    const Names rig{wire::rig_partition(client.rig)};
-    rules += rule("publish", said_to_rigs(), rig) + rule("subscribe", topics<wire::RigState>(), rig);
+    rules += rule("publish", said_to_rigs(), {wire::client_to_rig_partition(client.rig, client.name)}) +
+             rule("subscribe", topics<wire::RigState>(), {wire::rig_partition(client.rig)});
   }
   if (!client.wearer.empty()) {
     const Names wearer{wire::wearer_partition(client.wearer)};
@@ -83,13 +83,15 @@ std::string rules_of_operator(const Identity& who) {
   std::string rules = rule("publish", topics<wire::AdminRequest>(), own) +
                       rule("subscribe", topics<wire::AdminReply>(), own) +
                       rule("subscribe", topics<wire::RigState>(), rigs);
-  if (who.duty != Duty::kWatch) rules += rule("publish", topics<wire::RigCommand>(), rigs);
+  if (who.duty != Duty::kWatch) {
+    rules += rule("publish", topics<wire::RigCommand>(), {wire::operator_to_rig_partition("*", who.name)});
+  }
   return rules;
 }
 
 std::string rules_of_rig(const Identity& rig) {
-  const Names own{wire::rig_partition(rig.name)};
-  return rule("publish", topics<wire::RigState>(), own) + rule("subscribe", said_to_rigs(), own);
+  return rule("publish", topics<wire::RigState>(), {wire::rig_partition(rig.name)}) +
+         rule("subscribe", said_to_rigs(), {wire::everybody_to_rig(rig.name)});
 }
 
 std::string rules_of(const Identity& identity) {

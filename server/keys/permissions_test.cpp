@@ -57,8 +57,10 @@ TEST(PermissionsTest, ACarriedCameraAlsoSpeaksToItsRigAndItsWearersOtherCameras)
   client.rig = "shoulder";
   client.wearer = "ann";
   const std::string xml = make_permissions(client, "", kValid);
-  EXPECT_THAT(partitions_of(xml, "publish", "RigCommand"), ElementsAre("rig.shoulder"));
-  EXPECT_THAT(partitions_of(xml, "publish", "TrackerState"), ElementsAre("client.phone-1", "rig.shoulder"));
+  EXPECT_THAT(partitions_of(xml, "publish", "RigCommand"), ElementsAre("rig.shoulder.client.phone-1"));
+  EXPECT_THAT(partitions_of(xml, "publish", "TrackerState"),
+              ElementsAre("client.phone-1", "rig.shoulder.client.phone-1"));
+  EXPECT_THAT(partitions_of(xml, "subscribe", "RigState"), ElementsAre("rig.shoulder"));
   EXPECT_THAT(partitions_of(xml, "subscribe", "CameraPicture"), ElementsAre("wearer.ann"));
 }
 
@@ -69,7 +71,7 @@ TEST(PermissionsTest, AnOperatorWhoWatchesCommandsNoRig) {
   EXPECT_TRUE(partitions_of(make_permissions(who, "", kValid), "publish", "RigCommand").empty());
   who.duty = Duty::kCurate;
   EXPECT_THAT(partitions_of(make_permissions(who, "", kValid), "publish", "RigCommand"),
-              ElementsAre("rig.*"));
+              ElementsAre("rig.*.operator.ann"));
 }
 
 TEST(PermissionsTest, TheServerWritesToClientsAndNotAsOne) {

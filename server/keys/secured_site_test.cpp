@@ -273,7 +273,7 @@ TEST_F(SecuredSite, WhatIsWrongWithAFolderIsNamed) {
   EXPECT_THAT(error_of(), HasSubstr("key.pem: others can read it; `chmod 600`"));
   fs::permissions(keys / "key.pem", fs::perms::owner_read | fs::perms::owner_write);
   for (const char* file : {"identity_ca.cert.pem", "permissions_ca.cert.pem", "cert.pem", "key.pem",
-                           "governance.p7s", "permissions.p7s", "tag"}) {
+                           "governance.p7s", "permissions.p7s", "tag", "crl.pem"}) {
     const std::string good = read_file(keys / file).value();
     for (const std::string& bad : {std::string(), std::string("rubbish"), good.substr(0, good.size() / 2)}) {
       std::ofstream(keys / file) << bad;
@@ -285,9 +285,15 @@ TEST_F(SecuredSite, WhatIsWrongWithAFolderIsNamed) {
     fs::permissions(keys / file, fs::perms::owner_read | fs::perms::owner_write);
     EXPECT_EQ(error_of(), "good");
   }
-  fs::copy_file(keys / "identity_ca.cert.pem", keys / "permissions_ca.cert.pem",
+  const fs::path copied = directory_.path() / "phone";  // as on the device, to which the new list comes
+  fs::copy(keys, copied);
+  ASSERT_TRUE(Keystore::open(keys_).value().revoke(IdentityRole::kClient, "phone-1", wall_clock_now()));
+  EXPECT_TRUE(read_security(copied)) << "it has not come yet";
+  fs::copy_file(server_keys_ / "crl.pem", copied / "crl.pem", fs::copy_options::overwrite_existing);
+  EXPECT_THAT(read_security(copied).error().message, HasSubstr("the keys of client phone-1 were revoked"));
+  fs::copy_file(copied / "identity_ca.cert.pem", copied / "permissions_ca.cert.pem",
                 fs::copy_options::overwrite_existing);
-  EXPECT_THAT(error_of(), HasSubstr("the authority of the identities too"));
+  EXPECT_THAT(read_security(copied).error().message, HasSubstr("the authority of the identities too"));
 }
 
 }  // namespace

@@ -25,6 +25,11 @@ std::optional<Duty> SiteKeys::duty_of(const std::string& operator_name) const {
   return known == identities_.end() ? std::nullopt : std::optional(known->second.duty);
 }
 
+std::string SiteKeys::wearer_of(const std::string& client) const {
+  const auto known = identities_.find({IdentityRole::kClient, client});
+  return known == identities_.end() ? std::string() : known->second.wearer;
+}
+
 std::optional<SiteKeys::Version> SiteKeys::version_now() const {
   struct stat status {};
   if (stat(register_file_.c_str(), &status) != 0) return std::nullopt;

@@ -25,6 +25,8 @@ class SiteKeys {
   [[nodiscard]] bool is_revoked(IdentityRole role, std::string_view name) const;
   /// Nothing: the register knows no such operator.
   [[nodiscard]] std::optional<Duty> duty_of(const std::string& operator_name) const;
+  /// Who wears the camera of that client; empty: nobody, or the register knows no such client.
+  [[nodiscard]] std::string wearer_of(const std::string& client) const;
 
   /// Reads the register again if its file is another than before, which costs a look at its name only. True:
   /// somebody else has keys now. After an error, which it repeats until the file is good, all stays as it

@@ -10,14 +10,21 @@
 
 namespace cairn {
 
-/// Sees to it that each request of an operator is carried out once (`name` is that of a run of cairnctl), and
-/// that few are under way at a time: each holds what it brought and its place behind the store's writer. The
-/// time is handed in. Pure; used from one thread.
+/// Sees to it that each request of a run of cairnctl is carried out once, and that few are under way at a
+/// time, and of one operator fewer still: each holds what it brought and its place behind the store's writer.
+/// The time is handed in. Pure; used from one thread.
 class AdminGate {
  public:
-  static constexpr size_t kMaxOperators =
-      64;  ///< remembered; those with a request under way are never forgotten
-  static constexpr size_t kMostInWork = 16;  ///< of all operators
+  static constexpr size_t kMostRuns = 64;  ///< remembered; those with a request under way are never forgotten
+  static constexpr size_t kMostInWork = 16;      ///< of all operators
+  static constexpr size_t kMostInWorkOfOne = 4;  ///< an operator with many windows leaves room for others
+
+  /// An operator of a secured site has one name, and may run cairnctl several times at once.
+  struct Run {
+    std::string operator_name;
+    SessionId session;
+    auto operator<=>(const Run&) const = default;
+  };
 
   enum class Admission : uint8_t {
     kNew,       ///< to be carried out; exactly one answered() must follow
@@ -29,22 +36,25 @@ class AdminGate {
     Admission admission = Admission::kNew;
     std::string why;  ///< of a refusal
   };
-  [[nodiscard]] Judgement admit(const std::string& name, wire::CommandId command, MonotonicTime now);
-  void answered(const std::string& name, wire::AdminReply reply, MonotonicTime now);
+  [[nodiscard]] Judgement admit(const std::string& operator_name, wire::CommandId command, MonotonicTime now);
+  void answered(const std::string& operator_name, wire::AdminReply reply, MonotonicTime now);
   /// Null when there is none.
-  [[nodiscard]] const wire::AdminReply* last(const std::string& name) const;
-  [[nodiscard]] bool knows(const std::string& name) const { return operators_.contains(name); }
+  [[nodiscard]] const wire::AdminReply* last(const Run& run) const;
+  [[nodiscard]] bool knows(const Run& run) const { return runs_.contains(run); }
 
  private:
-  struct Operator {
+  struct Known {
     MonotonicTime last_heard;
     std::optional<wire::AdminReply> last = {};
     std::optional<wire::CommandId> in_work = {};  ///< cairnctl waits for an answer before it asks on
   };
+  using Runs = std::map<Run, Known>;
   [[nodiscard]] size_t in_work() const;
+  [[nodiscard]] size_t in_work_of(const std::string& operator_name) const;
+  [[nodiscard]] std::string why_not(const std::string& operator_name, const Known& asking) const;
   void make_room();
 
-  std::map<std::string, Operator> operators_;
+  Runs runs_;
 };
 
 }  // namespace cairn

@@ -28,6 +28,10 @@ class AdminGateTest : public ::testing::Test {
     gate_.answered(name, reply, now_);
   }
 
+  [[nodiscard]] const wire::AdminReply* last(const std::string& name) const {
+    return gate_.last({name, kSession});
+  }
+
   AdminGate gate_;
   MonotonicTime now_{};
 };
@@ -37,9 +41,9 @@ TEST_F(AdminGateTest, ARequestIsCarriedOutOnceAndItsAnswerRepeated) {
   EXPECT_EQ(ask("ann", 1).admission, Admission::kInWork);
   answer("ann", 1);
   EXPECT_EQ(ask("ann", 1).admission, Admission::kRepeated);
-  ASSERT_NE(gate_.last("ann"), nullptr);
-  EXPECT_EQ(gate_.last("ann")->command.seq, 1U);
-  EXPECT_EQ(gate_.last("bob"), nullptr);
+  ASSERT_NE(last("ann"), nullptr);
+  EXPECT_EQ(last("ann")->command.seq, 1U);
+  EXPECT_EQ(last("bob"), nullptr);
 }
 
 TEST_F(AdminGateTest, ARequestThatIsOvertakenOnItsWayIsNotCarriedOutAgain) {
@@ -48,7 +52,7 @@ TEST_F(AdminGateTest, ARequestThatIsOvertakenOnItsWayIsNotCarriedOutAgain) {
     answer("ann", seq);
   }
   EXPECT_EQ(ask("ann", 1).admission, Admission::kInWork) << "nothing follows";
-  EXPECT_EQ(gate_.last("ann")->command.seq, 2U);
+  EXPECT_EQ(last("ann")->command.seq, 2U);
   EXPECT_EQ(ask("ann", 3).admission, Admission::kNew);
 }
 
@@ -68,15 +72,15 @@ TEST_F(AdminGateTest, WhoSendsRequestsWithoutWaitingIsRefusedAllButTheFirst) {
 
 TEST_F(AdminGateTest, WhoWasAnsweredLateIsNotTheFirstToBeForgotten) {
   EXPECT_EQ(ask("long", 1).admission, Admission::kNew);
-  for (size_t i = 1; i < AdminGate::kMaxOperators; ++i) {
+  for (size_t i = 1; i < AdminGate::kMostRuns; ++i) {
     const std::string name = "op-" + std::to_string(i);
     ASSERT_EQ(ask(name, 1).admission, Admission::kNew);
     answer(name, 1);
   }
   answer("long", 1);
   EXPECT_EQ(ask("one-more", 1).admission, Admission::kNew);
-  ASSERT_NE(gate_.last("long"), nullptr) << "it may not have its answer yet";
-  EXPECT_EQ(gate_.last("op-1"), nullptr);
+  ASSERT_NE(last("long"), nullptr) << "it may not have its answer yet";
+  EXPECT_EQ(last("op-1"), nullptr);
 }
 
 TEST_F(AdminGateTest, FewAreUnderWayAtATimeHoweverManyAsk) {
@@ -91,16 +95,36 @@ TEST_F(AdminGateTest, FewAreUnderWayAtATimeHoweverManyAsk) {
     if (judged.admission == Admission::kRefused) {
       EXPECT_TRUE(at_work.contains(name) || at_work.size() == AdminGate::kMostInWork) << judged.why;
       answer(name, seq);
-      EXPECT_EQ(gate_.last(name)->command.seq, seq) << "it is told";
+      EXPECT_EQ(last(name)->command.seq, seq) << "it is told";
     }
     ASSERT_LE(at_work.size(), AdminGate::kMostInWork);
-    for (const auto& [busy, its] : at_work) ASSERT_TRUE(gate_.knows(busy)) << "it would be done twice";
+    for (const auto& [busy, its] : at_work)
+      ASSERT_TRUE(gate_.knows({busy, kSession})) << "it would be done twice";
     if (random() % 3 == 0 && !at_work.empty()) {
       const auto first = at_work.begin();
       answer(first->first, first->second);
       at_work.erase(first);
     }
   }
+}
+
+TEST_F(AdminGateTest, OneOperatorWithManyRunsLeavesRoomForOthers) {
+  for (uint64_t run = 1; run <= 3 * AdminGate::kMostRuns; ++run) {
+    now_ += std::chrono::seconds(1);
+    if (run == 10) {
+      EXPECT_EQ(ask("ann", 1).admission, Admission::kNew) << "another has a place";
+      answer("ann", 1);
+    }
+    const wire::CommandId command{SessionId{100 + run}, 1};
+    const auto judged = gate_.admit("greedy", command, now_);
+    EXPECT_EQ(judged.admission, run <= AdminGate::kMostInWorkOfOne ? Admission::kNew : Admission::kRefused);
+    if (judged.admission != Admission::kRefused) continue;
+    EXPECT_THAT(judged.why, HasSubstr("4 requests of operator greedy are under way"));
+    wire::AdminReply reply;
+    reply.command = command;
+    gate_.answered("greedy", reply, now_);
+  }
+  EXPECT_NE(last("ann"), nullptr) << "whoever has many runs has his own forgotten";
 }
 
 }  // namespace

@@ -56,7 +56,9 @@ ErrorCode error_of(wire::RequestDecision decision) {
 }
 
 OperatorAct act_of(const std::string& verb) {
-  if (changes_rights(verb)) return OperatorAct::kGovern;
+  // Who looks after maps may close one to everybody; whom it is open to is for others to say.
+  const bool is_about_map = verb == "map-freeze" || verb == "map-unfreeze";
+  if (changes_rights(verb) && !is_about_map) return OperatorAct::kGovern;
   const bool is_transfer = verb == "export" || verb == "import" || verb.starts_with("export-") ||
                            verb.starts_with("import-") || verb.starts_with("backup");
   if (is_transfer) return OperatorAct::kTransfer;
@@ -93,11 +95,6 @@ json first_of(const std::vector<Item>& items, Describe describe_one) {
   return told;
 }
 
-/// An operator of a secured site has one name, and may run cairnctl several times at once.
-std::string run_of(const std::string& operator_name, wire::CommandId command) {
-  return operator_name + " " + std::to_string(command.session.value);
-}
-
 }  // namespace
 
 /// A request of an operator, from when it is taken on until it is answered. One whose answer is lost, with an
@@ -129,11 +126,10 @@ void MapService::take(const Principal& who, const wire::AdminRequest& message) {
     reply.command = command;
     if (reply.result != 0) log_->info("operator {}: refused: {}", operator_name, reply.text);
     const wire::CommandId answered = reply.command;
-    admin_gate_.answered(run_of(operator_name, answered), std::move(reply), clock_.now());
+    admin_gate_.answered(operator_name, std::move(reply), clock_.now());
     repeat_answer(operator_name, answered);
   };
-  const std::string run = run_of(operator_name, message.command);
-  const AdminGate::Judgement judged = admin_gate_.admit(run, message.command, clock_.now());
+  const AdminGate::Judgement judged = admin_gate_.admit(operator_name, message.command, clock_.now());
   switch (judged.admission) {
     case AdminGate::Admission::kNew:
       break;
@@ -161,7 +157,7 @@ void MapService::refuse_for_now(const std::string& operator_name, wire::CommandI
   wire::AdminReply reply = refusal(ErrorCode::kRefused, why);
   reply.operator_id = client_id_from_name(operator_name);
   reply.command = command;
-  admin_gate_.answered(run_of(operator_name, command), std::move(reply), clock_.now());
+  admin_gate_.answered(operator_name, std::move(reply), clock_.now());
   repeat_answer(operator_name, command);
 }
 
@@ -170,7 +166,8 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
   const json request = parse_request(message.request);
   if (!request.is_object()) return tell(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
-  const AdminAnswer answer = is_audited(verb) ? audited(operator_name, request, tell) : tell;
+  if (verb.empty()) return tell(refusal(ErrorCode::kUsage, "a request without 'verb', a text"));
+  const AdminAnswer answer = is_audited(verb) ? audited(operator_name, verb, request, tell) : tell;
   const std::string wanted = text_of(request, "map");
   log_->log(is_piece(verb) ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", operator_name,
             cut_text(json_text(request), kLoggedBytes));
@@ -213,7 +210,7 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
 }
 
 void MapService::repeat_answer(const std::string& operator_name, wire::CommandId command) {
-  const wire::AdminReply* reply = admin_gate_.last(run_of(operator_name, command));
+  const wire::AdminReply* reply = admin_gate_.last({operator_name, command.session});
   if (reply == nullptr) return;
   const Status written = output_.answer(operator_name, *reply);
   if (!written && output_trouble_.due(clock_.now()))

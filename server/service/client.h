@@ -15,7 +15,9 @@
 #include "common/wire/peers.h"
 #include "server/access/principal.h"
 #include "server/mapping/map_camera.h"
+#include "server/service/client_rates.h"
 #include "server/service/command_gate.h"
+#include "server/service/pending_offers.h"
 
 namespace cairn {
 
@@ -60,6 +62,7 @@ inline constexpr size_t kMaxClients = 256;
 /// What the server keeps of one client name. The gates outlive the connection: the same process may come back
 /// with commands that were decided long ago.
 struct Client {
+  explicit Client(const RateLimits& limits) : rates(limits) {}
   std::string name;
   ClientId id;
   Principal::Proof proof = Principal::Proof::kClaimed;  ///< of the name, by whoever spoke under it last
@@ -67,6 +70,8 @@ struct Client {
   OfferGate offer_gate;
   SeedGate seed_gate;
   RequestGate request_gate;
+  PendingOffers pending_offers;
+  ClientRates rates;
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;

@@ -66,6 +66,8 @@ void MapService::take(const Principal& who, wire::MapSeed message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
   if (refuses_lockstep(client, message.lockstep)) return;
+  const auto rate = client.rates.judge(ClientRates::Kind::kSeed, clock_.now());
+  if (rate == ClientRates::Judgement::kPassOver) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (client.seed_in_work || (camera == nullptr && may_yet_come(client, clock_.now()))) return;
   switch (client.seed_gate.admit(message.command.seq)) {
@@ -83,6 +85,7 @@ void MapService::take(const Principal& who, wire::MapSeed message) {
   const auto refuse = [&](std::string reason) {
     on_seed_decided(client.name, verdict, fail(ErrorCode::kRefused, std::move(reason)), nullptr);
   };
+  if (rate == ClientRates::Judgement::kRefuse) return refuse(client.rates.why(ClientRates::Kind::kSeed));
   if (camera == nullptr) return refuse(unknown_camera(message.camera, message.camera_version));
   client.camera_missed_at.reset();
   const Ruling ruling = options_.access->on_creating(client.principal());
@@ -155,6 +158,8 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;
   if (refuses_lockstep(client, message.lockstep)) return;
+  const auto rate = client.rates.judge(ClientRates::Kind::kKeyframe, clock_.now());
+  if (rate == ClientRates::Judgement::kPassOver) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (camera == nullptr && may_yet_come(client, clock_.now())) return;
   wire::OfferOutcome outcome;
@@ -177,6 +182,8 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
     case OfferGate::Admission::kGap:
       return;
   }
+  if (rate == ClientRates::Judgement::kRefuse)
+    return refuse(wire::OfferDecision::kBusy, client.rates.why(ClientRates::Kind::kKeyframe));
   if (camera == nullptr) {
     return refuse(wire::OfferDecision::kDamaged, unknown_camera(message.camera, message.camera_version));
   }
@@ -188,9 +195,10 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   }
   if (ruling.right < Right::kAdd) return refuse(wire::OfferDecision::kNoRight, ruling.reason);
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
-  if (std::string why = why_memory_is_full(bytes_to_wake(*entry)); !why.empty()) {
+  if (std::string why = why_map_is_full(*entry); !why.empty())
     return refuse(wire::OfferDecision::kFull, std::move(why));
-  }
+  if (*waiting_bytes_ + message.image.bytes.size() > options_.max_waiting_bytes)
+    return refuse(wire::OfferDecision::kBusy, "too many keyframes of all clients wait for their maps");
 
   OfferJob job;
   job.origin = {client.name, message.command};
@@ -208,6 +216,7 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
+  job.pending = client.pending_offers.add(message.map, ruling.extent, job.image.bytes.size(), waiting_bytes_);
   outcome.epoch = entry->snapshot->epoch;
   entry->used_at = clock_.now();
   const auto done = [this, name = client.name, session, outcome,
@@ -253,6 +262,12 @@ void MapService::take(const Principal& who, wire::RelocQuery message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   if (refuses_lockstep(client, message.lockstep)) return;
+  const auto rate = client.rates.judge(ClientRates::Kind::kQuestion, clock_.now());
+  if (rate == ClientRates::Judgement::kPassOver) return;
+  if (rate == ClientRates::Judgement::kRefuse) {
+    return on_query_answered(client.name, message.command,
+                             {PlaceVerdict::kNotThere, {}, client.rates.why(ClientRates::Kind::kQuestion)});
+  }
   const AnnouncedCamera* announced = client.cameras.find(message.camera, message.camera_version);
   if (announced == nullptr && may_yet_come(client, clock_.now())) return;  // it will be asked again
   if (announced == nullptr) {
@@ -428,6 +443,15 @@ std::string MapService::why_memory_is_full(size_t more) const {
   std::string why = "the server is full: its maps take " + std::to_string(bytes / kMegabyte) + " MB";
   if (more > 0) why += ", and this one, which rests, needs " + std::to_string(more / kMegabyte) + " MB more";
   return why + " (--max-memory)";
+}
+
+std::string MapService::why_map_is_full(const MapEntry& entry) const {
+  const size_t keyframes = entry.statistics.keyframes;
+  if (keyframes + static_cast<size_t>(entry.offers_in_work) >= options_.max_keyframes) {
+    return "the map has " + std::to_string(keyframes) +
+           " keyframes, which is all it may have (--max-keyframes)";
+  }
+  return why_memory_is_full(bytes_to_wake(entry));
 }
 
 std::string MapService::why_full() const {

@@ -253,6 +253,12 @@ bool MapRunner::refer_to_earlier(OfferJob* job) const {
 OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   using wire::OfferDecision;
   if (has_ended()) return ended();
+  if (job.pending && job.pending->is_withdrawn()) {
+    return {OfferDecision::kNoRight,
+            "what this client may add to the map has changed while its keyframe waited",
+            {},
+            {}};
+  }
   if (maker_ == nullptr) return {OfferDecision::kUnknownMap, "this map was not made", {}, {}};
   if (frozen_) return {OfferDecision::kDamaged, kInternalError, {}, {}};
   if (!carry_over(epochs_, job.epoch, published_->epoch, &job.input)) {

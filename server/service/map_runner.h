@@ -20,6 +20,7 @@
 #include "server/service/executor.h"
 #include "server/service/map_persistence.h"
 #include "server/service/offer_chain.h"
+#include "server/service/pending_offers.h"
 #include "server/service/serial_queue.h"
 #include "server/service/work_times.h"
 
@@ -47,6 +48,7 @@ struct OfferJob {
   Epoch epoch;
   wire::ImageMessage image;
   bool lockstep = false;
+  std::shared_ptr<const PendingOffer> pending = {};  ///< nothing: it cannot be withdrawn
 };
 
 /// A state of the map to be shown to others.

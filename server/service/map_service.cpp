@@ -130,7 +130,7 @@ void MapService::tick(MonotonicTime now) {
 
 Client& MapService::client_of(const Principal& who) {
   const std::string& name = who.name;
-  const auto [it, is_new] = clients_.try_emplace(name);
+  const auto [it, is_new] = clients_.try_emplace(name, options_.rates);
   if (is_new) {
     it->second.name = name;
     it->second.id = client_id_from_name(name);
@@ -196,9 +196,12 @@ std::optional<FollowedMap> MapService::follow(const Principal& who, MapId map) c
 
 void MapService::take(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera) {
   Client& client = client_of(who);
-  const Status taken = client.cameras.put(process, camera);
+  const MonotonicTime now = clock_.now();
+  const Status taken = client.rates.judge(ClientRates::Kind::kCamera, now) == ClientRates::Judgement::kTake
+                           ? client.cameras.put(process, camera)
+                           : fail(ErrorCode::kRefused, client.rates.why(ClientRates::Kind::kCamera));
   if (taken) client.camera_missed_at.reset();
-  if (!taken && client.camera_warning.due(clock_.now()))
+  if (!taken && client.camera_warning.due(now))
     log_->warn("{}: camera {} refused: {}", client.name, camera.camera, taken.error().message);
 }
 
@@ -210,6 +213,7 @@ bool MapService::take(const Principal& who, wire::PublicationHandle publication,
                       std::optional<wire::PeerId> process, const wire::TrackerStateMessage& message) {
   Client& client = client_of(who);
   const MonotonicTime now = clock_.now();
+  if (client.rates.judge(ClientRates::Kind::kState, now) != ClientRates::Judgement::kTake) return false;
   switch (presence_.heard(client.name, message.session, publication, now)) {
     case Presence::Standing::kIntruder:
       tell_intruder(client, message.session, now);

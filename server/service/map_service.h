@@ -74,8 +74,12 @@ class MapService {
   /// A client listens: it is told what there is. And does so no more.
   void connect(const Principal& who);
   void disconnect(const Principal& who);
+  /// Of such clients, what they have offered and no map has judged yet is not taken any more.
+  void withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away);
   /// Somebody is not heard, or is not any more, though he speaks: for the audit log.
   void note_turned_away(const Principal& who, const std::string& why);
+  /// Somebody was not let in by the transport, as who he says he is: for the audit log.
+  void note_refused(const std::string& who, const std::string& why);
   /// Its process is not heard any more.
   void fell_silent(ClientId client);
   /// From a process under this name; more of them may send.
@@ -136,8 +140,8 @@ class MapService {
   void enforce_rights();
   void unlist_map(MapId map, Client& client);
   /// The answer is told, and what the operator did, or tried to, is written down.
-  [[nodiscard]] AdminAnswer audited(const std::string& operator_name, const nlohmann::json& request,
-                                    const AdminAnswer& tell);
+  [[nodiscard]] AdminAnswer audited(const std::string& operator_name, const std::string& verb,
+                                    const nlohmann::json& request, const AdminAnswer& tell);
 
   [[nodiscard]] std::pair<MapId, MapEntry*> find_map(const std::string& name_or_id);
   void describe_server(const AdminAnswer& answer);
@@ -240,6 +244,8 @@ class MapService {
   void forget_map(MapId map);
   /// Why no map may grow, and first take so much memory `more`; empty when it may.
   [[nodiscard]] std::string why_memory_is_full(size_t more = 0) const;
+  /// Why the map may not grow; empty when it may.
+  [[nodiscard]] std::string why_map_is_full(const MapEntry& entry) const;
   /// Why there may be no more maps; empty when there may.
   [[nodiscard]] std::string why_full() const;
   void write_verdicts(Client& client);
@@ -270,6 +276,7 @@ class MapService {
   std::map<std::string, Client> clients_;
   std::map<ClientId, std::string> names_;
   Presence presence_;
+  const WaitingBytes waiting_bytes_ = std::make_shared<std::atomic<size_t>>(0);
   WearerRule wearers_;
   RigList rigs_;
   YoungMaps young_;

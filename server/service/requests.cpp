@@ -27,6 +27,8 @@ Ruling MapService::ruling_on_labels(const Principal& author, MapId map) const {
 void MapService::take(const Principal& who, const wire::ClientRequest& request) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, request.command.session)) return;  // it will be sent again
+  const auto rate = client.rates.judge(ClientRates::Kind::kRequest, clock_.now());
+  if (rate == ClientRates::Judgement::kPassOver) return;
   const MapEntry* entry = maps_.find(request.map);
   if (entry != nullptr && entry->labels.is_busy(request.label)) return;
   switch (client.request_gate.admit(request.command.seq)) {
@@ -43,6 +45,11 @@ void MapService::take(const Principal& who, const wire::ClientRequest& request) 
     case RequestGate::Admission::kInFlight:
     case RequestGate::Admission::kGap:
       return;
+  }
+  if (rate == ClientRates::Judgement::kRefuse) {
+    return on_request_decided(
+        client.name, request,
+        {wire::RequestDecision::kBusy, client.rates.why(ClientRates::Kind::kRequest), request.label, {}});
   }
   DecisionRecord decision;
   decision.client = client.name;
@@ -77,6 +84,13 @@ void MapService::change_label(const wire::ClientRequest& request, const Principa
     return done({wire::RequestDecision::kNoRight, std::move(why), request.label, {}});
   if (entry->rolling_back)
     return done({wire::RequestDecision::kBusy, "the map is being rolled back; try again", request.label, {}});
+  const size_t labels = entry->labels.all().size();
+  if (request.action == wire::RequestAction::kAddLabel && labels >= options_.max_labels) {
+    return done({wire::RequestDecision::kFull,
+                 "the map has " + std::to_string(labels) + " labels, which is all it may have (--max-labels)",
+                 request.label,
+                 {}});
+  }
   if (entry->runner == nullptr)
     return done({wire::RequestDecision::kNoRight, "this map takes no labels", request.label, {}});
   const Timestamp now = clock_.wall();

@@ -8,9 +8,11 @@
 #include <memory>
 
 #include "common/map/ids.h"
+#include "common/map/label.h"
 #include "server/access/access_policy.h"
 #include "server/mapping/map_maker.h"
 #include "server/relocalization/relocalizer.h"
+#include "server/service/client_rates.h"
 #include "server/service/clock.h"
 #include "server/service/wearer_rule.h"
 #include "server/service/work_times.h"
@@ -25,6 +27,10 @@ struct MapServiceOptions {
   uint64_t start_count = 1;  ///< without a store: larger with every start, the epoch of its maps
   size_t max_maps = 1000;
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
+  size_t max_keyframes = 2000;                                   ///< of a map
+  size_t max_labels = kMaxLabels;                                ///< of a map; not more than that
+  size_t max_waiting_bytes = 256'000'000;  ///< of offers that no map has judged yet; beyond, none is taken
+  RateLimits rates;                        ///< of each client
   /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
   /// to do, are let go until it has again; 0: never.
   std::chrono::seconds rest_after{60};

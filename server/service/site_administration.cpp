@@ -101,6 +101,10 @@ json MapService::describe_clients() const {
 /// What a client may no longer read is taken from it at once, and what it may read now is offered.
 void MapService::enforce_rights() {
   for (auto& [name, client] : clients_) {
+    client.pending_offers.withdraw([&](const MapId& map, const std::optional<Extent>& extent) {
+      const Ruling now = options_.access->in_map(client.principal(), map);
+      return now.right < Right::kAdd || now.extent != extent;
+    });
     for (const auto& [map, entry] : maps_.all()) {
       if (entry.snapshot == nullptr) continue;
       if (options_.access->may_read(client.principal(), map)) {
@@ -120,6 +124,18 @@ void MapService::unlist_map(MapId map, Client& client) {
   forget_cameras(map, client);
 }
 
+void MapService::withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away) {
+  for (auto& [name, client] : clients_) {
+    if (is_turned_away(name))
+      client.pending_offers.withdraw([](const MapId&, const std::optional<Extent>&) { return true; });
+  }
+}
+
+void MapService::note_refused(const std::string& who, const std::string& why) {
+  log_->warn("{} was not let in: {}", who, why);
+  site_.note({0, site_.policy()->now(), who, "not let in", {}, why});
+}
+
 void MapService::note_turned_away(const Principal& who, const std::string& why) {
   const bool is_client = who.kind == Principal::Kind::kClient;
   const std::string object = (is_client ? "client " : "operator ") + who.name;
@@ -127,9 +143,8 @@ void MapService::note_turned_away(const Principal& who, const std::string& why) 
   site_.note({0, site_.policy()->now(), object, "turned away", {}, why});
 }
 
-MapService::AdminAnswer MapService::audited(const std::string& operator_name, const json& request,
-                                            const AdminAnswer& tell) {
-  const std::string verb = request.value("verb", "");
+MapService::AdminAnswer MapService::audited(const std::string& operator_name, const std::string& verb,
+                                            const json& request, const AdminAnswer& tell) {
   AuditEntry entry{0, {}, "operator " + operator_name, verb, {}, {}};
   std::replace(entry.action.begin(), entry.action.end(), '-', ' ');
   if (const auto map = request.find("map"); map != request.end() && map->is_string())

@@ -143,6 +143,22 @@ TEST_F(MapRunnerTest, WhatIsDoneIsCounted) {
   EXPECT_EQ(count("offer_to_points_ms"), 1);
 }
 
+TEST_F(MapRunnerTest, AnOfferThatWasWithdrawnWhileItWaitedIsNotTaken) {
+  const auto [result, snapshot] = start();
+  ASSERT_TRUE(result) << result.error().message;
+  OfferJob job = job_of(*snapshot, 5, true);
+  PendingOffers offers;
+  const auto bytes = std::make_shared<std::atomic<size_t>>(0);
+  job.pending = offers.add(MapId{{1}}, std::nullopt, 1, bytes);
+  offers.withdraw([](const auto&, const auto&) { return true; });
+  const OfferJudgement judgement = value_of(send(std::move(job)));
+  EXPECT_EQ(judgement.decision, wire::OfferDecision::kNoRight);
+  EXPECT_THAT(judgement.reason, HasSubstr("has changed while its keyframe waited"));
+  job = job_of(*snapshot, 5, true);
+  job.pending = offers.add(MapId{{1}}, std::nullopt, 1, bytes);
+  EXPECT_EQ(value_of(send(std::move(job))).decision, wire::OfferDecision::kAccepted);
+}
+
 /// Offers of a client that was cut off: the second was tracked against the first, and measures nothing that
 /// the map had before.
 TEST_F(MapRunnerTest, AnOfferMayReferToAnEarlierOneOfItsSession) {

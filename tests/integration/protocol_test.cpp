@@ -5,6 +5,7 @@
 
 #include <optional>
 
+#include "client/session/label_request.h"
 #include "tests/integration/raw_client.h"
 #include "tests/integration/test_domain.h"
 
@@ -214,6 +215,88 @@ TEST_F(FullServerTest, RefusesMapsAndKeyframesWithItsReason) {
   ASSERT_TRUE(seed_until_decided(make_seed(2)));
   EXPECT_FALSE(client_.seed_verdict->accepted);
   EXPECT_THAT(client_.seed_verdict->reason, HasSubstr("1 maps (--max-maps)"));
+}
+
+class LimitsTest : public ProtocolTest {
+ protected:
+  static ServiceOptions limited() {
+    ServiceOptions options;
+    options.rates.keyframes = 1;
+    options.rates.questions = 1;
+    options.max_labels = 1;
+    options.max_keyframes = 3;
+    return options;
+  }
+  LimitsTest() : ProtocolTest(limited()) {}
+  /// One that no map would take: it has no camera.
+  [[nodiscard]] wire::RequestOutcome decided(const wire::ClientRequest& request) {
+    EXPECT_TRUE(eventually([&] {
+      client_.spin();
+      (void)client_.requests.write(request);
+      return client_.reply && client_.reply->last_decided >= request.command.seq;
+    }));
+    return client_.reply ? client_.reply->recent.back() : wire::RequestOutcome{};
+  }
+};
+
+TEST_F(LimitsTest, AMapTakesSoManyKeyframesAndLabelsAndSaysWhichOptionSaysSo) {
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
+  (void)client_.offers.write(make_offer(1, 4));
+  ASSERT_TRUE(wait_decided(1));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
+      << client_.offer_verdict->recent.at(0).reason;
+  (void)client_.offers.write(make_offer(2, 7));
+  ASSERT_TRUE(wait_decided(2));
+  EXPECT_EQ(client_.offer_verdict->recent.at(1).decision, wire::OfferDecision::kFull);
+  EXPECT_EQ(client_.offer_verdict->recent.at(1).reason,
+            "the map has 3 keyframes, which is all it may have (--max-keyframes)");
+  const MapSnapshotPtr map = service_->maps().at(0);
+  const SE3& seen = map->find(KeyframeId{2})->camera_from_map;
+  for (const uint64_t seq : {1, 2}) {
+    wire::ClientRequest label =
+        *request_new_label(*map, seen, seen.inverse() * Eigen::Vector3d(0.1, 0.05, 1), "vice");
+    label.client = client_.id;
+    label.command = {client_.session, seq};
+    const wire::RequestOutcome outcome = decided(label);
+    EXPECT_EQ(outcome.decision, seq == 1 ? wire::RequestDecision::kDone : wire::RequestDecision::kFull);
+    if (seq == 2) {
+      EXPECT_EQ(outcome.reason, "the map has 1 labels, which is all it may have (--max-labels)");
+    }
+  }
+}
+
+/// Offers, questions and states as fast as they can be written: the flood is told why it is not served, what
+/// waits is bounded, and another is served meanwhile as if nothing were.
+TEST_F(LimitsTest, WhoFloodsTheServerIsToldWhyAndAnotherIsServed) {
+  ASSERT_TRUE(seed_until_decided(make_seed(1)));
+  RawClient eve(options_.domain, "eve", scene_.camera());
+  wire::KeyframeOffer offer = testing::offer_of(eve, 1, scene_, *service_->maps().at(0), 4);
+  offer.epoch.value -= 1;  // each is refused by the map, once it looks
+  uint64_t seq = 0;
+  ASSERT_TRUE(eventually([&] {
+    eve.spin();
+    return eve.map_info.has_value();
+  }));
+  ASSERT_TRUE(eventually([&] {
+    for (int i = 0; i < 20; ++i) {
+      offer.command.seq = std::max(seq, eve.offer_verdict ? eve.offer_verdict->last_decided : 0) + 1;
+      seq = offer.command.seq;
+      (void)eve.offers.write(offer);
+      eve.say_state();
+    }
+    if (eve.offer_verdict && seq > eve.offer_verdict->last_decided + 20)
+      seq = eve.offer_verdict->last_decided;
+    eve.spin();
+    if (!eve.offer_verdict || eve.offer_verdict->recent.empty()) return false;
+    return eve.offer_verdict->recent.back().reason.find("too many keyframes") == 0;
+  }));
+  EXPECT_EQ(eve.offer_verdict->recent.back().decision, wire::OfferDecision::kBusy);
+  EXPECT_THAT(eve.offer_verdict->recent.back().reason,
+              HasSubstr("the server takes 1 a second of one client (--keyframe-rate)"));
+  (void)client_.offers.write(make_offer(1, 4));
+  ASSERT_TRUE(wait_decided(1));
+  EXPECT_EQ(client_.offer_verdict->recent.at(0).decision, wire::OfferDecision::kAccepted)
+      << client_.offer_verdict->recent.at(0).reason;
 }
 
 class NoLockstepTest : public ProtocolTest {

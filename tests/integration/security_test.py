@@ -5,10 +5,14 @@
 security_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
 import json
+import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 import unittest
 
@@ -17,6 +21,7 @@ from programs_test import LIMIT, SLOWNESS, OnTheDesk, ServerProcess, command
 
 OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED = 0, 2, 3, 4, 5
 SITES = pathlib.Path(__file__).resolve().parents[2] / "deploy/sites"
+README = pathlib.Path(__file__).resolve().parents[2] / "deploy/README.md"
 PATIENCE = 2 * SLOWNESS  # seconds, in which a handshake is over by far
 
 
@@ -102,6 +107,8 @@ class Security(OnTheDesk):
         foreign = self.folder_of("client", "reader", keystore="foreign")
         shutil.copy(self.folder_of("client", "reader") / "tag", foreign)
         self.sees_nothing("--security", foreign)
+        refusals = {(e["who"], e["outcome"].split(":")[0]) for e in self.ctl("audit", "--action", "not let in")}
+        self.assertEqual(refusals, {("somebody as client reader", "its certificate is not accepted")})
         self.assertIn("with --security", self.ctl("status", operator=None, expect=NO_SERVER))
         self.assertEqual(self.ctl("maps", operator="wat")["maps"][0]["name"], "desk")
         self.assertIn("operator wat has the role watch; this needs the role curate",
@@ -112,6 +119,8 @@ class Security(OnTheDesk):
         shutil.copytree(self.folder_of("client", "reader"), device)
         process = subprocess.Popen(command("cairn-track", "--source", "sim:desk?seed=1", "--domain", self.server.domain, "--security", device,
                                            "--role", "reader", "--headless"), stderr=subprocess.PIPE, text=True)
+        deadline = threading.Timer(LIMIT, process.kill)  # ends the reading of what it says
+        deadline.start()
         said = ""
         for line in process.stderr:
             said += line
@@ -124,6 +133,7 @@ class Security(OnTheDesk):
                 break
         process.terminate()
         said += process.communicate(timeout=LIMIT)[0] or ""
+        deadline.cancel()
         self.assertIn("server gone", said)
         self.sees_nothing("--security", device)
         entries = self.ctl("audit", "--action", "turned away")
@@ -146,6 +156,40 @@ class Security(OnTheDesk):
             done = subprocess.run(command("cairn-server", "--config", SITES / f"{site}.yaml", "--listen", "nowhere"), cwd=self.folder,
                                   capture_output=True, text=True, timeout=LIMIT)
             self.assertIn(expected, done.stderr)
+
+
+class TenMinutes(unittest.TestCase):
+    """The lines of deploy/README.md as they stand there, in an empty folder, with the programs in the PATH."""
+    PATIENCE = 300 * SLOWNESS
+
+    def blocks(self):
+        text = README.read_text()
+        section = text[text.index("## A secured site in ten minutes"):]
+        return re.findall(r"^```\n(.*?)^```$", section[:section.index("\n**Several machines.**")], re.MULTILINE | re.DOTALL)
+
+    def test_the_lines_do_what_they_say(self):
+        keys, server, *rest = self.blocks()
+        self.assertTrue(server.startswith("cairn-server "), server)
+        scratch = tempfile.TemporaryDirectory()
+        self.addCleanup(scratch.cleanup)
+        surroundings = {**os.environ, "PATH": f"{programs_test.BINARIES}:{os.environ['PATH']}"}
+        # Of one line that fails the ones behind it would say nothing.
+        shell = {"cwd": scratch.name, "env": surroundings, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        done = subprocess.run(["bash", "-e", "-c", keys], timeout=LIMIT, **shell)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        serving = subprocess.Popen(["bash", "-c", f"exec {server}"], **shell)
+        self.addCleanup(serving.stdout.close)
+        self.addCleanup(serving.wait, LIMIT)
+        self.addCleanup(serving.terminate)
+        said = next(line for line in serving.stdout if "ready on" in line or "refused" in line or "in use" in line)
+        if "ready on" not in said:
+            self.skipTest(f"domain 0 is somebody else's: {said}")
+        reader = threading.Thread(target=serving.stdout.read, daemon=True)
+        reader.start()
+        done = subprocess.run(["bash", "-e", "-c", "\n".join(rest)], timeout=self.PATIENCE, **shell)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        for part in ("made", "locked" if "locked" in done.stdout else "map", "on show until Friday", "turned away"):
+            self.assertIn(part, done.stdout)
 
 
 if __name__ == "__main__":

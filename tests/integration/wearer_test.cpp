@@ -116,7 +116,9 @@ TEST_F(WearerTest, WithTheShoulderCameraOnARigTheRuleIsTheSameAndTheRigIsListed)
   joining.role = wire::Role::kRig;
   const auto rig = wire::Participant::create(joining).value();
   auto states = wire::Writer<wire::RigState>::create(rig, wire::rig_partition("shoulder")).value();
-  auto poses = wire::Writer<wire::TrackerStateMessage>::create(rig, wire::rig_partition("shoulder")).value();
+  auto poses = wire::Writer<wire::TrackerStateMessage>::create(
+                   rig, wire::client_to_rig_partition("shoulder", "shoulder"))
+                   .value();
   wire::RigState state;
   state.rig = "shoulder";
   state.mode = wire::RigMode::kSearch;

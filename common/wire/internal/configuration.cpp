@@ -116,11 +116,10 @@ std::string security_element(const Security& security) {
   };
   return "<Security><Authentication>" + plugin("auth", "authentication") +
          file("IdentityCA", "identity_ca.cert.pem") + file("IdentityCertificate", "cert.pem") +
-         file("PrivateKey", "key.pem") + (security.has_revocations ? file("CRL", "crl.pem") : "") +
-         "</Authentication><Cryptographic>" + plugin("crypto", "crypto") + "</Cryptographic><AccessControl>" +
-         plugin("ac", "access_control") + file("PermissionsCA", "permissions_ca.cert.pem") +
-         file("Governance", "governance.p7s") + file("Permissions", "permissions.p7s") +
-         "</AccessControl></Security>";
+         file("PrivateKey", "key.pem") + file("CRL", "crl.pem") + "</Authentication><Cryptographic>" +
+         plugin("crypto", "crypto") + "</Cryptographic><AccessControl>" + plugin("ac", "access_control") +
+         file("PermissionsCA", "permissions_ca.cert.pem") + file("Governance", "governance.p7s") +
+         file("Permissions", "permissions.p7s") + "</AccessControl></Security>";
 }
 
 }  // namespace

@@ -5,7 +5,6 @@ namespace cairn::wire::internal {
 namespace {
 
 constexpr dds_duration_t kServerLiveliness = DDS_SECS(1);
-constexpr int32_t kClaimDepth = 16;  ///< of an instance at the reader, between two takes
 constexpr dds_duration_t kTrackerLiveliness = DDS_SECS(3);
 constexpr int32_t kOrderDepth = 16;
 constexpr dds_duration_t kOrderLife = DDS_MSECS(100);
@@ -29,6 +28,7 @@ QosPtr common_qos(QosClass qos_class) {
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
       dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kCommandDepth);
       break;
+    case QosClass::kQuestion:
     case QosClass::kQuery:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_RELIABLE, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
@@ -39,6 +39,7 @@ QosPtr common_qos(QosClass qos_class) {
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
       dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kOrderDepth);
       break;
+    case QosClass::kPresence:
     case QosClass::kStream:
       dds_qset_reliability(qos.get(), DDS_RELIABILITY_BEST_EFFORT, 0);
       dds_qset_durability(qos.get(), DDS_DURABILITY_VOLATILE);
@@ -63,8 +64,18 @@ QosPtr reader_qos(QosClass qos_class) {
   QosPtr qos = common_qos(qos_class);
   // Never resource limits: a full reader stops every reader of the process (reference/measured with Cyclone
   // 0.10.2).
-  if (qos_class == QosClass::kCommand) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
-  if (qos_class == QosClass::kClaim) dds_qset_history(qos.get(), DDS_HISTORY_KEEP_LAST, kClaimDepth);
+  switch (qos_class) {
+    case QosClass::kCommand:
+    case QosClass::kClaim:
+    case QosClass::kQuestion:
+    case QosClass::kPresence:
+      // Of one key the middleware keeps the newest of whoever wrote it: a client that claims another's would
+      // push out what that one has said, before anybody looks whose it is.
+      dds_qset_history(qos.get(), DDS_HISTORY_KEEP_ALL, 0);
+      break;
+    default:
+      break;
+  }
   return qos;
 }
 

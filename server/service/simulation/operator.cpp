@@ -75,7 +75,8 @@ void SimulatedOperator::send() {
   request.request = asked_->dump();
   // His program talks to the server that it sees: what it sent to another reaches nobody.
   world_.send(name_, [request, name = name_, to = world_.server.get()](ServerRun& server) {
-    if (&server == to) server.service().take(operator_principal(name), request);
+    if (&server == to)
+      server.service().take(operator_principal(name, Principal::Proof::kClaimed, Duty::kAdminister), request);
   });
 }
 

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/client_rates.h"
+
+#include <fmt/format.h>
+
+namespace cairn {
+namespace {
+
+// At once: what a tracker sends when it is back after a minute without its server, and more.
+constexpr double kKeyframesAtOnce = 100;
+constexpr double kQuestionsAtOnce = 100;
+// A state a frame, of cameras faster than there are and of recordings that are played as fast as can be.
+constexpr double kStates = 1000;
+constexpr double kStatesAtOnce = 2000;
+constexpr double kCameras = 5;
+constexpr double kCamerasAtOnce = 100;
+constexpr double kSeeds = 2;
+constexpr double kSeedsAtOnce = 30;
+// A person with a viewer; a list of labels that is read from a file.
+constexpr double kRequests = 20;
+constexpr double kRequestsAtOnce = 1000;
+/// Of all kinds together.
+constexpr double kRefusals = 10;
+constexpr double kRefusalsAtOnce = 20;
+
+}  // namespace
+
+ClientRates::ClientRates(const RateLimits& limits)
+    : limits_(limits),
+      taken_{TokenBucket(kStates, kStatesAtOnce),
+             TokenBucket(kCameras, kCamerasAtOnce),
+             TokenBucket(kSeeds, kSeedsAtOnce),
+             TokenBucket(limits.keyframes, kKeyframesAtOnce),
+             TokenBucket(limits.questions, kQuestionsAtOnce),
+             TokenBucket(kRequests, kRequestsAtOnce)},
+      refusals_(kRefusals, kRefusalsAtOnce) {}
+
+ClientRates::Judgement ClientRates::judge(Kind kind, MonotonicTime now) {
+  if (taken_.at(static_cast<size_t>(kind)).take(now)) return Judgement::kTake;
+  // Nobody waits for an answer to these.
+  if (kind == Kind::kState || kind == Kind::kCamera) return Judgement::kPassOver;
+  return refusals_.take(now) ? Judgement::kRefuse : Judgement::kPassOver;
+}
+
+std::string ClientRates::why(Kind kind) const {
+  switch (kind) {
+    case Kind::kKeyframe:
+      return fmt::format("too many keyframes: the server takes {:g} a second of one client (--keyframe-rate)",
+                         limits_.keyframes);
+    case Kind::kQuestion:
+      return fmt::format(
+          "too many questions: the server answers {:g} a second of one client (--question-rate)",
+          limits_.questions);
+    case Kind::kSeed:
+      return fmt::format("too many maps begun: the server takes {:g} a second of one client", kSeeds);
+    case Kind::kRequest:
+      return fmt::format("too many requests: the server takes {:g} a second of one client", kRequests);
+    case Kind::kState:
+      return fmt::format("too many states: the server takes {:g} a second of one client", kStates);
+    case Kind::kCamera:
+      break;
+  }
+  return fmt::format("announced too often: the server takes {:g} a second of one client", kCameras);
+}
+
+}  // namespace cairn

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "common/map/extent.h"
+#include "common/map/ids.h"
+
+namespace cairn {
+
+/// What all offers that wait take of memory.
+using WaitingBytes = std::shared_ptr<std::atomic<size_t>>;
+
+/// An offer that waits in the queue of a map, and is held by what waits there.
+class PendingOffer {
+ public:
+  PendingOffer(size_t bytes, WaitingBytes all) : bytes_(bytes), all_(std::move(all)) { *all_ += bytes_; }
+  ~PendingOffer() { *all_ -= bytes_; }
+  PendingOffer(const PendingOffer&) = delete;
+  PendingOffer& operator=(const PendingOffer&) = delete;
+
+  void withdraw() { withdrawn_ = true; }
+  /// Its client may not offer it any more. Thread-safe.
+  [[nodiscard]] bool is_withdrawn() const { return withdrawn_; }
+
+ private:
+  const size_t bytes_;
+  const WaitingBytes all_;
+  std::atomic<bool> withdrawn_{false};
+};
+
+/// Those of one client. What it may do can change before a map comes to them: then they are withdrawn. Used
+/// from one thread.
+class PendingOffers {
+ public:
+  /// To a map, within what extent.
+  [[nodiscard]] std::shared_ptr<const PendingOffer> add(const MapId& map, const std::optional<Extent>& extent,
+                                                        size_t bytes, const WaitingBytes& all) {
+    std::erase_if(offers_, [](const Offer& offer) { return offer.waiting.expired(); });
+    auto offer = std::make_shared<PendingOffer>(bytes, all);
+    offers_.push_back({map, extent, offer});
+    return offer;
+  }
+  /// Those of which `is_over` says so.
+  template <typename IsOver>
+  void withdraw(const IsOver& is_over) {
+    for (const Offer& offer : offers_) {
+      const auto waiting = offer.waiting.lock();
+      if (waiting && is_over(offer.map, offer.extent)) waiting->withdraw();
+    }
+  }
+
+ private:
+  struct Offer {
+    MapId map;
+    std::optional<Extent> extent;
+    std::weak_ptr<PendingOffer> waiting;
+  };
+  std::vector<Offer> offers_;  ///< few: a client has a credit
+};
+
+}  // namespace cairn
