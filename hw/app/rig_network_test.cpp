@@ -240,6 +240,18 @@ TEST(RigHost, TheTrackerOfTheCameraIsHeardAndACalibrationMovesNothingUnasked) {
   speaks.join();
 }
 
+TEST_F(RigNetwork, WhoGivesAnOrderIsWhoHisPartitionSaysWhateverTheOrderClaims) {
+  auto of_eve =
+      wire::Writer<wire::RigCommand>::create(*commander_, wire::client_to_rig_partition("shoulder", "eve"))
+          .value();
+  const wire::RigCommand forged = order_of(1, 1, RigMode::kHome);
+  ASSERT_NE(forged.commander, "eve");
+  EXPECT_TRUE(until(std::nullopt, [&](const RigState& state) {
+    (void)of_eve.write(forged);
+    return state.order == forged.order && state.ordered_by == "eve";
+  }));
+}
+
 TEST_F(RigNetwork, ASignalAtTheRigAndAnOrderOfAnybodyStopItAndAnotherRigOfTheHostIsRefused) {
   loop_->stop();
   ASSERT_TRUE(until(std::nullopt, [](const RigState& state) { return state.stopped; }));
