@@ -33,6 +33,7 @@ class TrackerAdapter final : public TrackingEngine {
   void place_left_open() override { tracker_.place_left_open(); }
   void start_over(NewMap wish) override { tracker_.start_over(wish); }
   void use_camera(const CameraPtr& camera) override { tracker_.use_camera(camera); }
+  void make_keyframes(bool wanted) override { tracker_.make_keyframes(wanted); }
 
  private:
   Tracker tracker_;
@@ -46,6 +47,7 @@ class SessionAdapter final : public MapLink {
   MapSnapshotPtr snapshot() const override { return session_.snapshot(); }
   void use_map(MapId map, Epoch epoch, Revision revision) override { session_.use_map(map, epoch, revision); }
   void leave_map() override { session_.leave_map(); }
+  KeyframeUse keyframe_use(MapId map) const override { return session_.keyframe_use(map); }
   void send_seed(SeedProposal proposal) override { session_.send_seed(std::move(proposal)); }
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) override {
     session_.send_offer(std::move(proposal), std::move(image), time);

@@ -149,6 +149,7 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   session.wearer = options.wearer;
   session.only_map = options.map;
   session.reads_only = options.reader;
+  session.proposes = options.proposes;
   session.lockstep = options.pace == Pace::kLockstep;
   session.camera_sigma = camera_sigma;
   return session;

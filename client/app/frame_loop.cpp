@@ -10,6 +10,7 @@ namespace cairn {
 namespace {
 
 constexpr std::chrono::milliseconds kSettleSlice(100);
+constexpr std::chrono::seconds kProposalInterval(3);  ///< longer than the server's: it need refuse none
 
 /// A frame counts as tracked only if its pose comes from points measured in it, whatever the
 /// tracker's state.
@@ -89,6 +90,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   deliver_replies();
   take_camera(snapshot);
   add_samples(frame.time);
+  tracker_.make_keyframes(wants_keyframes(snapshot, frame.time));
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
   settle_trial(result);
@@ -152,8 +154,10 @@ void FrameLoop::deliver_replies() {
   }
   if (const auto answer = link_.take_place_answer()) deliver_place(*answer);
   const auto replies = link_.take_offer_replies();
-  for (const OfferReply& reply : replies)
+  for (const OfferReply& reply : replies) {
+    if (proposed_ && proposed_->number == reply.number) proposed_->is_decided = true;
     tracker_.keyframe_answered(reply.number, reply.accepted ? std::optional(reply.keyframe) : std::nullopt);
+  }
   if (!replies.empty()) notify(&FrameObserver::on_offer_replies, replies);
 }
 
@@ -205,11 +209,20 @@ void FrameLoop::observe_status(const SessionStatus& status) {
   last_status_ = status;
 }
 
+/// What an operator looks at some day need not come often, and nobody waits for it.
+bool FrameLoop::wants_keyframes(const MapSnapshotPtr& snapshot, Timestamp time) const {
+  const KeyframeUse use = snapshot ? link_.keyframe_use(snapshot->map) : KeyframeUse::kKeyframe;
+  if (use != KeyframeUse::kProposal || !proposed_) return use != KeyframeUse::kNothing;
+  return proposed_->is_decided && time - proposed_->time >= kProposalInterval;
+}
+
 bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
   if (result.seed) link_.send_seed(*result.seed);
   // A server that does not know the map would refuse each keyframe of it.
   if (result.keyframe) {
     if (!last_status_ || last_status_->map_known) {
+      if (link_.keyframe_use(result.keyframe->map) == KeyframeUse::kProposal)
+        proposed_ = Proposed{result.keyframe->number, frame.time, false};
       link_.send_offer(*result.keyframe, frame.image, frame.time);
     } else {
       tracker_.keyframe_answered(result.keyframe->number, std::nullopt);

@@ -60,6 +60,8 @@ class FrameLoop {
   [[nodiscard]] bool try_place(const PlaceAnswer& answer);
   void add_samples(Timestamp time);
   void settle_trial(const FrameResult& result);
+  /// Whether the tracker should offer keyframes of this map now.
+  [[nodiscard]] bool wants_keyframes(const MapSnapshotPtr& snapshot, Timestamp time) const;
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
   void settle();
   struct StartOver {
@@ -89,6 +91,12 @@ class FrameLoop {
   std::optional<std::string> last_undecodable_;
   std::optional<SessionStatus> last_status_;
   CameraPtr camera_;  ///< FrameReport::camera
+  struct Proposed {
+    uint64_t number = 0;
+    Timestamp time;
+    bool is_decided = false;
+  };
+  std::optional<Proposed> proposed_;  ///< the last keyframe that is to be kept aside
   LostWatch lost_;
   /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
   /// did not hold costs a start no patience.

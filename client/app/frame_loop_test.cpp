@@ -295,6 +295,46 @@ TEST(FrameLoop, ProposalsAreSentAndOnlyLockstepWaitsForThem) {
   }
 }
 
+TEST(FrameLoop, AReaderProposesWhereThatIsWelcomeAndOneInAWhile) {
+  ScriptedLink* link = nullptr;
+  const auto proposing = [](FrameResult& result) {
+    with_keyframe(result);
+    result.keyframe->number = 5;
+  };
+  const auto answered = [&link](FrameResult& result) {
+    tracking(result);
+    link->offer_replies = {{1, false, "kept aside", {}, {}, 5, true}};
+  };
+  // A frame a second. The proposal is decided with the sixth, and three seconds have passed then.
+  Rig rig(std::vector<ScriptedTracker::Step>{tracking, proposing, tracking, tracking, tracking, answered,
+                                             tracking, tracking},
+          regular_frames(8, 1000));
+  link = &rig.link;
+  rig.link.map = std::make_shared<MapSnapshot>();
+  rig.link.use_of_keyframes = KeyframeUse::kProposal;
+  ASSERT_TRUE(rig.run());
+  EXPECT_THAT(rig.tracker.keyframes_wanted, ElementsAre(true, true, false, false, false, false, true, true));
+  EXPECT_THAT(rig.link.sent, ElementsAre("offer"));
+
+  // Decided at once, it is not asked for the next before its time.
+  Rig early(std::vector<ScriptedTracker::Step>{proposing, answered, tracking, tracking, tracking},
+            regular_frames(5, 1000));
+  link = &early.link;
+  early.link.map = rig.link.map;
+  early.link.use_of_keyframes = KeyframeUse::kProposal;
+  ASSERT_TRUE(early.run());
+  EXPECT_THAT(early.tracker.keyframes_wanted, ElementsAre(true, false, false, true, true));
+
+  for (const auto& [use, wanted] :
+       {std::pair(KeyframeUse::kNothing, false), {KeyframeUse::kKeyframe, true}}) {
+    Rig other({tracking, tracking});
+    other.link.map = rig.link.map;
+    other.link.use_of_keyframes = use;
+    ASSERT_TRUE(other.run());
+    EXPECT_THAT(other.tracker.keyframes_wanted, ElementsAre(wanted, wanted));
+  }
+}
+
 TEST(FrameLoop, AServerThatDoesNotSettleIsToldAndTheRunGoesOn) {
   Rig rig({with_seed, starting, starting});
   rig.options.pace = Pace::kLockstep;

@@ -141,7 +141,12 @@ void Narrator::on_seed_reply(const SeedReply& reply) {
 /// One line for each verdict and reason: a restarted server refuses a whole spool at once.
 void Narrator::on_offer_replies(const std::vector<OfferReply>& replies) {
   std::map<std::string, size_t> verdicts;
-  for (const auto& reply : replies) ++verdicts[reply.accepted ? "accepted" : "refused: " + reply.reason];
+  for (const auto& reply : replies) {
+    const std::string verdict = reply.accepted     ? "accepted"
+                                : reply.kept_aside ? reply.reason
+                                                   : "refused: " + reply.reason;
+    ++verdicts[verdict];
+  }
   for (const auto& [verdict, count] : verdicts) {
     log_->info("frame {}: {} {}", number_, count == 1 ? "keyframe" : fmt::format("{} keyframes", count),
                verdict);

@@ -29,6 +29,7 @@ class TrackingEngine {
   virtual void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) = 0;
   virtual void start_over(NewMap wish) = 0;
   virtual void use_camera(const CameraPtr& camera) = 0;
+  virtual void make_keyframes(bool wanted) = 0;
 };
 
 class MapLink {
@@ -37,6 +38,7 @@ class MapLink {
   [[nodiscard]] virtual MapSnapshotPtr snapshot() const = 0;
   virtual void use_map(MapId map, Epoch epoch, Revision revision) = 0;
   virtual void leave_map() = 0;
+  [[nodiscard]] virtual KeyframeUse keyframe_use(MapId map) const = 0;
   virtual void send_seed(SeedProposal proposal) = 0;
   virtual void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) = 0;
   virtual void send_question(std::shared_ptr<const PlaceView> view, Timestamp time) = 0;

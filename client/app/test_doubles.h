@@ -105,7 +105,10 @@ class ScriptedTracker final : public TrackingEngine {
     words.push_back(fmt::format("camera of {:.0f} px at frame {}", camera->focal_length(), times.size()));
   }
 
+  void make_keyframes(bool wanted) override { keyframes_wanted.push_back(wanted); }
+
   PlaceUse use_of_places = PlaceUse::kTried;
+  std::vector<bool> keyframes_wanted;  ///< of each frame
 
   std::vector<size_t> sample_counts;
   size_t encoder_count = 0;
@@ -127,6 +130,7 @@ class ScriptedLink final : public MapLink {
     sent.push_back(fmt::format("use {} at {}", wanted.bytes[0], revision.value));
   }
   void leave_map() override { sent.emplace_back("leave"); }
+  KeyframeUse keyframe_use(MapId) const override { return use_of_keyframes; }
   void send_seed(SeedProposal) override { sent.emplace_back("seed"); }
   void send_offer(KeyframeProposal, GrayImagePtr, Timestamp) override { sent.emplace_back("offer"); }
   void send_question(std::shared_ptr<const PlaceView>, Timestamp) override { sent.emplace_back("question"); }
@@ -160,6 +164,7 @@ class ScriptedLink final : public MapLink {
   std::optional<CameraNews> first_camera;    ///< likewise, without a map
   std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
+  KeyframeUse use_of_keyframes = KeyframeUse::kKeyframe;
   bool settles = true;
   std::vector<std::string> sent;
   size_t states_published = 0;

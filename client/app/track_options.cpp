@@ -140,6 +140,8 @@ void declare(CLI::App& app, Words& words) {
   app.add_option("--role", words.role, "builder: maps grow; reader: only tracks")
       ->check(CLI::IsMember({"builder", "reader"}))
       ->capture_default_str();
+  app.add_flag("!--no-proposals", options.proposes,
+               "sends no pictures where a map takes proposals of who may not add to it, or is a reader");
   app.add_flag("--no-new-maps", options.no_new_maps, "adds to maps, starts none");
   app.add_option("--map", options.map, "for who makes no maps: the only map to track in [any]")
       ->check(check_name)

@@ -32,6 +32,7 @@ struct TrackOptions {
   std::string name;
   std::string wearer;        ///< who wears the camera; empty: nobody in particular
   bool reader = false;       ///< --role reader: makes neither maps nor keyframes
+  bool proposes = true;      ///< not --no-proposals: the server may keep keyframes aside
   bool no_new_maps = false;  ///< keyframes only
   std::string map;           ///< name of the only map to track in, for those who make none; empty: any
   int lost_patience = 1;     ///< [s] lost where no map is known, after which a builder begins one

@@ -43,6 +43,7 @@ TEST(TrackOptions, DefaultsAreThoseOfTheContract) {
   EXPECT_EQ(options.name, "host-42");
   EXPECT_EQ(options.pace, Pace::kRealtime);
   EXPECT_FALSE(options.reader);
+  EXPECT_TRUE(options.proposes);
   EXPECT_TRUE(options.makes_maps());
   EXPECT_FALSE(options.calibration);
   EXPECT_FALSE(options.trajectory || options.stats || options.video);
@@ -79,35 +80,12 @@ TEST(TrackOptions, LabelsArePlacedByABuilderWithoutAWindow) {
 }
 
 TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
-  const auto options = good({"--calibration",
-                             "c.txt",
-                             "--server",
-                             "desk.local",
-                             "--listen",
-                             "wlan0",
-                             "--domain",
-                             "7",
-                             "--profile",
-                             "wifi",
-                             "--name",
-                             "cam-1",
-                             "--wearer",
-                             "anna",
-                             "--role",
-                             "reader",
-                             "--no-new-maps",
-                             "--pace",
-                             "lockstep",
-                             "--seed",
-                             "99",
-                             "--headless",
-                             "--trajectory",
-                             "t.txt",
-                             "--stats",
-                             "s.json",
-                             "--video",
-                             "v.mp4",
-                             "-v"});
+  const auto options =
+      good({"--calibration", "c.txt",    "--server",  "desk.local", "--listen",       "wlan0",
+            "--domain",      "7",        "--profile", "wifi",       "--name",         "cam-1",
+            "--wearer",      "anna",     "--role",    "reader",     "--no-proposals", "--no-new-maps",
+            "--pace",        "lockstep", "--seed",    "99",         "--headless",     "--trajectory",
+            "t.txt",         "--stats",  "s.json",    "--video",    "v.mp4",          "-v"});
   EXPECT_EQ(options.calibration, "c.txt");
   EXPECT_EQ(options.server, "desk.local");
   EXPECT_EQ(options.listen, "wlan0");
@@ -116,6 +94,7 @@ TEST(TrackOptions, EveryOptionOfTheContractIsTaken) {
   EXPECT_EQ(options.name, "cam-1");
   EXPECT_EQ(options.wearer, "anna");
   EXPECT_TRUE(options.reader);
+  EXPECT_FALSE(options.proposes);
   EXPECT_TRUE(options.no_new_maps);
   EXPECT_FALSE(options.makes_maps());
   EXPECT_EQ(options.pace, Pace::kLockstep);

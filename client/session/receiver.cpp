@@ -104,9 +104,11 @@ void Receiver::take_server_messages() {
     if (sample.message) {
       state_.monitor.map_listed(sample.message->map, sample.message->server);
       memory_.directory.listed(sample.message->map, sample.message->name);
+      state_.terms[sample.message->map] = {sample.message->right, sample.message->takes_proposals};
     } else if (sample.gone == wire::Gone::kDisposed) {
       state_.monitor.map_removed(sample.key.map);
       memory_.directory.removed(sample.key.map);
+      state_.terms.erase(sample.key.map);
     }
   });
   wire::take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {

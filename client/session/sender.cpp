@@ -104,6 +104,7 @@ void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now
                              ? state_.requests.next(now)
                              : std::nullopt;
     if (!question && !seed && !offer && !request) return;
+    if (offer) tell_of_proposals(offer->item->proposal.map);
     const uint64_t reference = offer ? state_.sent(offer->item->proposal, offer->command.seq) : 0;
     lock.unlock();
     if (question) {
@@ -117,6 +118,15 @@ void Sender::send_commands(std::unique_lock<std::mutex>& lock, MonotonicTime now
     }
     lock.lock();
   }
+}
+
+/// Pictures leave this machine, and its user may not want that.
+void Sender::tell_of_proposals(MapId map) {
+  if (map == state_.proposed_to || state_.use_of_keyframes(map) != KeyframeUse::kProposal) return;
+  state_.proposed_to = map;
+  log_->info(
+      "this map takes proposals: some pictures of it go to the server, whose operator may add them to the "
+      "map; --no-proposals keeps them here");
 }
 
 wire::MapSeed Sender::make_message(const SeedSlot::Sendable& sendable) const {
@@ -158,6 +168,7 @@ wire::KeyframeOffer Sender::make_message(const Spool::Sendable& sendable, uint64
   message.reference_command = reference;
   message.still_mask = bits_of(proposal.still);
   message.up = proposal.up;
+  message.as_proposal = state_.options.reads_only;
   return message;
 }
 

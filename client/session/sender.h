@@ -44,6 +44,7 @@ class Sender {
   [[nodiscard]] wire::KeyframeOffer make_message(const Spool::Sendable& sendable, uint64_t reference) const;
   [[nodiscard]] wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable) const;
   [[nodiscard]] wire::ClientRequest make_message(const RequestSpool::Sendable& sendable) const;
+  void tell_of_proposals(MapId map);
   void report(const Status& written, const char* what);
 
   SessionState& state_;

@@ -116,6 +116,11 @@ void Session::leave_map() {
   use_map({});
 }
 
+KeyframeUse Session::keyframe_use(MapId map) const {
+  const std::scoped_lock lock(state_->shared.mutex);
+  return state_->shared.use_of_keyframes(map);
+}
+
 void Session::send_seed(SeedProposal proposal) {
   const std::scoped_lock lock(state_->shared.mutex);
   state_->shared.seed.put(std::move(proposal));

@@ -39,6 +39,7 @@ struct SessionOptions {
   size_t spool_limit = 256;  ///< undecided offers kept; when full the oldest unsent one is dropped and logged
   size_t recent_maps = 4;    ///< received at the same time: switching back to one of them takes no time
   bool reads_only = false;   ///< asks for no change of a map
+  bool proposes = true;      ///< lets the server keep keyframes aside where they are no part of a map
   std::string only_map;      ///< the name of the one map to be used; empty: any
   /// Of each value of the camera's parameters: it is found out by the maps that it helps to make. Empty:
   /// exact.
@@ -88,6 +89,14 @@ struct OfferReply {
   KeyframeId keyframe = {};  ///< what it has become
   Timestamp time = {};       ///< of the frame
   uint64_t number = 0;       ///< of the proposal
+  bool kept_aside = false;   ///< not accepted, but kept for the operator, as the reason says
+};
+
+/// What becomes of a keyframe that is offered to a map.
+enum class KeyframeUse : uint8_t {
+  kNothing,   ///< none is to be offered
+  kProposal,  ///< it is kept aside for an operator
+  kKeyframe,  ///< the map maker judges it, or the server says why it does not
 };
 
 /// The server's word on something that was asked for.
@@ -117,6 +126,9 @@ class Session {
   void use_map(MapId map, Epoch epoch = {}, Revision revision = {});
   /// Forgets the map in use, e.g. to begin another, the seed and the question under way and their answers.
   void leave_map();
+
+  /// As far as the server has said what we may do in the map.
+  [[nodiscard]] KeyframeUse keyframe_use(MapId map) const;
 
   void send_seed(SeedProposal proposal);
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time);

@@ -98,6 +98,14 @@ struct SessionState {
   wire::TrackerStateMessage tracker;  ///< to publish, complete but for the replica; `map`: of its pose
   bool tracker_changed = true;
 
+  /// What the server says of a map.
+  struct MapTerms {
+    wire::MapRight right = wire::MapRight::kWrite;
+    bool takes_proposals = false;
+  };
+  std::map<MapId, MapTerms> terms;
+  MapId proposed_to;  ///< the map of the proposals that a person was told of last
+
   MapId map_in_use;
   std::deque<MapId> recent_maps;             ///< received; the one chosen last first
   std::map<MapId, MapSnapshotPtr> replicas;  ///< newest whole revisions of them
@@ -111,6 +119,13 @@ struct SessionState {
     if (commands.size() > 2 * options.spool_limit) commands.erase(commands.begin());
     const auto reference = commands.find(proposal.reference_number);
     return proposal.reference_number == 0 || reference == commands.end() ? 0 : reference->second;
+  }
+  [[nodiscard]] KeyframeUse use_of_keyframes(MapId map) const {
+    const auto known = terms.find(map);
+    const MapTerms said = known == terms.end() ? MapTerms{} : known->second;
+    if (!options.reads_only && said.right != wire::MapRight::kRead) return KeyframeUse::kKeyframe;
+    if (said.takes_proposals) return options.proposes ? KeyframeUse::kProposal : KeyframeUse::kNothing;
+    return options.reads_only ? KeyframeUse::kNothing : KeyframeUse::kKeyframe;
   }
   void choose_map(MapId map) {
     if (map_in_use == map) return;

@@ -16,13 +16,17 @@ void ResendTimer::send_at_once() {
 }
 
 OfferReply OfferTopic::reply(const Item& item, uint64_t seq, bool done, std::string reason) {
-  return {seq, done, std::move(reason), {}, {}, item.proposal.number};
+  return {seq, done, std::move(reason), {}, {}, item.proposal.number, false};
 }
 
 OfferReply OfferTopic::reply(const Item& item, const wire::OfferOutcome& outcome) {
-  return {outcome.seq,    outcome.decision == wire::OfferDecision::kAccepted,
-          outcome.reason, outcome.keyframe,
-          item.time,      item.proposal.number};
+  return {outcome.seq,
+          outcome.decision == wire::OfferDecision::kAccepted,
+          outcome.reason,
+          outcome.keyframe,
+          item.time,
+          item.proposal.number,
+          outcome.decision == wire::OfferDecision::kKeptAside};
 }
 
 RequestReply RequestTopic::reply(const Item& /*item*/, uint64_t seq, bool done, std::string reason) {

@@ -576,6 +576,10 @@ void Tracker::seed_refused(const std::string& reason) {
   state_->trails.refused(reason);
 }
 
+void Tracker::make_keyframes(bool wanted) {
+  state_->options.make_keyframes = wanted;
+}
+
 void Tracker::keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe) {
   state_->local.answered(number, keyframe);
 }

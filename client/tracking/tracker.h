@@ -55,6 +55,8 @@ class Tracker {
   void seed_accepted(const SeedAnswer& answer);
   /// It was refused: trails go on; another proposal comes when the view has changed enough.
   void seed_refused(const std::string& reason);
+  /// Whether keyframes are proposed, from the next frame on (TrackerOptions::make_keyframes).
+  void make_keyframes(bool wanted);
   /// The server's word on the keyframe proposed under this number: what it has become, or that it was
   /// refused. Until then the tracker maps on by itself.
   void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe);

@@ -94,6 +94,7 @@ struct KeyframeOffer {
   uint64_t reference_command = 0;
   std::vector<uint8_t> still_mask;  ///< as MapSeed's
   std::optional<UpDirection> up;    ///< in the camera's axes; nothing: not known
+  bool as_proposal = false;         ///< to be kept aside at most: the client changes no map
 };
 
 /// Topic RelocQuery: query, keyed by client. A newer one replaces one that has not been taken.
@@ -174,6 +175,8 @@ struct MapInfo {
   bool metric = false;
   MapRight right = MapRight::kWrite;
   ServerId server;  ///< who lists it: what a server lists is nothing to its successor
+  /// Keyframes of this client that do not become part of the map are kept aside for the operator.
+  bool takes_proposals = false;
 };
 
 /// A block and the least version of it that belongs to a revision.
@@ -251,6 +254,7 @@ enum class OfferDecision : uint8_t {
   kDamaged = 6,     ///< image or numbers unusable
   kBusy = 7,        ///< more offers in flight than the credit allows
   kFull = 8,        ///< the map has all the points it may have, or the server all the memory
+  kKeptAside = 9,   ///< no keyframe, but kept as a proposal, of which the operator decides
 };
 
 struct OfferOutcome {

@@ -35,10 +35,10 @@ CAIRN_MEMBERS(OfferOutcome, a, b, c, d, e, f, g)
 CAIRN_MEMBERS(CameraMessage, a, b, c, d, e, f)
 CAIRN_MEMBERS(MapSeed, a, b, c, d, e, f, g, h, i, j, k, l, m, n)
 CAIRN_MEMBERS(PointCandidate, a, b, c, d, e)
-CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q)
+CAIRN_MEMBERS(KeyframeOffer, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r)
 CAIRN_MEMBERS(TrackerStateMessage, a, b, c, d, e, f, g, h, i, j)
 CAIRN_MEMBERS(ServerStatus, a, b, c, d, e, f, g)
-CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l)
+CAIRN_MEMBERS(MapInfo, a, b, c, d, e, f, g, h, i, j, k, l, m)
 CAIRN_MEMBERS(PointPatches, a, b, c)
 CAIRN_MEMBERS(PointPositions, a, b, c)
 CAIRN_MEMBERS(KeyframePoses, a, b, c)
@@ -227,8 +227,8 @@ inline MapSeed RandomMessages::make() {
 template <>
 inline KeyframeOffer RandomMessages::make() {
   KeyframeOffer made{
-      id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3,   4,
-      coin(),         {-7},      {},          {},         {},         0,          {},     up()};
+      id<ClientId>(), command(), id<MapId>(), {number()}, {number()}, {number()}, pose(), 3,    4,
+      coin(),         {-7},      {},          {},         {},         0,          {},     up(), coin()};
   made.image = image(static_cast<uint32_t>(number(1, 320)), static_cast<uint32_t>(number(1, 240)));
   made.still_mask = still_mask(made.image.width, made.image.height);
   made.reference_command = number(0, made.command.seq - 1);
@@ -272,7 +272,8 @@ inline MapInfo RandomMessages::make() {
           coin(),
           coin(),
           static_cast<MapRight>(number(0, 2)),
-          id<ServerId>()};
+          id<ServerId>(),
+          coin()};
 }
 template <>
 inline PointPatches RandomMessages::make() {
@@ -324,7 +325,7 @@ inline OfferVerdict RandomMessages::make() {
   OfferVerdict made{id<ClientId>(), {number()}, number(), static_cast<uint32_t>(number(0, 9)), {}};
   for (uint64_t i = 0, n = number(0, 16); i < n; ++i) {
     made.recent.push_back({number(),
-                           static_cast<OfferDecision>(number(0, 7)),
+                           static_cast<OfferDecision>(number(0, 9)),
                            text(60),
                            id<MapId>(),
                            {number()},

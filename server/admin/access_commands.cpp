@@ -103,6 +103,11 @@ void print_rights(const json& all) {
   }
   print_closures(all, "frozen", "map", "frozen: map");
   print_closures(all, "blocked", "client", "blocked: client");
+  if (all.value("proposals", false)) std::printf("proposals are taken in all maps\n");
+  for (const json& rule : all.value("proposals_in", json::array())) {
+    const std::string name = text_of(rule, text_of(rule, "name").empty() ? "map" : "name");
+    std::printf("proposals in map %s: %s\n", name.c_str(), rule.value("welcome", false) ? "on" : "off");
+  }
   if (const std::string note = text_of(all, "note"); !note.empty()) std::printf("%s\n", note.c_str());
 }
 

@@ -30,6 +30,7 @@
 #include "server/admin/interruption.h"
 #include "server/admin/keys_commands.h"
 #include "server/admin/listing.h"
+#include "server/admin/proposal_commands.h"
 #include "server/admin/rig_commands.h"
 #include "server/admin/store_commands.h"
 #include "server/admin/version_commands.h"
@@ -62,6 +63,7 @@ constexpr const char* kFooter =
     "  cairnctl map desk rollback monday               and has it back\n"
     "  cairnctl backup monday.tar                      all of the store, while the server runs\n"
     "  cairnctl audit                                  who did what\n"
+    "  cairnctl proposals                              keyframes kept aside of those who may not add them\n"
     "  cairnctl rigs                                   lists the rigs that the server hears\n"
     "  cairnctl rig shoulder stop                      emergency stop of a rig\n"
     "  cairnctl keys list                              who may take part in a secured site";
@@ -503,6 +505,7 @@ int run(int argc, char** argv) {
   LocalAction local_action;
   describe_keys(&app, &local_action);
   describe_store(&app, &access, &local_action);
+  describe_proposals(&app, &access);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -59,18 +59,21 @@ OperatorAct act_of(const std::string& verb) {
   // Who looks after maps may close one to everybody; whom it is open to is for others to say.
   const bool is_about_map = verb == "map-freeze" || verb == "map-unfreeze";
   if (changes_rights(verb) && !is_about_map) return OperatorAct::kGovern;
-  const bool is_transfer = verb == "export" || verb == "import" || verb.starts_with("export-") ||
-                           verb.starts_with("import-") || verb.starts_with("backup");
+  const bool is_transfer = verb == "export" || verb == "proposal-show" || verb == "proposal-picture" ||
+                           verb == "import" || verb.starts_with("export-") || verb.starts_with("import-") ||
+                           verb.starts_with("backup");
   if (is_transfer) return OperatorAct::kTransfer;
   const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
                        verb == "labels" || verb == "rights" || verb == "rights-explain" ||
-                       verb == "clients" || verb == "audit" || verb == "tags" || verb.starts_with("verify");
+                       verb == "clients" || verb == "audit" || verb == "tags" || verb == "proposals" ||
+                       verb.starts_with("verify");
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
 /// Of an archive, which goes over in hundreds.
 bool is_piece(const std::string& verb) {
-  return verb == "import-write" || verb == "export-read" || verb == "backup-part";
+  return verb == "import-write" || verb == "export-read" || verb == "backup-part" ||
+         verb == "proposal-picture";
 }
 
 bool is_audited(const std::string& verb) {
@@ -175,6 +178,7 @@ void MapService::carry_out(const Principal& who, const wire::AdminRequest& messa
     return answer(refusal(may.error()));
   if (administers_access(operator_name, verb, request, answer)) return;
   if (looks_after_store(operator_name, request, answer)) return;
+  if (decides_proposals(request, answer)) return;
   if (verb == "status") return describe_server(answer);
   if (verb == "rigs") return answer(success({{"rigs", rigs_.describe(clock_.now())}}));
   if (verb == "maps") {

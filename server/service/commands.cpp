@@ -193,6 +193,11 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   if (entry == nullptr || entry->snapshot == nullptr || ruling.right == Right::kNone) {
     return refuse(wire::OfferDecision::kUnknownMap, "this server does not know the map");
   }
+  if (takes_proposals(client, message.map, *entry)) {
+    if (std::string why = why_aside(message, *entry, ruling); !why.empty())
+      return propose(&client, *entry, std::move(message), *camera, std::move(why));
+  }
+  if (message.as_proposal) return refuse(wire::OfferDecision::kNoRight, kNoProposals);
   if (ruling.right < Right::kAdd) return refuse(wire::OfferDecision::kNoRight, ruling.reason);
   if (entry->runner == nullptr) return refuse(wire::OfferDecision::kNoRight, "this map takes no keyframes");
   if (std::string why = why_map_is_full(*entry); !why.empty())
@@ -388,6 +393,7 @@ void MapService::on_overlap(const Overlap& overlap) {
 
 void MapService::forget_map(MapId map) {
   young_.forget(map);
+  proposals_.forget(map);
   const MapEntry* entry = maps_.find(map);
   if (entry == nullptr) return;
   const bool was_told = entry->snapshot != nullptr;
@@ -481,7 +487,9 @@ void MapService::list_map(MapId map, const MapEntry& entry, Client& client) {
   const Right right = options_.access->in_map(client.principal(), map).right;
   if (right < Right::kRead) return;
   client.maps_told.insert(map);
-  tell(client, make_map_info(options_.server, map, entry, right));
+  wire::MapInfo info = make_map_info(options_.server, map, entry, right);
+  info.takes_proposals = takes_proposals(client, map, entry);
+  tell(client, info);
 }
 
 MapSet MapService::readable(const Client& client) const {

@@ -41,17 +41,20 @@ void MapRunner::keep_seed(const SeedJob& job, const SeedResult& result, const Se
 
 void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgement, const OfferDone& done) {
   if (store_ == nullptr || maker_ == nullptr || frozen_ || has_ended()) return done(judgement);
+  const bool is_accepted = judgement.decision == wire::OfferDecision::kAccepted;
+  if (origin.proposal != 0 && !is_accepted) return done(judgement);  // its client has had its answer
   DecisionRecord decision = record_of(origin, CommandKind::kOffer, clock_->wall());
   decision.decision = static_cast<uint8_t>(judgement.decision);
   decision.reason = judgement.reason;
   decision.keyframe = judgement.keyframe;
-  if (judgement.decision != wire::OfferDecision::kAccepted) {
+  if (!is_accepted) {
     refusals_.push_back(std::move(decision));
     save_soon();
     return done(judgement);
   }
   MapUpdate update = take_update();
   update.decisions.push_back(std::move(decision));
+  if (origin.proposal != 0) update.removed_proposals.push_back(origin.proposal);
   store_->write(published_->map, std::move(update),
                 [self = shared_from_this(), judgement, done](const Status& kept) {
                   if (kept) return done(judgement);

@@ -98,6 +98,8 @@ MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& op
                                   std::move(stored->epochs),
                                   std::move(stored->decisions),
                                   std::move(stored->labels),
+                                  std::move(stored->proposals),
+                                  stored->last_proposal,
                                   std::move(indexed)};
   } catch (const std::exception& problem) {  // memory, a library
     return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
@@ -113,6 +115,7 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   RestoredMap& map = *loaded.restored;
   if (!loaded.damage.empty()) {
     const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}};
+    map.proposals.clear();  // they stay in the damaged file
     const auto aside = store_->replace(map.header, saved, loaded.damage);
     log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
                 aside ? "the damaged file is kept as " + aside->string() : aside.error().message);

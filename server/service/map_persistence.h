@@ -27,6 +27,8 @@ struct RestoredMap {
   std::vector<EpochRecord> epochs;
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;
+  std::vector<ProposalSummary> proposals;
+  uint64_t last_proposal = 0;
   IndexedMapPtr indexed;  ///< its part of the place index, as it is now
 };
 

@@ -35,6 +35,7 @@ MapService::MapService(const MapServiceOptions& options, Lanes lanes, MapPersist
       places_(std::make_shared<PlaceDesk>(PlaceDesk::Lanes{lanes.urgent, lanes.questions, lanes.background},
                                           options.relocalization, options.clock, log_, options.work_times)),
       wearers_(options.wearers),
+      proposals_(options.proposals),
       next_tick_(clock_.now()) {
   watch_for_overlaps();
   site_.run_by({[this](Task task) { store_->run_beside([task = std::move(task)](Store&) { task(); }); },
@@ -113,6 +114,7 @@ void MapService::tick(MonotonicTime now) {
     store_->run_beside(
         [transfers = transfers_, clock = options_.clock](Store&) { transfers->expire(clock->now()); });
     look_for_damage();  // an operator may have taken it away
+    drop_old_proposals();
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   for (const std::string& line : rigs_.pass(now)) log_->info("{}", line);

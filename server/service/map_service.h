@@ -26,6 +26,8 @@
 #include "server/service/overlap_watch.h"
 #include "server/service/place_desk.h"
 #include "server/service/presence.h"
+#include "server/service/proposal_book.h"
+#include "server/service/proposal_judge.h"
 #include "server/service/rig_list.h"
 #include "server/service/service_options.h"
 #include "server/service/service_output.h"
@@ -109,6 +111,8 @@ class MapService {
     bool plane_aligned = false;
     std::vector<LabelRecord> labels;
     LabelId last_label;
+    std::vector<ProposalSummary> proposals;
+    uint64_t last_proposal = 0;
     std::shared_ptr<MapRunner> runner;
     MapRevision first;
   };
@@ -214,6 +218,37 @@ class MapService {
   void let_maps_rest(MonotonicTime now);
   void keep_overlaps();
 
+  // Keyframes kept aside (proposals.cpp).
+  static constexpr const char* kNoProposals = "no proposals are taken in this map";
+  [[nodiscard]] bool takes_proposals(const Client& client, MapId map, const MapEntry& entry) const;
+  /// Why an offer can be a proposal at most; empty: the map maker is to judge it.
+  [[nodiscard]] std::string why_aside(const wire::KeyframeOffer& offer, const MapEntry& entry,
+                                      const Ruling& ruling) const;
+  void propose(Client* client, const MapEntry& entry, wire::KeyframeOffer offer,
+               const AnnouncedCamera& camera, std::string why);
+  void on_proposal_judged(SessionId session, wire::OfferOutcome outcome, ProposalJudgement judged);
+  void keep_proposal(SessionId session, wire::OfferOutcome outcome, KeptProposal kept);
+  void drop_old_proposals();
+  struct NamedProposal {
+    MapId map;
+    uint64_t number = 0;
+  };
+  [[nodiscard]] std::optional<NamedProposal> named_proposal(const std::string& id) const;
+  /// False: the verb is about something else.
+  [[nodiscard]] bool decides_proposals(const nlohmann::json& request, const AdminAnswer& answer);
+  void list_proposals(const nlohmann::json& request, const AdminAnswer& answer);
+  /// If it can be read, `use` is called on this thread; if not, that is the answer.
+  void read_proposal(const NamedProposal& which, const AdminAnswer& answer,
+                     std::function<void(KeptProposal kept)> use);
+  void show_proposal(const NamedProposal& which, const AdminAnswer& answer);
+  void send_picture(const NamedProposal& which, uint64_t offset, const AdminAnswer& answer);
+  void drop_proposal(const NamedProposal& which, const AdminAnswer& answer);
+  [[nodiscard]] std::string why_not_accepted(MapId map, const MapEntry& entry) const;
+  void accept_proposal(const NamedProposal& which, const AdminAnswer& answer);
+  /// `is_final`: what was refused as stale would be so again.
+  void on_proposal_decided(const NamedProposal& which, const std::string& client,
+                           const OfferJudgement& judgement, bool is_final, const AdminAnswer& answer);
+
   // What they want (commands.cpp).
   void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
                        const MapSnapshotPtr& snapshot);
@@ -280,6 +315,8 @@ class MapService {
   WearerRule wearers_;
   RigList rigs_;
   YoungMaps young_;
+  ProposalBook proposals_;
+  size_t proposals_in_work_ = 0;  ///< being looked at
   AdminGate admin_gate_;
   std::set<std::string> backing_up_;      ///< operators who have begun a backup, which is on record
   std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store

@@ -40,6 +40,14 @@ wire::SeedVerdict verdict_of(const DecisionRecord& decision, const KeptDecisions
   return verdict;
 }
 
+/// An offer that was kept aside and accepted later has two decisions. Ascending by seq.
+void keep_last_of_each(std::vector<wire::OfferOutcome>* offers) {
+  const auto same = [](const auto& a, const auto& b) { return a.seq == b.seq; };
+  std::reverse(offers->begin(), offers->end());
+  offers->erase(std::unique(offers->begin(), offers->end(), same), offers->end());
+  std::reverse(offers->begin(), offers->end());
+}
+
 }  // namespace
 
 std::vector<std::pair<std::string, ResumedClient>> resume_clients(std::span<const KeptDecisions> maps,
@@ -68,7 +76,8 @@ std::vector<std::pair<std::string, ResumedClient>> resume_clients(std::span<cons
   }
   for (auto& [name, client] : clients) {
     const auto by_seq = [](const auto& a, const auto& b) { return a.seq < b.seq; };
-    std::sort(client.offers.begin(), client.offers.end(), by_seq);
+    std::stable_sort(client.offers.begin(), client.offers.end(), by_seq);
+    keep_last_of_each(&client.offers);
     std::sort(client.requests.begin(), client.requests.end(), by_seq);
   }
   std::vector<std::pair<std::string, ResumedClient>> by_use(std::make_move_iterator(clients.begin()),

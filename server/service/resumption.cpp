@@ -32,6 +32,8 @@ MapService::ResumedMap MapService::prepare(RestoredMap restored) {
                  restored.plane_aligned,
                  std::move(restored.labels),
                  last_label_of(restored.decisions),
+                 std::move(restored.proposals),
+                 restored.last_proposal,
                  make_runner(restored.header.id),
                  {}};
   map.first = map.runner->resume(std::move(restored));
@@ -42,6 +44,7 @@ void MapService::take_up(ResumedMap map) {
   const MapId id = map.header.id;
   MapEntry& entry = maps_.add(id, MapEntry{map.header.name, map.runner, {}, {}, map.plane_aligned});
   entry.labels.restore(map.labels, map.last_label);
+  proposals_.restore(id, std::move(map.proposals), map.last_proposal);
   on_map_changed(id, std::move(map.first));
   map.runner->go_on();
 }

@@ -14,6 +14,7 @@
 #include "server/relocalization/relocalizer.h"
 #include "server/service/client_rates.h"
 #include "server/service/clock.h"
+#include "server/service/proposal_book.h"
 #include "server/service/wearer_rule.h"
 #include "server/service/work_times.h"
 
@@ -41,6 +42,7 @@ struct MapServiceOptions {
   MapMakerOptions mapping;
   RelocOptions relocalization;
   WearerOptions wearers;
+  ProposalLimits proposals = {};
   std::shared_ptr<const AccessPolicy> access = {};  ///< nothing: the rights of the site
   std::shared_ptr<const Clock> clock = {};
   WorkTimes* work_times = nullptr;  ///< where the map makers' work is counted; outlives the service

@@ -149,10 +149,11 @@ MapService::AdminAnswer MapService::audited(const std::string& operator_name, co
   std::replace(entry.action.begin(), entry.action.end(), '-', ' ');
   if (const auto map = request.find("map"); map != request.end() && map->is_string())
     entry.object = "map " + map->get<std::string>();
-  for (const char* part : {"tag", "name"}) {
+  for (const char* part : {"tag", "name", "proposal"}) {
     const auto named = request.find(part);
     if (named != request.end() && named->is_string() && !named->get<std::string>().empty())
-      entry.object += std::string(", ") + part + " " + named->get<std::string>();
+      entry.object +=
+          (entry.object.empty() ? "" : ", ") + std::string(part) + " " + named->get<std::string>();
   }
   return [this, entry, tell, is_kept_with_rights = changes_rights(verb)](wire::AdminReply reply) mutable {
     const bool is_done = reply.result == 0;

@@ -233,6 +233,7 @@ cairn_KeyframeOffer encode(const KeyframeOffer& message, Scratch* scratch) {
   sample.reference_command = message.reference_command;
   borrow_sequence(message.still_mask, &sample.still_mask);
   sample.up = encode_up(message.up);
+  sample.as_proposal = message.as_proposal;
   return sample;
 }
 
@@ -293,6 +294,7 @@ Result<KeyframeOffer> decode<KeyframeOffer>(const cairn_KeyframeOffer& sample) {
   message.reference_command = sample.reference_command;
   message.still_mask = get_sequence<uint8_t>(sample.still_mask);
   message.up = decode_up(sample.up);
+  message.as_proposal = sample.as_proposal;
   return checked_message(check, std::move(message));
 }
 
@@ -457,7 +459,7 @@ Result<OfferVerdict> decode<OfferVerdict>(const cairn_OfferVerdict& sample) {
   message.recent.reserve(sample.recent._length);
   for (uint32_t i = 0; i < sample.recent._length; ++i) {
     const cairn_OfferOutcome& outcome = sample.recent._buffer[i];
-    check.require(outcome.decision <= static_cast<uint8_t>(OfferDecision::kFull), "unknown decision");
+    check.require(outcome.decision <= static_cast<uint8_t>(OfferDecision::kKeptAside), "unknown decision");
     check.text(outcome.reason, kMaxReasonBytes);
     message.recent.push_back({outcome.seq,
                               static_cast<OfferDecision>(outcome.decision),

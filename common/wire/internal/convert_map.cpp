@@ -146,6 +146,7 @@ cairn_MapInfo encode(const MapInfo& message, Scratch*) {
   sample.metric = message.metric;
   sample.right = static_cast<uint8_t>(message.right);
   put_id(message.server.bytes, sample.server_id);
+  sample.takes_proposals = message.takes_proposals;
   return sample;
 }
 
@@ -179,6 +180,7 @@ Result<MapInfo> decode<MapInfo>(const cairn_MapInfo& sample) {
   message.metric = sample.metric;
   message.right = static_cast<MapRight>(sample.right);
   message.server = get_id<ServerId>(sample.server_id);
+  message.takes_proposals = sample.takes_proposals;
   return checked_message(check, std::move(message));
 }
 

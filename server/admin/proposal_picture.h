@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/base/result.h"
+
+namespace cairn {
+
+/// Where a picture shows a point of the map, or should, in its pixels.
+struct MarkedPoint {
+  int x = 0;
+  int y = 0;
+  bool found = false;
+};
+
+/// A grey picture (PNG, JPEG) as a coloured PNG, with a green square about each point that was found and a
+/// red cross on each that was not. Pure. Error kDamaged: it is no picture.
+[[nodiscard]] Result<std::vector<uint8_t>> with_points(std::span<const uint8_t> picture,
+                                                       std::span<const MarkedPoint> points);
+
+}  // namespace cairn

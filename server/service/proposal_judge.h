@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "common/wire/messages.h"
+#include "server/mapping/expected_points.h"
+#include "server/store/proposal.h"
+
+/// What a keyframe that is not to be added is worth, by what is published of the map: no map maker is asked,
+/// and no builder waits. Pure, on any thread.
+namespace cairn {
+
+struct ProposalJudgement {
+  wire::OfferDecision decision = wire::OfferDecision::kKeptAside;
+  std::string reason;  ///< of a refusal
+  KeptProposal kept;   ///< but for who, why, when and its number
+};
+
+/// `camera`: whose values are exact.
+[[nodiscard]] ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
+                                               const wire::KeyframeOffer& offer);
+
+/// The points of the map as it is now in the picture of a proposal. Errors: kRefused (its place in the map
+/// has gone), kDamaged.
+[[nodiscard]] Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map,
+                                                           const KeptProposal& proposal);
+
+}  // namespace cairn
