@@ -311,7 +311,7 @@ std::string MapService::why_not_accepted(MapId map, const MapEntry& entry) const
   if (entry.leaving) return "the map is being deleted";
   if (entry.rolling_back) return "the map is being rolled back; try again";
   if (std::string trouble = store_->trouble(); !trouble.empty()) return trouble;
-  return why_memory_is_full(bytes_to_wake(entry));
+  return why_map_is_full(entry);
 }
 
 /// The map maker judges it as any other offer, by the map as it is now.

@@ -141,7 +141,8 @@ TEST_F(ProposalsTest, WhatIsAcceptedIsEverybodys) {
   EXPECT_TRUE(proposals().empty());
   EXPECT_THAT(refused(about("proposal-accept", id)), HasSubstr("no proposal " + id));
   std::vector<std::string> audit;
-  for (const auto& entry : done({{"verb", "audit"}})["entries"])
+  const json entries = done({{"verb", "audit"}})["entries"];
+  for (const auto& entry : entries)
     audit.push_back(entry["action"].get<std::string>() + ": " + entry["object"].get<std::string>());
   EXPECT_THAT(audit, Contains("proposal accept: proposal " + id));
   EXPECT_THAT(audit, Contains("proposal show: proposal " + id));
