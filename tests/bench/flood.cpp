@@ -167,7 +167,15 @@ class Flood {
       (void)writer.write(*message);
     }
   }
-  void hear(const std::string& kind, const std::string& reason) { ++heard_[kind][reason.substr(0, 60)]; }
+  /// Of a kind, whatever its numbers.
+  void hear(const std::string& kind, const std::string& reason) {
+    std::string words;
+    for (const char c : reason) {
+      const bool is_digit = c >= '0' && c <= '9';
+      if (!is_digit || !words.ends_with('N')) words += is_digit ? 'N' : c;
+    }
+    ++heard_[kind][words.empty() ? "taken" : words];
+  }
 
   const FloodOptions options_;
   wire::Participant participant_;

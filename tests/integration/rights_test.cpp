@@ -388,11 +388,24 @@ TEST_F(KeysOverDds, AnOperatorMayWhatItsRoleSaysAndOneThatIsRevokedIsTold) {
             "operator wat has the role watch; this needs the role curate");
   EXPECT_EQ(curator.ask(block).error().message,
             "operator cur has the role curate; this needs the role administer");
+  const json freeze{{"verb", "map-freeze"}, {"map", to_hex(map_.bytes)}};
+  EXPECT_EQ(watcher.ask(freeze).error().message,
+            "operator wat has the role watch; this needs the role curate");
+  EXPECT_TRUE(curator.ask(freeze)) << "who looks after maps";
   EXPECT_TRUE(admin_->ask(block));
+  EXPECT_EQ(admin_->ask({{"verb", 5}}).error().message, "a request without 'verb', a text");
+  // As somebody who has copied the curator's keys and only listens.
+  auto joining = RawClient::joining(service_options_.domain);
+  joining.security = keys_->copied(keys_->of(IdentityRole::kOperator, "cur"));
+  const auto listener = testing::value_of(wire::Participant::create(joining));
+  const auto replies =
+      testing::value_of(wire::Reader<wire::AdminReply>::create(listener, wire::operator_partition("cur")));
+  ASSERT_TRUE(eventually([&] { return replies.matched() == 1; }));
   auto second = operator_called("ops").value();  // the same person in another window
   EXPECT_TRUE(second.ask(look));
   EXPECT_TRUE(admin_->ask(look));
   keys_->revoke(IdentityRole::kOperator, "cur");
+  EXPECT_TRUE(eventually([&] { return replies.matched() == 0; })) << "the last answer can still be had";
   ASSERT_TRUE(eventually([&] { return !curator.ask(look); }));
   EXPECT_EQ(curator.ask(look).error().message, "operator cur: its keys were revoked");
   EXPECT_EQ(audit_of("rename")[0]["who"], "operator wat");
