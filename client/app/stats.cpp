@@ -148,7 +148,7 @@ void RunStats::on_seed_reply(const SeedReply& reply) {
 
 void RunStats::on_offer_replies(const std::vector<OfferReply>& replies) {
   for (const auto& reply : replies) {
-    ++(reply.accepted ? offers_accepted_ : offers_refused_);
+    ++(reply.accepted ? offers_accepted_ : reply.kept_aside ? offers_kept_aside_ : offers_refused_);
     if (!reply.accepted) continue;
     awaited_.emplace_back(reply.keyframe, reply.time);
     looked_through_ = {};  // its points may have come before the word on it
@@ -220,6 +220,7 @@ std::string RunStats::to_json(uint64_t bytes_sent, uint64_t bytes_received) cons
       {"seeds_refused", seeds_refused_},
       {"keyframes_accepted", offers_accepted_},
       {"keyframes_refused", offers_refused_},
+      {"keyframes_kept_aside", offers_kept_aside_},
       {"map_keyframes", map_keyframes_},
       {"map_points", map_points_},
       {"reprojection_rms_px", inlier_sum_ == 0 ? 0.0 : std::sqrt(squared_error_sum_ / inlier_sum_)}};
@@ -285,8 +286,10 @@ std::vector<std::string> RunStats::summary_lines() const {
   const auto& total = stage_ms_[kStageCount];
   lines.push_back(fmt::format("map from frame {}; since then {:.1f} % tracked; {} map switches",
                               *first_map_frame_, 100 * tracked_share(), switches_));
-  lines.push_back(fmt::format("{} keyframes and {} points in the map; {} keyframes accepted, {} refused",
-                              map_keyframes_, map_points_, offers_accepted_, offers_refused_));
+  lines.push_back(
+      fmt::format("{} keyframes and {} points in the map; {} keyframes accepted, {} refused{}",
+                  map_keyframes_, map_points_, offers_accepted_, offers_refused_,
+                  offers_kept_aside_ == 0 ? "" : fmt::format(", {} kept aside", offers_kept_aside_)));
   lines.push_back(fmt::format(
       "processor time per tracked frame: p50 {:.1f} ms, p95 {:.1f} ms, p99 {:.1f} ms; "
       "{:.1f} % of all frames on time",

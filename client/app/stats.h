@@ -135,6 +135,7 @@ class RunStats final : public FrameObserver {
   size_t seeds_refused_ = 0;
   size_t offers_accepted_ = 0;
   size_t offers_refused_ = 0;
+  size_t offers_kept_aside_ = 0;
   size_t map_points_ = 0;
   size_t map_keyframes_ = 0;
   /// Accepted keyframes whose points are not in the replica yet: which, and when they were taken.

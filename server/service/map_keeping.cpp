@@ -44,6 +44,8 @@ void MapRunner::keep_offer(const JobOrigin& origin, const OfferJudgement& judgem
   const bool is_accepted = judgement.decision == wire::OfferDecision::kAccepted;
   if (origin.proposal != 0 && !is_accepted) return done(judgement);  // its client has had its answer
   DecisionRecord decision = record_of(origin, CommandKind::kOffer, clock_->wall());
+  // Its client's newest session is told by the times of decisions, and may be another by now.
+  if (origin.proposal != 0) decision.time = origin.proposed;
   decision.decision = static_cast<uint8_t>(judgement.decision);
   decision.reason = judgement.reason;
   decision.keyframe = judgement.keyframe;

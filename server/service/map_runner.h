@@ -30,7 +30,8 @@ namespace cairn {
 struct JobOrigin {
   std::string client;  ///< name
   wire::CommandId command;
-  uint64_t proposal = 0;  ///< not 0: it is this one of the map's, which goes when it is accepted
+  uint64_t proposal = 0;    ///< not 0: it is this one of the map's, which goes when it is accepted
+  Timestamp proposed = {};  ///< when that was kept aside, and its client answered
 };
 
 /// A seed as it came in: the images are decoded on the map's queue.

@@ -103,8 +103,9 @@ void MapService::propose(Client* client, const MapEntry& entry, wire::KeyframeOf
   std::string not_now = offer.lockstep ? "" : proposals_.why_not_now(client->name, clock_.now());
   if (!not_now.empty()) return refuse(wire::OfferDecision::kBusy, std::move(not_now));
   ++proposals_in_work_;
-  lanes_.idle.submit([this, name = client->name, session, outcome, snapshot = entry.snapshot,
-                      camera = camera.camera, offer = std::move(offer), why = std::move(why)] {
+  Executor& lane = offer.lockstep ? lanes_.urgent : lanes_.idle;  // who replays a recording waits for it
+  lane.submit([this, name = client->name, session, outcome, snapshot = entry.snapshot, camera = camera.camera,
+               offer = std::move(offer), why = std::move(why)] {
     ProposalJudgement judged{wire::OfferDecision::kDamaged, "internal error; the server's log says more", {}};
     try {
       judged = judge_proposal(*snapshot, *camera, offer);
@@ -325,7 +326,10 @@ void MapService::accept_proposal(const NamedProposal& which, const AdminAnswer& 
     if (!camera) return answer(refusal(camera.error()));
     OfferJob job;
     const ProposalRecord& record = kept.record;
-    job.origin = {record.summary.client, {record.summary.session, record.summary.seq}, which.number};
+    job.origin = {record.summary.client,
+                  {record.summary.session, record.summary.seq},
+                  which.number,
+                  record.summary.received};
     job.input.camera = *camera;
     job.input.time = record.summary.time;
     job.input.reference = record.reference;

@@ -57,6 +57,23 @@ TEST(ResumeClients, WhatCountsIsTheLastOfAllMapsAndOfTheNewestSession) {
   EXPECT_EQ(both[0].second.offers[1].seq, 2U);
 }
 
+TEST(ResumeClients, AProposalThatWasAcceptedIsAnsweredAsAccepted) {
+  DecisionRecord kept = decision("anna", 2, 20);
+  kept.decision = static_cast<uint8_t>(wire::OfferDecision::kKeptAside);
+  DecisionRecord accepted = decision("anna", 2, 20);
+  accepted.keyframe = KeyframeId{9};
+  const std::vector<DecisionRecord> decisions{decision("anna", 1, 10), kept, decision("anna", 3, 30),
+                                              accepted};
+  const KeptDecisions maps[] = {{MapId{{1}}, Epoch{9}, decisions}};
+  const auto clients = resume_clients(maps, 1);
+  ASSERT_EQ(clients.size(), 1U);
+  const auto& offers = clients[0].second.offers;
+  ASSERT_EQ(offers.size(), 3U);
+  EXPECT_EQ(offers[1].seq, 2U);
+  EXPECT_EQ(offers[1].decision, wire::OfferDecision::kAccepted);
+  EXPECT_EQ(offers[1].keyframe, (KeyframeId{9}));
+}
+
 /// An id that a later roll-back has given up means another keyframe now, whatever the epochs between began
 /// with.
 TEST(CarryOver, WhatAnyLaterEpochHasGivenUpIsGone) {
