@@ -69,6 +69,7 @@ void MapService::rename_map(MapId id, MapEntry* entry, const std::string& name, 
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (!entry->name_to_be.empty())
     return answer(refusal(ErrorCode::kRefused, "the map is being renamed by another; try again"));
+  if (entry->rolling_back) return answer(refusal(ErrorCode::kRefused, kRollingBack));
   maps_.begin_renaming(entry, name);
   young_.forget(id);
   entry->runner->rename(name, [this, id, answer](const Status& kept) {
@@ -99,8 +100,7 @@ void MapService::delete_map(MapId id, MapEntry* entry, bool for_good, const Admi
     entry->runner->retire();
     return finish_deletion(id, {}, answer);
   }
-  if (entry->rolling_back)
-    return answer(refusal(ErrorCode::kRefused, "the map is being rolled back; try again"));
+  if (entry->rolling_back) return answer(refusal(ErrorCode::kRefused, kRollingBack));
   entry->leaving = true;
   // All that is handed in is written, exports of it that are under way come to their end, and then its file
   // goes, in the writer's turn. Until then the map is served: it may yet stay.
@@ -109,7 +109,7 @@ void MapService::delete_map(MapId id, MapEntry* entry, bool for_good, const Admi
     if (removed) runner->retire();
     post_([this, id, removed, answer] { finish_deletion(id, removed, answer); });
   };
-  entry->runner->flush([this, answer, remove] {
+  entry->runner->flush([this, answer, remove](const Status&) {  // a full disk keeps no map from going
     store_->run([this, answer, remove](const Store&) {
       with_store(answer, [this, remove](const Store&) -> Task {
         store_->run(remove);
@@ -272,7 +272,8 @@ void MapService::export_map(MapId id, const MapEntry* entry, const AdminAnswer& 
     return [answer, archive] { answer(success(archive)); };
   };
   // What was handed to the writer is in the file once a task of its own has come to its turn.
-  entry->runner->flush([this, answer, copy] {
+  entry->runner->flush([this, answer, copy](const Status& kept) {
+    if (!kept) return post_([answer, error = kept.error()] { answer(refusal(error)); });
     store_->run([this, answer, copy](const Store&) { with_store(answer, copy); });
   });
 }

@@ -38,6 +38,9 @@ struct MapEntry {
   size_t bytes_published = 0;                 ///< of the snapshot's points
 };
 
+/// To who asks anything of a map meanwhile.
+inline constexpr const char* kRollingBack = "the map is being rolled back; try again";
+
 /// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
 /// been offered nothing), its published copy, its part of the place index.
 [[nodiscard]] size_t bytes_of(const MapEntry& entry);

@@ -99,41 +99,54 @@ void MapRunner::save() {
   if (!store_->trouble().empty()) return save_soon();  // all pictures would be packed for nothing
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
-  store_->write(published_->map, std::move(update), [self = shared_from_this()](const Status& kept) {
-    if (kept) {
-      self->saves_failed_ = 0;
-      return;
-    }
-    self->on_not_kept(kept.error());
-    self->queue_.post([self] { self->save_soon(); });  // until it succeeds
-  });
+  store_->write(published_->map, std::move(update),
+                [self = shared_from_this()](const Status& kept) { self->on_saved(kept); });
 }
 
-void MapRunner::save_last_changes(const std::function<void(const Status&)>& done) {
+void MapRunner::on_saved(const Status& kept) {
+  if (kept) {
+    saves_failed_ = 0;
+    return;
+  }
+  on_not_kept(kept.error());
+  queue_.post([self = shared_from_this()] { self->save_soon(); });  // until it succeeds
+}
+
+void MapRunner::save_last_changes() {
   if (store_ == nullptr || frozen_ || replaced_ || maker_ == nullptr || published_ == nullptr) return;
   MapUpdate update = take_update();
   if (update.record.empty() && update.decisions.empty()) return;
-  store_->write(published_->map, std::move(update), done);
+  store_->write(published_->map, std::move(update), {});
 }
 
-void MapRunner::flush(std::function<void()> then) {
-  queue_.post([self = shared_from_this(), then = std::move(then)] {
-    self->guarded([&] { self->save(); });
-    then();
+/// An update that is empty waits for those before it, one of which may fail.
+void MapRunner::hand_over(const Kept& then) {
+  if (store_ == nullptr || stopping_ || frozen_ || maker_ == nullptr) return then({});
+  if (std::string why = store_->trouble(); !why.empty()) {  // all pictures would be packed for nothing
+    save_soon();
+    return then(fail(ErrorCode::kIo, std::move(why)));
+  }
+  const bool is_handed_in = guarded([&] {
+    store_->write(published_->map, take_update(), [self = shared_from_this(), then](const Status& kept) {
+      self->on_saved(kept);
+      if (!kept || !self->update_lost_) return then(kept);
+      then(fail(ErrorCode::kIo, "the map's last changes are not kept yet; try again"));
+    });
   });
+  if (!is_handed_in) then(fail(ErrorCode::kInternal, "internal error; the server's log says more"));
 }
 
-void MapRunner::give_way(std::function<void()> then) {
+void MapRunner::flush(Kept then) {
+  queue_.post([self = shared_from_this(), then = std::move(then)] { self->hand_over(then); });
+}
+
+void MapRunner::give_way(Kept then) {
   queue_.post([self = shared_from_this(), then = std::move(then)] {
-    // The map goes on where a roll-back fails, and then the store has to be brought up to date.
-    const auto kept = [self](const Status& done) {
-      if (!done) self->on_not_kept(done.error());
-    };
-    self->guarded([&] { self->save_last_changes(kept); });
+    // The map goes on where a roll-back fails, and then the store has to be brought up to date: on_saved().
+    self->hand_over(then);
     self->replaced_ = true;
     self->stopping_ = true;
     if (const auto waiting = self->awaiting_images_.lock()) self->end_reading(waiting);
-    then();
   });
 }
 

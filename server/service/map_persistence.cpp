@@ -67,14 +67,24 @@ MapPersistence::~MapPersistence() {
 
 MapPersistence::Loaded MapPersistence::load(MapId map, const MapMakerOptions& options,
                                             RestoredImages images) const {
+  Result<StoredMap> stored = fail(ErrorCode::kInternal, "not loaded");
+  try {
+    stored = store_->load(map);
+  } catch (const std::exception& problem) {  // memory
+    stored = fail(ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what());
+  }
+  return make_ready(map, std::move(stored), options, images);
+}
+
+MapPersistence::Loaded MapPersistence::make_ready(MapId map, Result<StoredMap> stored,
+                                                  const MapMakerOptions& options, RestoredImages images) {
   Loaded loaded{.map = map, .name = {}, .damage = {}};
   const auto fail_with = [&loaded](const Error& error) {
     loaded.restored = tl::unexpected(error);
     return std::move(loaded);
   };
+  if (!stored) return fail_with(stored.error());
   try {
-    Result<StoredMap> stored = store_->load(map);
-    if (!stored) return fail_with(stored.error());
     loaded.damage = std::move(stored->damage);
     const MapHeader& header = stored->header;
     loaded.name = header.name;
@@ -182,13 +192,23 @@ void MapPersistence::restore_one(MapId map, const MapMakerOptions& options, Rest
   });
 }
 
-void MapPersistence::reload(MapId map, const MapMakerOptions& options, RestoredImages images,
-                            std::function<void(Result<RestoredMap>)> done) {
-  run_beside([this, map, options, images, done = std::move(done)](Store&) {
-    auto loaded = std::make_shared<Loaded>(load(map, options, images));
-    run([this, loaded, done](Store&) {
-      if (!loaded->restored) part_with(*loaded);
-      done(settle(std::move(*loaded)));
+void MapPersistence::change_state(MapId map, const MapMakerOptions& options, RestoredImages images,
+                                  StateChange how) {
+  run([this, map, options, images, how = std::move(how)](Store& writers) {
+    writers.let_go(map);
+    run_beside([this, map, options, images, how](Store& store) {
+      const AcceptState accept = [&](StoredMap state) -> Status {
+        Loaded loaded = make_ready(map, std::move(state), options, images);
+        if (!loaded.restored) return tl::unexpected(loaded.restored.error());
+        if (!loaded.damage.empty()) return fail(ErrorCode::kDamaged, loaded.damage.front());
+        how.take(std::move(*loaded.restored));
+        return {};
+      };
+      const Status changed = guarded([&] { return how.change(store, accept); });
+      run([map, how, changed](Store& same) {
+        same.let_go(map);
+        how.done(changed);
+      });
     });
   });
 }

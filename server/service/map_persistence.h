@@ -96,10 +96,16 @@ class MapPersistence {
   /// The same for one that was loaded and cannot be served after all, for this reason: by the writer.
   void take_back(MapId map, const std::string& name, Undo undo, const std::string& reason);
 
-  /// One map whose file has become another, at once, to be served in a new epoch: by the other thread, and
-  /// `done` by the writer. One that cannot be loaded is set aside or left alone, as by restore().
-  void reload(MapId map, const MapMakerOptions& options, RestoredImages images,
-              std::function<void(Result<RestoredMap>)> done);
+  /// Puts another state in place of a map's, which hands in nothing meanwhile. `change` does so beside the
+  /// writer (Store::roll_back()) and shows that state first. `take` gets it, ready to be served, before it is
+  /// durable. One that is damaged, or that `take` throws at, is not put there. `done` is called by the
+  /// writer, with what has come of it: an error, and nothing has happened.
+  struct StateChange {
+    std::function<Status(Store& store, const AcceptState& accept)> change;
+    std::function<void(RestoredMap map)> take;
+    std::function<void(const Status& changed)> done;
+  };
+  void change_state(MapId map, const MapMakerOptions& options, RestoredImages images, StateChange how);
 
   /// Images that have been let go: the first of these keyframes' (Store::read_images()), as many as others
   /// that have something to write can wait for: no longer than a commit takes. `done` is called by the
@@ -151,6 +157,8 @@ class MapPersistence {
   void probe_if_due();
   struct Loaded;
   [[nodiscard]] Loaded load(MapId map, const MapMakerOptions& options, RestoredImages images) const;
+  [[nodiscard]] static Loaded make_ready(MapId map, Result<StoredMap> stored, const MapMakerOptions& options,
+                                         RestoredImages images);
   [[nodiscard]] Result<RestoredMap> settle(Loaded loaded);
   /// Of a map that cannot be loaded and has been there: out of the way if it is damaged, else left alone.
   void part_with(const Loaded& failed);

@@ -216,7 +216,7 @@ TEST_F(FailingWriterTest, WhatCouldNotBeKeptIsNotLetGo) {
 TEST_F(FailingWriterTest, NorIsWhatIsHandedInAgainAndMayFailAgain) {
   hand_in_in_vain();
   // Between the failure and the second look: all is handed in once more.
-  map_->store().run([this](Store&) { map_->runner().flush([] {}); });
+  map_->store().run([this](Store&) { map_->runner().flush([](const Status&) {}); });
   map_->ask_to_rest();
   map_->settle_queue();
   writer_->release();

@@ -123,9 +123,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   /// The map has been deleted: its work ends as soon as possible, what waits is answered with that. Does not
   /// wait.
   void retire();
-  /// Another state of the map is about to take its place: hands what has changed to the store, then calls
-  /// `then`, on the queue. From then on it takes nothing and hands in nothing; offers are answered as stale.
-  void give_way(std::function<void()> then);
+  /// What has changed, and all that was handed in before, is durable; or why it is not.
+  using Kept = std::function<void(const Status& kept)>;
+  /// Another state of the map is about to take its place: as flush(). From then on it takes nothing and hands
+  /// in nothing; offers are answered as stale.
+  void give_way(Kept then);
   /// Nothing has taken its place: it goes on.
   void go_on_after_all();
   /// Lets the images go when there is nothing to do or to keep and the map is as in revision `indexed`, whose
@@ -135,11 +137,11 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void measure(std::function<void(const MapMeasures&)> done);
   /// Publishes the map under another name once the store has it, then calls `done`; or with why it has not.
   void rename(std::string name, std::function<void(Status kept)> done);
-  /// Hands what has changed to the store, then calls `then`: what it asks of the store finds all of it there.
-  void flush(std::function<void()> then);
-  /// Hands what has changed to the store, which calls `done` when it has it or has failed. For the end, when
-  /// no lane runs any more.
-  void save_last_changes(const std::function<void(const Status& kept)>& done = {});
+  /// Hands what has changed to the store. `then` is called by the writer, or on the queue where nothing is
+  /// handed in (any more). A map that is frozen stays as it was kept last.
+  void flush(Kept then);
+  /// Hands what has changed to the store. For the end, when no lane runs any more.
+  void save_last_changes();
 
  private:
   static constexpr const char* kDeleted = "the map was deleted";
@@ -200,6 +202,9 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   void on_not_kept(const Error& error);
   void save_soon();
   void save();
+  void hand_over(const Kept& then);
+  /// By the writer.
+  void on_saved(const Status& kept);
   [[nodiscard]] MapUpdate take_update();
 
   Executor& background_;

@@ -196,10 +196,12 @@ class MapService {
                                     const nlohmann::json& request, const AdminAnswer& answer);
   void tag_map(MapId id, const MapEntry& entry, MapTag tag, const AdminAnswer& answer);
   void list_tags(MapId id, uint64_t after, const AdminAnswer& answer);
-  void roll_back_map(MapId id, MapEntry* entry, const std::string& tag, MapTag before,
-                     const AdminAnswer& answer);
-  /// By the writer: the map's file is another; it is served from it, in a new epoch.
-  void serve_again(MapId id, const AdminAnswer& answer);
+  void roll_back_map(MapId id, const std::string& name, MapTag before, const AdminAnswer& answer);
+  /// Why there is no room for what was tagged; empty where there is.
+  [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;
+  /// The map is served from another state of its file in a new epoch, or nothing has happened.
+  using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
+  void change_state(MapId id, MapEntry* entry, ChangeOfState change, const AdminAnswer& answer);
   void replace_map(ResumedMap map, const AdminAnswer& answer);
   void copy_map(MapId id, const MapEntry& entry, const std::string& name, const AdminAnswer& answer);
   void transfer(const std::string& verb, const std::string& token, uint64_t offset, std::vector<uint8_t> data,

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <exception>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -26,20 +27,13 @@ json describe(const MapTag& tag) {
           {"keyframes", tag.keyframes}, {"points", tag.points}};
 }
 
-/// Of a tag that is made before a roll-back, so that it can be taken back.
-std::string free_name(const std::vector<MapTag>& tags) {
-  for (uint64_t number = 1;; ++number) {
-    std::string name = "before-rollback-" + std::to_string(number);
-    if (std::ranges::none_of(tags, [&](const MapTag& tag) { return tag.name == name; })) return name;
-  }
-}
-
 /// Why nothing is done with the versions of a map; empty: it is.
 std::string why_not(const MapEntry& entry, bool has_store) {
   if (entry.runner == nullptr) return "this map is made elsewhere";
   if (!has_store) return "this server keeps nothing: start it with --store DIR";
   if (entry.leaving) return "the map is being deleted";
-  return entry.rolling_back ? "the map is being rolled back; try again" : "";
+  if (entry.rolling_back) return kRollingBack;
+  return entry.name_to_be.empty() ? "" : "the map is being renamed; try again";
 }
 
 }  // namespace
@@ -73,7 +67,7 @@ bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapE
   } else if (verb == "tag") {
     tag_map(id, *entry, now, answer);
   } else if (verb == "roll-back") {
-    roll_back_map(id, entry, tag, now, answer);
+    roll_back_map(id, tag, now, answer);
   } else {
     store_->run([this, id, tag, answer](Store& store) {
       const Status gone = store.untag(id, tag);
@@ -84,7 +78,8 @@ bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapE
 }
 
 void MapService::tag_map(MapId id, const MapEntry& entry, MapTag tag, const AdminAnswer& answer) {
-  entry.runner->flush([this, id, tag = std::move(tag), answer] {
+  entry.runner->flush([this, id, tag = std::move(tag), answer](const Status& kept) {
+    if (!kept) return post_([answer, error = kept.error()] { answer(refusal(error)); });
     store_->run([this, id, tag, answer](Store& store) {
       const Status tagged = store.tag(id, tag);
       const json told = describe(tag);
@@ -105,48 +100,49 @@ void MapService::list_tags(MapId id, uint64_t after, const AdminAnswer& answer) 
   });
 }
 
-/// From the moment when the map's file becomes another, nothing of what the map was is written any more.
-void MapService::roll_back_map(MapId id, MapEntry* entry, const std::string& tag, MapTag before,
-                               const AdminAnswer& answer) {
-  entry->rolling_back = true;
-  young_.forget(id);
-  const auto runner = entry->runner;
-  const auto roll_back = [this, id, tag, before = std::move(before), runner, answer](Store& store) mutable {
-    const auto tags = store.tags(id);
-    if (tags) before.name = free_name(*tags);
-    const Status done = tags ? store.roll_back(id, tag, before) : tl::unexpected(tags.error());
-    if (done) return serve_again(id, answer);
-    runner->go_on_after_all();
-    post_([this, id, answer, error = done.error()] {
-      if (MapEntry* stays = maps_.find(id)) stays->rolling_back = false;
-      answer(refusal(error));
+/// A tag that is not there stops no map: it is looked up first.
+void MapService::roll_back_map(MapId id, const std::string& name, MapTag before, const AdminAnswer& answer) {
+  store_->run([this, id, name, before = std::move(before), answer](Store& store) {
+    const auto tag = store.find_tag(id, name);
+    post_([this, id, tag, before, answer] {
+      MapEntry* entry = maps_.find(id);
+      if (!tag || entry == nullptr) return answer(tag ? unknown_map(to_hex(id.bytes)) : refusal(tag.error()));
+      std::string why = why_not(*entry, true);
+      if (why.empty()) why = why_tag_is_too_large(*entry, *tag);
+      if (!why.empty()) return answer(refusal(ErrorCode::kRefused, std::move(why)));
+      const auto roll_back = [id, name = tag->name, before](Store& s, const AcceptState& accept) {
+        return s.roll_back(id, name, before, accept);
+      };
+      change_state(id, entry, roll_back, answer);
     });
-  };
-  runner->give_way([this, roll_back] { store_->run(roll_back); });
+  });
 }
 
-void MapService::serve_again(MapId id, const AdminAnswer& answer) {
-  const auto give_up = [this, id, answer](const Error& error) {
-    look_for_damage();
-    post_([this, id, answer, error] {
-      forget_map(id);
-      answer(refusal(error.code, "the map is not served any more: " + error.message +
-                                     "; `cairnctl status` and `cairnctl maps` say what to do"));
+std::string MapService::why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const {
+  const size_t now = bytes_of(entry) + bytes_to_wake(entry);
+  const size_t keyframes = std::max<size_t>(entry.statistics.keyframes, 1);
+  const size_t then = now / keyframes * tag.keyframes;  // nearly all of it is theirs
+  return then > now ? why_memory_is_full(then - now) : std::string();
+}
+
+/// From the moment when the map's file becomes another, nothing of what the map was is written any more.
+void MapService::change_state(MapId id, MapEntry* entry, ChangeOfState change, const AdminAnswer& answer) {
+  entry->rolling_back = true;
+  young_.forget(id);
+  const auto next = std::make_shared<std::optional<ResumedMap>>();
+  const auto done = [this, id, next, runner = entry->runner, answer](const Status& changed) {
+    if (!changed) runner->go_on_after_all();
+    post_([this, id, next, answer, changed] {
+      if (changed) return replace_map(std::move(**next), answer);
+      if (MapEntry* stays = maps_.find(id)) stays->rolling_back = false;
+      answer(refusal(changed.error()));
     });
   };
-  const auto serve = [this, id, answer, give_up](Result<RestoredMap> restored) {
-    if (!restored) return give_up(restored.error());
-    const std::string name = restored->header.name;
-    try {
-      post_([this, answer, map = prepare(std::move(*restored))]() mutable {
-        replace_map(std::move(map), answer);
-      });
-    } catch (const std::exception& problem) {  // memory
-      store_->leave_alone(id, name, std::string("cannot be served: ") + problem.what());
-      give_up({ErrorCode::kRefused, problem.what()});
-    }
-  };
-  store_->reload(id, options_.mapping, restored_images(options_.rest_after), serve);
+  const auto take = [this, next](RestoredMap map) { next->emplace(prepare(std::move(map))); };
+  entry->runner->give_way([this, id, change = std::move(change), take, done](const Status& kept) {
+    if (!kept) return done(kept);
+    store_->change_state(id, options_.mapping, restored_images(options_.rest_after), {change, take, done});
+  });
 }
 
 void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
@@ -189,7 +185,8 @@ void MapService::copy_map(MapId id, const MapEntry& entry, const std::string& na
     take_in(copy, &Store::undo_import, answer);
     return {};
   };
-  entry.runner->flush([this, answer, make] {
+  entry.runner->flush([this, answer, make](const Status& kept) {
+    if (!kept) return post_([answer, error = kept.error()] { answer(refusal(error)); });
     store_->run([this, answer, make](const Store&) { with_store(answer, make); });
   });
 }

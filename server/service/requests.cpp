@@ -82,8 +82,7 @@ void MapService::change_label(const wire::ClientRequest& request, const Principa
     return done({wire::RequestDecision::kUnknownMap, "this server does not know the map", request.label, {}});
   if (std::string why = why_not(ruling, request, author, entry->labels); !why.empty())
     return done({wire::RequestDecision::kNoRight, std::move(why), request.label, {}});
-  if (entry->rolling_back)
-    return done({wire::RequestDecision::kBusy, "the map is being rolled back; try again", request.label, {}});
+  if (entry->rolling_back) return done({wire::RequestDecision::kBusy, kRollingBack, request.label, {}});
   const size_t labels = entry->labels.all().size();
   if (request.action == wire::RequestAction::kAddLabel && labels >= options_.max_labels) {
     return done({wire::RequestDecision::kFull,

@@ -157,8 +157,10 @@ class KeptMap {
     }
     settle_queue();
   }
+  /// Hands in what has changed; the writer may be blocked.
   void flush() {
-    (void)answer_to<bool>([this](auto done) { runner_->flush([done] { done(true); }); });
+    runner_->flush([](const Status&) {});
+    settle_queue();
   }
   [[nodiscard]] std::unique_ptr<Blocker> block_writer() {
     return std::make_unique<Blocker>([this](auto task) { store_->run([task](Store&) { task(); }); });

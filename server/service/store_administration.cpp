@@ -113,7 +113,8 @@ void MapService::back_up_part(const std::string& part, const AdminAnswer& answer
   const MapEntry* entry = map ? maps_.find(*map) : nullptr;
   if (entry == nullptr || entry->runner == nullptr || store_ == nullptr) return with_store(answer, copy);
   // What was handed to the writer is in the file once a task of its own has come to its turn.
-  entry->runner->flush([this, answer, copy] {
+  entry->runner->flush([this, answer, copy](const Status& kept) {
+    if (!kept) return post_([answer, error = kept.error()] { answer(refusal(error)); });
     store_->run([this, answer, copy](const Store&) { with_store(answer, copy); });
   });
 }

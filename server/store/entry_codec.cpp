@@ -142,6 +142,7 @@ Blob encode_tag(const MapTag& tag) {
   out.put_text(tag.author);
   for (const size_t count : {tag.keyframes, tag.points, tag.keyframe_count, tag.point_count})
     out.put(static_cast<uint64_t>(count));
+  out.put(tag.epoch.value);
   return out.take();
 }
 
@@ -154,6 +155,7 @@ std::optional<MapTag> decode_tag(int64_t id, std::span<const uint8_t> row) {
   tag.author = one_line(in.get_text());
   for (size_t* count : {&tag.keyframes, &tag.points, &tag.keyframe_count, &tag.point_count})
     *count = in.get<uint64_t>();
+  if (in.left() > 0) tag.epoch.value = in.get<uint64_t>();  // since schema 8
   const bool sound = in.finished() && tag.keyframe_count <= kMaxKeyframes && tag.point_count <= kMaxPoints;
   if (!sound) return std::nullopt;
   return tag;

@@ -272,13 +272,16 @@ Status MapFile::begin_epoch(Epoch epoch) {
   const MapHeader before = header_;
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  header_.epoch = epoch;
-  Status done =
-      put("epochs", static_cast<int64_t>(epoch.value), encode_epoch({epoch, keyframe_count_, point_count_}));
-  if (done) done = put_header();
+  Status done = put_epoch({epoch, keyframe_count_, point_count_});
   if (done) done = transaction->commit();
   if (!done) header_ = before;
   return done;
+}
+
+Status MapFile::put_epoch(const EpochRecord& epoch) {
+  header_.epoch = epoch.epoch;
+  Status done = put("epochs", static_cast<int64_t>(epoch.epoch.value), encode_epoch(epoch));
+  return done ? put_header() : done;
 }
 
 Status MapFile::copy_to(const std::filesystem::path& path) {

@@ -59,8 +59,8 @@ struct LabelRecord {
   SE3 anchor_from_label{};  ///< that keyframe's camera from the label
 };
 
-/// An epoch and how many ids had been given out when it began: what an earlier epoch called by a higher id
-/// was lost with the server that gave it out, and has another meaning now.
+/// An epoch and how many ids meant the same in the one before it: what an earlier epoch called by a higher id
+/// was lost with the server that gave it out, or rolled back, and has another meaning now.
 struct EpochRecord {
   Epoch epoch;
   size_t keyframes = 0;
@@ -87,6 +87,7 @@ struct MapTag {
   size_t points = 0;
   size_t keyframe_count = 0;  ///< ever made then; filled in by tag()
   size_t point_count = 0;
+  Epoch epoch{};  ///< in which it was made; filled in by tag(). 0: an earlier version made it
 };
 
 /// All of a map file.
@@ -114,6 +115,9 @@ enum class LoadedImages : uint8_t {
   kNone,
   kDecodedOnly,  ///< each is decoded, and one of its size stands for it: for who only wants to know
 };
+
+/// Is shown all of a map as it would become; an error, and it does not.
+using AcceptState = std::function<Status(StoredMap state)>;
 
 /// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
@@ -148,10 +152,13 @@ class MapFile {
   [[nodiscard]] Result<std::vector<MapTag>> tags();
   /// Forgets a tag and what only it needed. Error kNotFound.
   Status untag(const std::string& name);
+  /// Error kNotFound.
+  [[nodiscard]] Result<MapTag> find_tag(const std::string& name);
   /// Everything as it was when the tag was made, but for the map's name and epochs, the decisions and the
-  /// tags: durable on return, or nothing has happened. Ids that were given since have another meaning from
-  /// then on: a new epoch must follow. Errors: kNotFound, kDamaged.
-  Status roll_back(const std::string& name);
+  /// tags, of which there is one more, `before`, for what there is now. Ids that were given since have
+  /// another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
+  /// Errors: kNotFound, kDamaged, those of `accept`.
+  Status roll_back(const std::string& name, MapTag before, Epoch epoch, const AcceptState& accept = {});
   /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
@@ -184,15 +191,19 @@ class MapFile {
   [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
   [[nodiscard]] Status remove(std::string_view table, int64_t id);
   [[nodiscard]] Status put_header();
+  [[nodiscard]] Status put_epoch(const EpochRecord& epoch);
   // Proposals (map_proposals.cpp).
   [[nodiscard]] Status put_proposals(const MapUpdate& update);
   void load_proposals(StoredMap* map);
   // Tags (map_versions.cpp).
   [[nodiscard]] Status learn_newest_tag();
-  [[nodiscard]] Result<MapTag> find_tag(const std::string& name);
   /// Before a row changes: as it is, for the newest tag.
   [[nodiscard]] Status keep_as_tagged(std::string_view table, int64_t id);
   [[nodiscard]] Status put_back(uint64_t tag);
+  /// Of a roll-back: all in the transaction that is open.
+  [[nodiscard]] Status replace_by(const MapTag& tag, MapTag before, Epoch epoch, const AcceptState& accept);
+  /// The epoch that begins with the state of a tag.
+  [[nodiscard]] Result<EpochRecord> epoch_after(const MapTag& tag, Epoch epoch);
   /// Decisions on keyframes that are no more do not name them.
   [[nodiscard]] Status forget_keyframes_beyond(size_t count);
   /// Error kDamaged: it is missing, or damaged.

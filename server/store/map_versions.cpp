@@ -3,8 +3,11 @@
 // Tags of a map: states that can be had back. Of each row that changes after a tag was made, the table `kept`
 // holds what it was then; the state of a tag is, row by row, what was kept for it or for the first later tag
 // that kept something, else what there is now.
+#include <algorithm>
 #include <array>
 #include <map>
+#include <tuple>
+#include <utility>
 
 #include "server/store/bytes.h"
 #include "server/store/entry_codec.h"
@@ -128,6 +131,7 @@ Status MapFile::tag(MapTag tag) {
   tag.number = newest_tag_ + 1;
   tag.keyframe_count = keyframe_count_;
   tag.point_count = point_count_;
+  tag.epoch = header_.epoch;
   Status done = put("tags", static_cast<int64_t>(tag.number), encode_tag(tag));
   if (done) newest_tag_ = tag.number;
   return done;
@@ -192,21 +196,53 @@ std::vector<std::string> MapFile::check_tags() {
   return damage;
 }
 
-Status MapFile::roll_back(const std::string& name) {
+Status MapFile::roll_back(const std::string& name, MapTag before, Epoch epoch, const AcceptState& accept) {
   const auto tag = find_tag(name);
   if (!tag) return tl::unexpected(tag.error());
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  const std::pair counts(keyframe_count_, point_count_);
-  Status done = put_back(tag->number);
-  if (done) done = forget_keyframes_beyond(tag->keyframe_count);
-  keyframe_count_ = tag->keyframe_count;
-  point_count_ = tag->point_count;
-  if (done) done = put_header();
+  const auto state = std::tuple(header_, keyframe_count_, point_count_, newest_tag_);
+  Status done = replace_by(*tag, std::move(before), epoch, accept);
   if (done) done = transaction->commit();
-  if (!done) std::tie(keyframe_count_, point_count_) = counts;
+  if (!done) std::tie(header_, keyframe_count_, point_count_, newest_tag_) = state;
   cameras_.clear();  // they are read again
   return done;
+}
+
+Status MapFile::replace_by(const MapTag& tag, MapTag before, Epoch epoch, const AcceptState& accept) {
+  if (Status tagged = this->tag(std::move(before)); !tagged) return tagged;
+  if (Status back = put_back(tag.number); !back) return back;
+  const auto begun = epoch_after(tag, epoch);
+  if (!begun) return tl::unexpected(begun.error());
+  keyframe_count_ = tag.keyframe_count;
+  point_count_ = tag.point_count;
+  Status done = put_epoch(*begun);
+  if (done) done = forget_keyframes_beyond(begun->keyframes);
+  if (done && accept) done = accept(load());
+  return done;
+}
+
+/// What was given an id in an epoch since the tag is not what the tag has under it, be there as many or more
+/// in the tag.
+Result<EpochRecord> MapFile::epoch_after(const MapTag& tag, Epoch epoch) {
+  std::vector<EpochRecord> all;
+  std::vector<std::string> damage;
+  read_rows(
+      &database_, "epochs",
+      [&all](int64_t id, std::span<const uint8_t> data) {
+        const auto record = decode_epoch(id, data);
+        if (record) all.push_back(*record);
+        return record.has_value();
+      },
+      &damage);
+  if (!damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + damage.front());
+  EpochRecord begun{epoch, tag.keyframe_count, tag.point_count};
+  for (size_t i = 1; i < all.size(); ++i) {  // the first came before all tags
+    if (all[i].epoch <= tag.epoch) continue;
+    begun.keyframes = std::min(begun.keyframes, all[i].keyframes);
+    begun.points = std::min(begun.points, all[i].points);
+  }
+  return begun;
 }
 
 Status MapFile::put_back(uint64_t tag) {

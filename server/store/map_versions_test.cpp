@@ -45,11 +45,11 @@ class MapVersionsTest : public testing::KeptMapFixture {
     ASSERT_TRUE(written) << written.error().message;
   }
   /// The map maker goes on from what the file says.
-  void take_up(uint64_t epoch) {
-    ASSERT_TRUE(file_->begin_epoch(Epoch{epoch}));
+  void take_up() {
     const StoredMap stored = file_->load();
     ASSERT_THAT(stored.damage, IsEmpty());
-    auto restored = MapMaker::restore(stored.record, {header_.id, header_.name, Epoch{epoch}}, options_);
+    auto restored =
+        MapMaker::restore(stored.record, {header_.id, header_.name, stored.header.epoch}, options_);
     ASSERT_TRUE(restored) << restored.error().message;
     ASSERT_THAT(restored->repairs, IsEmpty());
     maker_ = std::move(restored->maker);
@@ -57,6 +57,12 @@ class MapVersionsTest : public testing::KeptMapFixture {
   }
   [[nodiscard]] Status tag(const std::string& name) {
     return file_->tag({0, name, Timestamp{7}, "operator ann", 0, 0, 0, 0});
+  }
+  /// What there is before it is tagged undo-1, undo-2, ...
+  [[nodiscard]] Status roll_back(const std::string& name, const AcceptState& accept = {}) {
+    const Epoch epoch{file_->header().epoch.value + 10};
+    const std::string before = "undo-" + std::to_string(++rolled_back_);
+    return file_->roll_back(name, {0, before, Timestamp{7}, "operator ann", 0, 0, 0, 0}, epoch, accept);
   }
   [[nodiscard]] State state() {
     const StoredMap stored = file_->load();
@@ -67,7 +73,7 @@ class MapVersionsTest : public testing::KeptMapFixture {
   }
   void expect_back(const std::string& name, const State& then) {
     SCOPED_TRACE("back to " + name);
-    const Status rolled_back = file_->roll_back(name);
+    const Status rolled_back = roll_back(name);
     ASSERT_TRUE(rolled_back) << rolled_back.error().message;
     const State now = state();
     EXPECT_TRUE(now.map == then.map);
@@ -84,6 +90,7 @@ class MapVersionsTest : public testing::KeptMapFixture {
 
   const std::filesystem::path path_ = folder_ / "map.cairnmap";
   std::optional<MapFile> file_;
+  int rolled_back_ = 0;
 };
 
 TEST_F(MapVersionsTest, EveryTagBringsItsStateBackInWhateverOrder) {
@@ -101,7 +108,7 @@ TEST_F(MapVersionsTest, EveryTagBringsItsStateBackInWhateverOrder) {
   expect_back("four", four);
   expect_back("three", three);
   // Other keyframes and labels get the ids of those that went; the tags keep theirs.
-  take_up(10);
+  take_up();
   grow(11, 2, "lathe");
   EXPECT_EQ(state().labels, (std::vector<std::string>{"vice", "lathe"}));
   expect_back("four", four);
@@ -109,9 +116,62 @@ TEST_F(MapVersionsTest, EveryTagBringsItsStateBackInWhateverOrder) {
   // A file that is opened again knows its tags.
   file_.reset();
   file_.emplace(*MapFile::open(path_));
-  take_up(11);
+  take_up();
   grow(5, 3, "drill");
   expect_back("three", three);
+}
+
+/// Keyframe 3 is one thing in the tag `undo-1` and another in the epoch between, and 4 only in the tag.
+TEST_F(MapVersionsTest, TheEpochAfterRollingForwardGivesUpWhatMeantSomethingElseInBetween) {
+  keep();
+  ASSERT_TRUE(tag("bare"));
+  const StoredMap bare = file_->load();
+  grow(5, 1, "vice");
+  grow(8, 1, "small vice");
+  const State grown = state();
+  expect_back("bare", {bytes_of(bare.record), {}, 2});
+  take_up();
+  grow(11, 2, "lathe");
+  expect_back("undo-1", grown);
+  const StoredMap forward = file_->load();
+  EXPECT_EQ(forward.record.keyframe_count, 4U);
+  ASSERT_THAT(forward.epochs, SizeIs(3));
+  EXPECT_EQ(forward.epochs.back().epoch, forward.header.epoch);
+  EXPECT_EQ(forward.epochs.back().keyframes, 2U) << "of the present 4, the epoch before knew 2";
+  EXPECT_EQ(forward.epochs.back().points, bare.record.point_count);
+  for (const DecisionRecord& decision : forward.decisions)
+    EXPECT_FALSE(decision.keyframe) << "of command " << decision.seq << ": another one now";
+  // A tag that was made since gives up nothing more than what came after it.
+  ASSERT_TRUE(tag("forward"));
+  take_up();
+  grow(14, 3, "drill");
+  expect_back("forward", grown);
+  EXPECT_EQ(file_->load().epochs.back().keyframes, 4U);
+}
+
+TEST_F(MapVersionsTest, WhatIsNotAcceptedHasNotHappened) {
+  keep();
+  ASSERT_TRUE(tag("bare"));
+  grow(5, 1, "vice");
+  const State before = state();
+  const Epoch epoch = file_->header().epoch;
+  size_t shown = 0;
+  const Status refused = roll_back("bare", [&shown](const StoredMap& state) {
+    shown = state.record.keyframe_count;
+    return fail(ErrorCode::kRefused, "no room");
+  });
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error().message, "no room");
+  EXPECT_EQ(shown, 2U);
+  EXPECT_THAT(tag_names(), ElementsAre("bare"));
+  for (const bool is_opened_again : {false, true}) {
+    if (is_opened_again) file_.emplace(*MapFile::open(path_));
+    EXPECT_TRUE(state().map == before.map);
+    EXPECT_EQ(file_->header().epoch, epoch);
+    EXPECT_THAT(file_->load().epochs, SizeIs(1));
+  }
+  grow(8, 2, "lathe");
+  EXPECT_EQ(state().keyframes, 4U);
 }
 
 TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
@@ -128,7 +188,7 @@ TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
   EXPECT_EQ(again.error().code, ErrorCode::kRefused);
   EXPECT_THAT(again.error().message, HasSubstr("'first'"));
   ASSERT_TRUE(file_->untag("second"));
-  for (const Status& done : {file_->roll_back("second"), file_->untag("second")}) {
+  for (const Status& done : {roll_back("second"), file_->untag("second")}) {
     ASSERT_FALSE(done);
     EXPECT_EQ(done.error().code, ErrorCode::kNotFound);
     EXPECT_THAT(done.error().message, HasSubstr("no tag 'second'"));
@@ -137,8 +197,7 @@ TEST_F(MapVersionsTest, ATagThatGoesTakesNothingFromTheOthers) {
   grow(11, 2, "lathe");
   expect_back("first", first);
   expect_back("third", third);
-  ASSERT_TRUE(file_->untag("third"));
-  ASSERT_TRUE(file_->untag("first"));
+  for (const std::string& name : tag_names()) ASSERT_TRUE(file_->untag(name));
   auto database = sqlite::Database::open(path_, sqlite::OpenMode::kReadWrite);
   EXPECT_EQ(*database->number("SELECT count(*) FROM kept"), 0) << "nobody needs it";
 }
@@ -158,7 +217,7 @@ TEST_F(MapVersionsTest, ATagCostsWhatChangesAfterItAndADamagedOneIsRefused) {
   const State before = state();
   const std::string last = " WHERE id = (SELECT max(id) FROM kept)";
   ASSERT_TRUE(database->execute("UPDATE kept SET checksum = checksum + 1" + last));
-  const Status damaged = file_->roll_back("now");
+  const Status damaged = roll_back("now");
   ASSERT_FALSE(damaged);
   EXPECT_EQ(damaged.error().code, ErrorCode::kDamaged);
   EXPECT_THAT(damaged.error().message, HasSubstr("table kept, row"));
@@ -184,12 +243,22 @@ TEST_F(MapVersionsTest, TheStoreTagsWhatThereIsBeforeItRollsBackAndCopiesMaps) {
   const MapUpdate update = take_update();
   ASSERT_TRUE(store->write(header_.id, {&update, 1}));
   const std::vector<uint8_t> grown = bytes_of(store->load(header_.id)->record);
-  ASSERT_FALSE(store->roll_back(header_.id, "nothing", {0, "undo", {}, "ann", 0, 0, 0, 0}));
+  const MapTag before{0, "", {}, "ann", 0, 0, 0, 0};
+  store->let_go(header_.id);
+  ASSERT_FALSE(store->roll_back(header_.id, "nothing", before, {}));
   EXPECT_THAT(*store->tags(header_.id), SizeIs(1)) << "nothing has happened";
-  ASSERT_TRUE(store->roll_back(header_.id, "bare", {0, "undo", {}, "ann", 0, 0, 0, 0}));
-  EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == bare);
-  ASSERT_TRUE(store->roll_back(header_.id, "undo", {0, "redo", {}, "ann", 0, 0, 0, 0}));
-  EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == grown);
+  const Epoch epoch = store->load(header_.id)->header.epoch;
+  Epoch shown;
+  const AcceptState accept = [&shown](const StoredMap& state) -> Status {
+    shown = state.header.epoch;
+    return {};
+  };
+  for (const auto& [name, state] : {std::pair("bare", &bare), std::pair("before-rollback-1", &grown)}) {
+    store->let_go(header_.id);
+    ASSERT_TRUE(store->roll_back(header_.id, name, before, accept));
+    EXPECT_GT(shown, epoch);
+    EXPECT_TRUE(bytes_of(store->load(header_.id)->record) == *state);
+  }
 
   const MapId copy{{9, 9}};
   ASSERT_TRUE(store->copy_map(header_.id, copy, "desk-2"));

@@ -136,6 +136,14 @@ bool is_set_aside(const fs::path& path) {
   return extension == kSuffix || extension == kCatalogueSuffix;
 }
 
+/// Of a tag that is made before a roll-back, so that it can be taken back.
+std::string free_name(const std::vector<MapTag>& tags) {
+  for (uint64_t number = 1;; ++number) {
+    std::string name = "before-rollback-" + std::to_string(number);
+    if (std::ranges::none_of(tags, [&](const MapTag& tag) { return tag.name == name; })) return name;
+  }
+}
+
 Timestamp changed_at(const struct stat& file) {
   return {file.st_mtim.tv_sec * kNanosecondsPerSecond + file.st_mtim.tv_nsec};
 }
@@ -350,11 +358,17 @@ std::vector<DamagedFile> Store::damaged_files() const {
   return files;
 }
 
-Result<StoredMap> Store::load(MapId map) {
+Result<MapFile> Store::open_own(MapId map) const {
   auto file = MapFile::open(path_of(map));
-  if (!file) return tl::unexpected(file.error());
+  if (!file) return file;
   if (Status its_own = check_is_of(map, file->header(), path_of(map)); !its_own)
     return tl::unexpected(its_own.error());
+  return file;
+}
+
+Result<StoredMap> Store::load(MapId map) {
+  auto file = open_own(map);
+  if (!file) return tl::unexpected(file.error());
   const auto epoch = next_epoch(map, file->header().epoch);
   if (!epoch) return tl::unexpected(epoch.error());
   if (Status begun = file->begin_epoch(*epoch); !begun) return tl::unexpected(begun.error());
@@ -441,15 +455,20 @@ Status Store::untag(MapId map, const std::string& name) {
   return file ? (*file)->untag(name) : tl::unexpected(file.error());
 }
 
-Status Store::roll_back(MapId map, const std::string& name, MapTag before) {
+Result<MapTag> Store::find_tag(MapId map, const std::string& name) {
   const auto file = file_of(map);
+  return file ? (*file)->find_tag(name) : tl::unexpected(file.error());
+}
+
+Status Store::roll_back(MapId map, const std::string& name, MapTag before, const AcceptState& accept) {
+  auto file = open_own(map);
   if (!file) return tl::unexpected(file.error());
-  const std::string name_before = before.name;
-  if (Status tagged = (*file)->tag(std::move(before)); !tagged) return tagged;
-  Status rolled_back = (*file)->roll_back(name);
-  if (!rolled_back) (void)(*file)->untag(name_before);
-  close(map);  // it will be opened by who loads it
-  return rolled_back;
+  const auto tags = file->tags();
+  if (!tags) return tl::unexpected(tags.error());
+  before.name = free_name(*tags);
+  const auto epoch = next_epoch(map, file->header().epoch);
+  if (!epoch) return tl::unexpected(epoch.error());
+  return file->roll_back(name, std::move(before), *epoch, accept);
 }
 
 Result<std::vector<ImageRow>> Store::read_images(MapId map, std::span<const KeyframeId> keyframes,

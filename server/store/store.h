@@ -96,8 +96,14 @@ class Store {
   Status tag(MapId map, MapTag tag);
   [[nodiscard]] Result<std::vector<MapTag>> tags(MapId map);
   Status untag(MapId map, const std::string& name);
-  /// As MapFile::roll_back(), after a tag for what there is now, which is called `before`. To be loaded anew.
-  Status roll_back(MapId map, const std::string& name, MapTag before);
+  [[nodiscard]] Result<MapTag> find_tag(MapId map, const std::string& name);
+  /// As MapFile::roll_back(), in an epoch as of load(). `before` is called before-rollback-N. Over a
+  /// connection of its own, beside the thread that writes other maps: after let_go(), and nobody writes this
+  /// map.
+  Status roll_back(MapId map, const std::string& name, MapTag before, const AcceptState& accept);
+  /// Another connection is about to change the map's file, or has done so: it is opened anew when it is
+  /// needed.
+  void let_go(MapId map) { close(map); }
   /// As MapFile::read_images().
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(MapId map, std::span<const KeyframeId> keyframes,
                                                           size_t enough_bytes);
@@ -180,6 +186,8 @@ class Store {
   /// `images`: of another file, beside those of `whole`.
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole, MapFile* images = nullptr) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
+  /// Over another connection. Errors: as MapFile::open(); kDamaged: it is another map's.
+  [[nodiscard]] Result<MapFile> open_own(MapId map) const;
   void keep_open(MapId map, MapFile file);
   void close(MapId map);
 

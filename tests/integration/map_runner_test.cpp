@@ -199,7 +199,7 @@ TEST_F(MapRunnerTest, WhatWaitsWhenTheMapIsDeletedIsAnsweredWithThat) {
   auto renamed = std::make_shared<std::promise<Status>>();
   runner_->rename("bench", [renamed](Status kept) { renamed->set_value(std::move(kept)); });
   auto flushed = std::make_shared<std::promise<bool>>();
-  runner_->flush([flushed] { flushed->set_value(true); });
+  runner_->flush([flushed](const Status&) { flushed->set_value(true); });
   runner_->retire();
   release.set_value();
   for (auto& offer : offers) {

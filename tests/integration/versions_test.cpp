@@ -3,13 +3,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <nlohmann/json.hpp>
+
 #include "server/admin/admin_client.h"
+#include "server/store/sqlite.h"
 #include "tests/integration/label_fixture.h"
 
 namespace cairn {
 namespace {
 
 using namespace std::chrono_literals;
+using nlohmann::json;
 using ::testing::Contains;
 using testing::eventually;
 using ::testing::HasSubstr;
@@ -23,13 +27,27 @@ class VersionsTest : public testing::LabelFixture {
     if (!admin) throw std::runtime_error(admin.error().message);
     admin_.emplace(std::move(*admin));
   }
-  nlohmann::json done(const nlohmann::json& request) {
+  /// Of the map's file, by another program or the disk.
+  void damage(const std::string& sql) const {
+    const auto file = service_options_.store / ("maps/" + to_hex(map_.bytes) + ".cairnmap");
+    auto database = sqlite::Database::open(file, sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(database && database->execute(sql));
+  }
+  json done(const json& request) {
     const auto answer = admin_->ask(request);
     EXPECT_TRUE(answer) << answer.error().message;
-    return answer ? answer->content : nlohmann::json::object();
+    return answer ? answer->content : json::object();
   }
-  [[nodiscard]] std::optional<OfferReply> offer(const MapSnapshot& tracked_in, int step) {
+  [[nodiscard]] std::optional<OfferReply> offer(const MapSnapshot& tracked_in, int step,
+                                                KeyframeId reference = {}) {
     testing::Frame frame = testing::make_offer(scene_, tracked_in, step);
+    if (reference) {
+      const SE3 camera_from_map =
+          frame.proposal.camera_from_reference * tracked_in.find(frame.proposal.reference)->camera_from_map;
+      frame.proposal.camera_from_reference =
+          camera_from_map * tracked_in.find(reference)->camera_from_map.inverse();
+      frame.proposal.reference = reference;
+    }
     anna_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{step});
     std::vector<OfferReply> replies;
     (void)eventually([&] { return !(replies = anna_->take_offer_replies()).empty(); });
@@ -80,9 +98,18 @@ TEST_F(VersionsTest, ARollBackIsAnotherEpochInWhichClientsAndLabelsGoOn) {
   (void)add(*anna_, "drill");
   EXPECT_TRUE(eventually([&] { return texts(*bob) == (Texts{"vice", "drill"}); }));
 
+  grow(10);
+  const MapSnapshotPtr between = anna_->snapshot();
+  const KeyframeId another{keyframes + 1};
+  ASSERT_NE(between->find(another), nullptr);
   roll_back("before-rollback-1");
   EXPECT_TRUE(eventually([&] { return anna_->snapshot()->keyframe_count() == before->keyframe_count(); }));
   EXPECT_TRUE(eventually([&] { return texts(*bob) == (Texts{"small vice", "lathe"}); }));
+  ASSERT_NE(anna_->snapshot()->find(another), nullptr) << "it is there, and is not the one of between";
+  const auto by_another = offer(*between, 14, another);
+  ASSERT_TRUE(by_another);
+  EXPECT_FALSE(by_another->accepted);
+  EXPECT_THAT(by_another->reason, HasSubstr("epoch"));
   grow(14);
 }
 
@@ -103,14 +130,25 @@ TEST_F(VersionsTest, WhatWasRolledBackIsWhatAnotherStartFinds) {
 
 TEST_F(VersionsTest, AMapThatCannotBeRolledBackGoesOn) {
   make_map();
-  const auto refused = admin_->ask({{"verb", "roll-back"}, {"map", "map-1"}, {"tag", "monday"}});
+  const json back_to_monday{{"verb", "roll-back"}, {"map", "map-1"}, {"tag", "monday"}};
+  const auto refused = admin_->ask(back_to_monday);
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message, HasSubstr("no tag 'monday'"));
+  done({{"verb", "tag"}, {"map", "map-1"}, {"tag", "monday"}});
   grow(4);
+  const Epoch epoch = anna_->snapshot()->epoch;
+  damage("UPDATE images SET checksum = checksum + 1 WHERE id = 1");
+  const auto damaged = admin_->ask(back_to_monday);
+  damage("UPDATE images SET checksum = checksum - 1 WHERE id = 1");
+  ASSERT_FALSE(damaged) << "it has a picture of the tag's";
+  EXPECT_THAT(damaged.error().message, HasSubstr("table images, row 1"));
+  EXPECT_EQ(done({{"verb", "tags"}, {"map", "map-1"}})["tags"].size(), 1U) << "nothing has happened";
+  EXPECT_EQ(done({{"verb", "status"}})["damaged_files"], 0);
   (void)add(*anna_, "vice");
   const auto copy = done({{"verb", "copy"}, {"map", "map-1"}, {"name", "twin"}});
   EXPECT_EQ(copy["keyframes"], anna_->snapshot()->keyframe_count());
-  grow(6);
+  grow(8);
+  EXPECT_EQ(anna_->snapshot()->epoch, epoch);
   const auto audit = done({{"verb", "audit"}})["entries"];
   std::vector<std::string> outcomes;
   for (const auto& entry : audit)
