@@ -9,6 +9,7 @@
 #include <cstring>
 #include <memory>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "common/base/utc.h"
@@ -71,7 +72,9 @@ Result<std::vector<std::string>> list_parts(AdminClient* client, const char* ver
     const size_t before = parts.size();
     for (const json& part : page->content.value("parts", json::array()))
       if (part.is_string()) parts.push_back(part.get<std::string>());
-    if (parts.size() == before || !page->content.value("more", false)) return parts;
+    if (!page->content.value("more", false)) return parts;
+    if (parts.size() == before)
+      return fail(ErrorCode::kInternal, "the server says that there are more files, and names none");
   }
 }
 
@@ -80,6 +83,11 @@ std::optional<std::string> other_place(const std::string& part) {
   if (part.starts_with("maps/")) return "deleted/" + part.substr(5);
   if (part.starts_with("deleted/")) return "maps/" + part.substr(8);
   return std::nullopt;
+}
+
+/// Of a map, wherever it lies.
+std::string id_of(const std::string& part) {
+  return fs::path(part).stem().string();
 }
 
 /// False: it has been purged meanwhile.
@@ -99,12 +107,15 @@ Result<bool> take_part(AdminClient* client, const std::string& part, const fs::p
 Status take_parts(AdminClient* client, const fs::path& staging, BackupWriter* writer) {
   const auto parts = list_parts(client, "backup");
   if (!parts) return tl::unexpected(parts.error());
+  std::set<std::string> ids;
   for (size_t i = 0; i < parts->size(); ++i) {
     show_progress("backup", i, parts->size(), "files");
+    if (ids.contains(id_of((*parts)[i]))) continue;  // moved while the pages of the list came
     auto taken = take_part(client, (*parts)[i], staging / "part", writer);
     const auto other = other_place((*parts)[i]);
     if (taken && !*taken && other) taken = take_part(client, *other, staging / "part", writer);
     if (!taken) return tl::unexpected(taken.error());
+    if (*taken) ids.insert(id_of((*parts)[i]));
   }
   show_progress("backup", parts->size(), parts->size(), "files");
   return {};
@@ -153,12 +164,7 @@ Status check_is_free(const fs::path& folder) {
                   "that away, or name another folder");
 }
 
-/// Unpacks beside `folder`, so that a half of it is never taken for a store.
 Result<BackupContent> unpack(const std::string& backup, const fs::path& unpacked) {
-  std::error_code problem;
-  fs::remove_all(unpacked, problem);  // of an earlier attempt that was interrupted
-  fs::create_directories(unpacked, problem);
-  if (problem) return fail(ErrorCode::kIo, unpacked.string() + ": cannot be made: " + problem.message());
   return read_backup(backup, unpacked, [](uint64_t done, uint64_t of) {
     show_progress("reading", done >> 20, of >> 20, "MB");
   });
@@ -169,13 +175,14 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
   if (!folder.has_filename())
     folder = folder.parent_path();  // it was named with a slash at its end, or as "."
   if (Status is_free = check_is_free(folder); !is_free) return is_free;
-  const fs::path unpacked = folder.parent_path() / ("." + folder.filename().string() + ".restoring");
+  // Beside the folder, so that a half of it is never taken for a store.
+  const auto staging = StagingFolder::make_in(folder.parent_path());
+  if (!staging) return tl::unexpected(staging.error());
+  const fs::path unpacked = staging->path() / folder.filename();
   const auto content = unpack(backup, unpacked);
-  Status done = content ? settle_restored(unpacked, folder, check_rights, "operator " + own_name())
-                        : tl::unexpected(content.error());
-  std::error_code ignored;
-  fs::remove_all(unpacked, ignored);
-  if (!done) return done;
+  const Status done = content ? settle_restored(unpacked, folder, check_rights, "operator " + own_name())
+                              : tl::unexpected(content.error());
+  if (!done) return tl::unexpected(staging->told_of(folder.parent_path(), done.error()));
   const json told{
       {"data", path_in_json(folder)}, {"made", to_utc(content->made)}, {"files", content->parts.size()}};
   if (as_json) {

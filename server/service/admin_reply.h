@@ -50,6 +50,9 @@ class ReplyPage {
 [[nodiscard]] nlohmann::json describe_labels(const std::string& map, std::span<const Label> labels,
                                              LabelId after);
 
+/// To who asks for what is only done with a store.
+inline constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
+
 [[nodiscard]] wire::AdminReply refusal(const Error& error);
 /// Of what is asked of a map that cannot be used, with the remedy.
 [[nodiscard]] wire::AdminReply refusal(const DeletedMap& map);

@@ -63,17 +63,17 @@ OperatorAct act_of(const std::string& verb) {
                            verb == "import" || verb.starts_with("export-") || verb.starts_with("import-") ||
                            verb.starts_with("backup");
   if (is_transfer) return OperatorAct::kTransfer;
+  if (verb.starts_with("verify")) return OperatorAct::kExamine;
   const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
                        verb == "labels" || verb == "rights" || verb == "rights-explain" ||
-                       verb == "clients" || verb == "audit" || verb == "tags" || verb == "proposals" ||
-                       verb.starts_with("verify");
+                       verb == "clients" || verb == "audit" || verb == "tags" || verb == "proposals";
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
-/// Of an archive, which goes over in hundreds.
+/// Of an archive or a store: asked for in hundreds, and what began it is on record.
 bool is_piece(const std::string& verb) {
   return verb == "import-write" || verb == "export-read" || verb == "backup-part" ||
-         verb == "proposal-picture";
+         verb == "proposal-picture" || verb == "verify-part";
 }
 
 bool is_audited(const std::string& verb) {

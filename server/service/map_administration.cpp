@@ -15,7 +15,6 @@ namespace {
 
 using nlohmann::json;
 
-constexpr const char* kNoStore = "this server keeps nothing: start it with --store DIR";
 constexpr const char* kMadeElsewhere = "this map is made elsewhere";
 
 /// Those that an operator may mean by a name or an id, the latest deleted first.

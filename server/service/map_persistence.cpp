@@ -56,11 +56,13 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Lo
       unloaded_(store_->unplaced()),
       clock_(std::move(runtime.clock)),
       writer_(std::move(runtime.writer)),
-      beside_(std::move(runtime.beside)) {
+      beside_(std::move(runtime.beside)),
+      examiner_(std::move(runtime.examiner)) {
   writer_->begin([this] { return work(); });
 }
 
 MapPersistence::~MapPersistence() {
+  examiner_->stop();
   beside_->stop();
   writer_->finish();
 }
@@ -252,6 +254,10 @@ void MapPersistence::post(Job job) {
 
 void MapPersistence::run_beside(std::function<void(Store& store)> task) {
   beside_->submit([this, task = std::move(task)] { task(*store_); });
+}
+
+void MapPersistence::run_examination(std::function<void(const std::filesystem::path& folder)> task) {
+  examiner_->submit([this, task = std::move(task)] { task(folder_); });
 }
 
 std::chrono::seconds MapPersistence::delay_after(int failures) {

@@ -54,7 +54,8 @@ class MapPersistence {
   struct Runtime {
     std::shared_ptr<const Clock> clock;
     std::unique_ptr<Turns> writer;
-    std::unique_ptr<Executor> beside;  ///< one task at a time
+    std::unique_ptr<Executor> beside;    ///< one task at a time
+    std::unique_ptr<Executor> examiner;  ///< likewise
   };
   /// Errors: as Store::open().
   [[nodiscard]] static Result<std::unique_ptr<MapPersistence>> start(const std::filesystem::path& folder,
@@ -121,6 +122,8 @@ class MapPersistence {
   /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
   /// maps are being written; dropped at the end.
   void run_beside(std::function<void(Store& store)> task);
+  /// What takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the end.
+  void run_examination(std::function<void(const std::filesystem::path& folder)> task);
   /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
   /// long each time, two minutes at most.
   [[nodiscard]] static std::chrono::seconds delay_after(int failures);
@@ -182,6 +185,7 @@ class MapPersistence {
   const std::shared_ptr<const Clock> clock_;
   std::unique_ptr<Turns> writer_;
   std::unique_ptr<Executor> beside_;
+  std::unique_ptr<Executor> examiner_;
 };
 
 }  // namespace cairn

@@ -190,6 +190,7 @@ class MapService {
                                        const AdminAnswer& answer);
   void list_parts(const std::string& after, const AdminAnswer& answer);
   void back_up_part(const std::string& part, const AdminAnswer& answer);
+  void verify_part(const std::string& part, const AdminAnswer& answer);
   // Versions (map_versions.cpp).
   /// False: the verb is about something else.
   [[nodiscard]] bool keeps_versions(const std::string& operator_name, MapId id, MapEntry* entry,

@@ -30,7 +30,7 @@ json describe(const MapTag& tag) {
 /// Why nothing is done with the versions of a map; empty: it is.
 std::string why_not(const MapEntry& entry, bool has_store) {
   if (entry.runner == nullptr) return "this map is made elsewhere";
-  if (!has_store) return "this server keeps nothing: start it with --store DIR";
+  if (!has_store) return kNoStore;
   if (entry.leaving) return "the map is being deleted";
   if (entry.rolling_back) return kRollingBack;
   return entry.name_to_be.empty() ? "" : "the map is being renamed; try again";

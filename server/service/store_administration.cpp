@@ -41,9 +41,14 @@ std::optional<MapId> map_of(const std::string& part) {
 }
 
 /// Since the files were listed.
-bool has_gone(const Store& store, const std::string& part) {
+bool has_gone(const std::filesystem::path& folder, const std::string& part) {
   std::error_code ignored;
-  return is_backup_part(part) && !std::filesystem::exists(store.folder() / part, ignored);
+  return is_backup_part(part) && !std::filesystem::exists(folder / part, ignored);
+}
+
+Status check_rights(const std::string& text) {
+  const auto rights = read_rights(text);
+  return rights ? Status() : tl::unexpected(rights.error());
 }
 
 }  // namespace
@@ -65,16 +70,7 @@ bool MapService::looks_after_store(const std::string& operator_name, const json&
       answer(refusal(ErrorCode::kRefused, "no backup of yours is under way; begin it anew"));
     }
   } else if (verb == "verify-part") {
-    with_store(answer, [part, answer](const Store& store) -> Task {
-      if (has_gone(store, part)) return [answer] { answer(success({{"gone", true}})); };
-      const auto check_rights = [](const std::string& text) -> Status {
-        const auto rights = read_rights(text);
-        return rights ? Status() : tl::unexpected(rights.error());
-      };
-      return [answer, told = describe(check_part(store.folder(), part, check_rights))] {
-        answer(success(told));
-      };
-    });
+    verify_part(part, answer);
   } else {
     return false;
   }
@@ -86,12 +82,19 @@ void MapService::list_parts(const std::string& after, const AdminAnswer& answer)
     const auto parts = parts_of_store(store.folder());
     if (!parts) return [answer, error = parts.error()] { answer(refusal(error)); };
     ReplyPage page{"parts"};
-    bool is_behind = after.empty();
-    for (const std::string& part : *parts) {
-      if (is_behind && !page.add("parts", part)) break;
-      is_behind = is_behind || part == after;
+    for (const std::string& part : *parts) {  // that one may have gone meanwhile
+      if ((after.empty() || comes_later(part, after)) && !page.add("parts", part)) break;
     }
     return [answer, told = page.content()] { answer(success(told)); };
+  });
+}
+
+void MapService::verify_part(const std::string& part, const AdminAnswer& answer) {
+  if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  store_->run_examination([this, part, answer](const std::filesystem::path& folder) {
+    const FileCheck check = check_part(folder, part, check_rights, FileInUse::kYes);
+    const bool is_gone = !check.faults.empty() && has_gone(folder, part);
+    post_([answer, told = is_gone ? json{{"gone", true}} : describe(check)] { answer(success(told)); });
   });
 }
 
@@ -103,7 +106,7 @@ void MapService::back_up_part(const std::string& part, const AdminAnswer& answer
     const Status copied = copy_part(store.folder(), part, path);
     if (!copied) {
       transfers_->end(*token);
-      if (has_gone(store, part)) return [answer] { answer(success({{"gone", true}})); };
+      if (has_gone(store.folder(), part)) return [answer] { answer(success({{"gone", true}})); };
       return [answer, error = copied.error()] { answer(refusal(error)); };
     }
     const json told{{"token", *token}, {"bytes", std::filesystem::file_size(path)}};

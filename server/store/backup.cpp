@@ -95,6 +95,12 @@ std::string text_of(const BackupContent& content) {
   return text + fmt::format("{:08x}\n", crc32_z(0, reinterpret_cast<const Bytef*>(text.data()), text.size()));
 }
 
+std::vector<std::string> names_of(const std::vector<BackupPart>& parts) {
+  std::vector<std::string> names;
+  std::ranges::transform(parts, std::back_inserter(names), &BackupPart::name);
+  return names;
+}
+
 std::optional<BackupContent> parse(const std::string& text) {
   BackupContent content;
   const size_t last = text.size() < 2 ? std::string::npos : text.rfind('\n', text.size() - 2);
@@ -109,6 +115,34 @@ std::optional<BackupContent> parse(const std::string& text) {
   while (lines >> std::hex >> part.checksum >> std::dec >> part.bytes >> part.name)
     content.parts.push_back(part);
   return content;
+}
+
+/// What is kept there are pictures and rights, whatever the umask of who unpacks it.
+Status make_for_owner_and_group(const fs::path& path, std::ofstream* out) {
+  std::error_code problem;
+  const fs::path folder = path.parent_path();
+  const bool is_new = fs::create_directories(folder, problem);
+  constexpr fs::perms kFolder = fs::perms::owner_all | fs::perms::group_read | fs::perms::group_exec;
+  if (!problem && is_new) fs::permissions(folder, kFolder, problem);
+  if (problem) return io_failure(folder, "cannot be made: " + problem.message());
+  const int descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0640);
+  const bool is_made = descriptor >= 0 && ::fchmod(descriptor, 0640) == 0;
+  const std::string why = std::strerror(errno);
+  if (descriptor >= 0) ::close(descriptor);
+  if (!is_made) return io_failure(path, "cannot be made: " + why);
+  errno = 0;
+  out->open(path, std::ios::binary | std::ios::trunc);
+  return *out ? Status() : io_failure(path, std::string("cannot be written: ") + std::strerror(errno));
+}
+
+Status close_durably(std::ofstream* out, const fs::path& path) {
+  errno = 0;
+  out->close();
+  const int descriptor = *out ? ::open(path.c_str(), O_RDONLY | O_CLOEXEC) : -1;
+  const bool is_durable = descriptor >= 0 && ::fsync(descriptor) == 0;
+  const std::string why = std::strerror(errno);
+  if (descriptor >= 0) ::close(descriptor);
+  return is_durable ? Status() : io_failure(path, "cannot be written: " + why);
 }
 
 /// Reads a backup from its beginning to its end.
@@ -158,11 +192,7 @@ class Reading {
       return damaged("it holds " + name + " twice");
     std::ofstream out;
     if (folder_) {
-      std::error_code problem;
-      fs::create_directories((*folder_ / name).parent_path(), problem);
-      errno = 0;
-      out.open(*folder_ / name, std::ios::binary | std::ios::trunc);
-      if (!out) return io_failure(*folder_ / name, std::string("cannot be made: ") + std::strerror(errno));
+      if (Status made = make_for_owner_and_group(*folder_ / name, &out); !made) return made;
     }
     std::vector<char> piece(std::min<uint64_t>(kPiece, bytes));
     uLong sum = crc32(0, nullptr, 0);
@@ -177,10 +207,9 @@ class Reading {
       if (progress_) progress_(static_cast<uint64_t>(in_.tellg()), size_);
     }
     if (Status padded = skip_padding(bytes, name); !padded) return padded;
-    errno = 0;
-    out.close();
-    if (folder_ && !out)
-      return io_failure(*folder_ / name, std::string("cannot be written: ") + std::strerror(errno));
+    if (folder_) {
+      if (Status closed = close_durably(&out, *folder_ / name); !closed) return closed;
+    }
     parts_.push_back({name, bytes, static_cast<uint32_t>(sum)});
     return {};
   }
@@ -214,6 +243,7 @@ class Reading {
         return damaged(part.name + " in it is altered");
     }
     if (content->parts.size() != parts_.size()) return damaged("it holds what its list of contents does not");
+    if (const Status all = check_is_all(names_of(parts_)); !all) return damaged(all.error().message);
     return std::move(*content);
   }
 
@@ -237,6 +267,14 @@ bool is_backup_part(const std::string& name) {
     if (bytes && to_hex(*bytes) == id) return true;
   }
   return false;
+}
+
+Status check_is_all(std::span<const std::string> parts) {
+  for (const char* needed : {"catalogue.db", "site.db"}) {
+    if (std::ranges::find(parts, needed) == parts.end())
+      return fail(ErrorCode::kDamaged, std::string(needed) + " is missing");
+  }
+  return {};
 }
 
 Result<BackupWriter> BackupWriter::create(const fs::path& path) {
@@ -292,6 +330,7 @@ Status BackupWriter::add(const std::string& name, const fs::path& file) {
 }
 
 Status BackupWriter::finish(Timestamp made, const std::string& version) {
+  if (Status all = check_is_all(names_of(content_.parts)); !all) return all;
   content_.made = made;
   content_.version = version.empty() ? "-" : version;
   const std::string text = text_of(content_);
@@ -301,13 +340,7 @@ Status BackupWriter::finish(Timestamp made, const std::string& version) {
   if (done) done = pad(text.size());
   if (done) done = put(zeros.data(), zeros.size());
   if (!done) return done;
-  errno = 0;
-  out_.close();
-  const int descriptor = out_ ? ::open(path_.c_str(), O_RDONLY | O_CLOEXEC) : -1;
-  const bool is_durable = descriptor >= 0 && ::fsync(descriptor) == 0;
-  const std::string why = std::strerror(errno);
-  if (descriptor >= 0) ::close(descriptor);
-  return is_durable ? Status() : io_failure(path_, "cannot be written: " + why);
+  return close_durably(&out_, path_);
 }
 
 Result<BackupContent> read_backup(const fs::path& path, const std::optional<fs::path>& folder,

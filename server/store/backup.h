@@ -6,6 +6,7 @@
 #include <fstream>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,8 @@ struct BackupContent {
 
 /// Whether a file of a store may be called so.
 [[nodiscard]] bool is_backup_part(const std::string& name);
+/// Error kDamaged: without rights or without the server's id these are no store, whatever maps there are.
+[[nodiscard]] Status check_is_all(std::span<const std::string> parts);
 
 class BackupWriter {
  public:
@@ -37,7 +40,7 @@ class BackupWriter {
   [[nodiscard]] static Result<BackupWriter> create(const std::filesystem::path& path);
   /// A copy of a file. Error kIo, of either.
   Status add(const std::string& name, const std::filesystem::path& file);
-  /// Durable on return; without, it is no backup.
+  /// Durable on return; without, it is no backup. Errors: as check_is_all(), kIo.
   Status finish(Timestamp made, const std::string& version);
   [[nodiscard]] const BackupContent& content() const { return content_; }
 
@@ -52,9 +55,9 @@ class BackupWriter {
   BackupContent content_;
 };
 
-/// Reads all of a backup. `folder`: where its files are written, if anywhere; it must be empty. Errors:
-/// kDamaged (no backup, cut off, altered; the part is named, and what has been written is not to be used),
-/// kIo.
+/// Reads all of a backup. `folder`: where its files are written, durably, if anywhere; it must be empty.
+/// Errors: kDamaged (no backup, cut off, altered; the part is named, and what has been written is not to be
+/// used), kIo.
 using BackupProgress = std::function<void(uint64_t bytes, uint64_t of)>;
 [[nodiscard]] Result<BackupContent> read_backup(const std::filesystem::path& path,
                                                 const std::optional<std::filesystem::path>& folder,

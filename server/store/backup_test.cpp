@@ -5,8 +5,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sys/stat.h>
+
+#include <atomic>
 #include <fstream>
 #include <random>
+#include <thread>
 
 #include "server/mapping/map_maker.h"
 #include "server/store/kept_map_fixture.h"
@@ -142,6 +146,66 @@ TEST_F(BackupTest, NothingIsReplacedAndNothingElseIsUnpacked) {
     EXPECT_FALSE(is_backup_part(name)) << name;
   fs::create_directories(restored_ / "maps");
   EXPECT_FALSE(restore()) << "the folder is not empty";
+}
+
+TEST_F(BackupTest, WithoutRightsOrTheServersIdItIsNoStore) {
+  keep();
+  auto writer = BackupWriter::create(backup_);
+  ASSERT_TRUE(copy_part(home_, "catalogue.db", folder_ / "copy"));
+  ASSERT_TRUE(writer->add("catalogue.db", folder_ / "copy"));
+  const Status finished = writer->finish(Timestamp{9}, "1.0");
+  ASSERT_FALSE(finished);
+  EXPECT_THAT(finished.error().message, HasSubstr("site.db is missing"));
+  fs::create_directories(unpacked_);
+  fs::rename(folder_ / "copy", unpacked_ / "catalogue.db");
+  EXPECT_FALSE(settle_restored(unpacked_, restored_, {}, "operator bob"));
+  EXPECT_FALSE(fs::exists(unpacked_ / "site.db")) << "rights that nobody gave";
+}
+
+TEST_F(BackupTest, WhatIsRestoredIsForItsOwnerAndGroupWhateverTheUmask) {
+  keep();
+  back_up();
+  const mode_t before = ::umask(0);
+  const Status restored = restore();
+  ::umask(before);
+  ASSERT_TRUE(restored) << restored.error().message;
+  const auto may = [](const fs::path& path) { return static_cast<unsigned>(fs::status(path).permissions()); };
+  EXPECT_EQ(may(restored_), 0750U);
+  for (const auto& entry : fs::recursive_directory_iterator(restored_))
+    EXPECT_EQ(may(entry.path()), entry.is_directory() ? 0750U : 0640U) << entry.path();
+}
+
+TEST_F(BackupTest, APartThatHasGoneHasItsPlaceInTheListStill) {
+  const std::vector<std::string> parts{
+      "maps/" + std::string(32, 'b') + ".cairnmap", "deleted/" + std::string(32, 'a') + ".cairnmap",
+      "deleted/" + std::string(32, 'c') + ".cairnmap", "catalogue.db", "site.db"};
+  for (size_t i = 0; i < parts.size(); ++i) {
+    for (size_t j = 0; j < parts.size(); ++j) EXPECT_EQ(comes_later(parts[i], parts[j]), i > j);
+  }
+  keep();
+  const auto listed = *parts_of_store(home_);
+  for (size_t i = 1; i < listed.size(); ++i) EXPECT_TRUE(comes_later(listed[i], listed[i - 1]));
+}
+
+/// Whoever reads the header at one moment and the rest at another finds faults that there are not.
+TEST_F(BackupTest, AMapThatIsBeingWrittenIsSoundAndCopiedAsOfOneMoment) {
+  keep();
+  const std::string part = "maps/" + to_hex(header_.id.bytes) + ".cairnmap";
+  std::atomic<bool> is_written{false};
+  std::thread writer([&] {
+    auto file = MapFile::open(home_ / part);
+    for (uint64_t epoch = 100; epoch < 200 && file; ++epoch) EXPECT_TRUE(file->begin_epoch(Epoch{epoch}));
+    is_written = true;
+  });
+  size_t looks = 0;
+  while (!is_written || looks == 0) {
+    const FileCheck check = check_part(home_, part, {}, FileInUse::kYes);
+    EXPECT_THAT(check.faults, IsEmpty());
+    if (!check.faults.empty()) break;
+    ++looks;
+  }
+  writer.join();
+  RecordProperty("looks", std::to_string(looks));
 }
 
 TEST_F(BackupTest, AFaultIsSaidWithItsFileRowAndRemedy) {

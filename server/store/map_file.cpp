@@ -44,6 +44,16 @@ Result<int> version_of(sqlite::Database* database) {
   return version;
 }
 
+/// Another connection may be about to do the same.
+Status bring_up_to_date(sqlite::Database* database) {
+  auto transaction = sqlite::Transaction::begin(database);
+  if (!transaction) return tl::unexpected(transaction.error());
+  const auto version = version_of(database);
+  if (!version) return tl::unexpected(version.error());
+  Status done = migrate(database, map_schema(), *version, map_schema_version());
+  return done ? transaction->commit() : done;
+}
+
 Result<CountedHeader> header_of(sqlite::Database* database) {
   std::optional<CountedHeader> header;
   std::vector<std::string> damage;
@@ -109,8 +119,9 @@ Result<MapFile> MapFile::create(const std::filesystem::path& path, const MapHead
   return file;
 }
 
-Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin origin) {
-  auto database = open_database(path, sqlite::OpenMode::kReadWrite);
+Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin origin, FileInUse in_use) {
+  auto database = open_database(
+      path, in_use == FileInUse::kYes ? sqlite::OpenMode::kBeside : sqlite::OpenMode::kReadWrite);
   if (!database) return tl::unexpected(database.error());
   const auto version = version_of(&*database);
   if (!version) return tl::unexpected(version.error());
@@ -119,19 +130,27 @@ Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin orig
       return tl::unexpected(sound.error());
   }
   if (*version < map_schema_version()) {
-    auto transaction = sqlite::Transaction::begin(&*database);
-    if (!transaction) return tl::unexpected(transaction.error());
-    Status done = migrate(&*database, map_schema(), *version, map_schema_version());
-    if (done) done = transaction->commit();
-    if (!done) return tl::unexpected(done.error());
+    if (Status done = bring_up_to_date(&*database); !done) return tl::unexpected(done.error());
   }
-  auto header = header_of(&*database);
-  if (!header) return tl::unexpected(header.error());
-  MapFile file(std::move(*database), std::move(header->header));
-  file.keyframe_count_ = header->keyframes;
-  file.point_count_ = header->points;
-  if (Status learnt = file.learn_newest_tag(); !learnt) return tl::unexpected(learnt.error());
+  MapFile file(std::move(*database), {});
+  if (Status learnt = file.learn_header(); !learnt) return tl::unexpected(learnt.error());
   return file;
+}
+
+Status MapFile::learn_header() {
+  auto header = header_of(&database_);
+  if (!header) return tl::unexpected(header.error());
+  header_ = std::move(header->header);
+  keyframe_count_ = header->keyframes;
+  point_count_ = header->points;
+  return learn_newest_tag();
+}
+
+Result<sqlite::Reading> MapFile::read_as_of_now() {
+  auto reading = sqlite::Reading::begin(&database_);
+  if (!reading) return reading;
+  if (Status learnt = learn_header(); !learnt) return tl::unexpected(learnt.error());
+  return reading;
 }
 
 Result<MapHeader> MapFile::read_header(const std::filesystem::path& path) {

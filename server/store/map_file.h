@@ -122,6 +122,9 @@ using AcceptState = std::function<Status(StoredMap state)>;
 /// Whose file it is: one of our own making, or one that somebody has brought, of which nothing is believed.
 enum class FileOrigin : uint8_t { kOwn, kElsewhere };
 
+/// Whether a server has the file, and may move it.
+enum class FileInUse : uint8_t { kNo, kYes };
+
 /// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
 /// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
 class MapFile {
@@ -132,7 +135,8 @@ class MapFile {
   /// Opens a file and brings it to the present schema. Errors: kNotFound (no file), kDamaged (an empty one,
   /// too: it is left as it is, with its log), kConfiguration (written by a newer version), kIo.
   [[nodiscard]] static Result<MapFile> open(const std::filesystem::path& path,
-                                            FileOrigin origin = FileOrigin::kOwn);
+                                            FileOrigin origin = FileOrigin::kOwn,
+                                            FileInUse in_use = FileInUse::kNo);
 
   /// The header of a file that nobody has open, without writing anything where its log is empty. Errors: as
   /// open().
@@ -159,6 +163,8 @@ class MapFile {
   /// another meaning from then on, so this begins `epoch`. Durable on return, or nothing has happened.
   /// Errors: kNotFound, kDamaged, those of `accept`.
   Status roll_back(const std::string& name, MapTag before, Epoch epoch, const AcceptState& accept = {});
+  /// Beside one that writes the file: all that is read while this lives is as of now, header() too.
+  [[nodiscard]] Result<sqlite::Reading> read_as_of_now();
   /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
@@ -191,6 +197,7 @@ class MapFile {
   [[nodiscard]] Status put(std::string_view table, int64_t id, std::span<const uint8_t> data);
   [[nodiscard]] Status remove(std::string_view table, int64_t id);
   [[nodiscard]] Status put_header();
+  [[nodiscard]] Status learn_header();
   [[nodiscard]] Status put_epoch(const EpochRecord& epoch);
   // Proposals (map_proposals.cpp).
   [[nodiscard]] Status put_proposals(const MapUpdate& update);

@@ -157,6 +157,34 @@ TEST_F(MapFileTest, ANewEpochSaysWhatTheOldOneHadGivenOut) {
   EXPECT_EQ(stored.epochs[1].points, stored.record.point_count);
 }
 
+/// As it was when its header was read, though another keyframe comes before the rest is.
+TEST_F(MapFileTest, WhatIsReadBesideItsWriterIsAsOfOneMoment) {
+  keep();
+  const std::vector<uint8_t> before = bytes_of(load().record);
+  auto writer = MapFile::open(path_);
+  auto reader = MapFile::open(path_, FileOrigin::kOwn, FileInUse::kYes);
+  ASSERT_TRUE(writer && reader);
+  const size_t keyframes = load().record.keyframe_count;
+  const auto grow = [&](int step) {
+    ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
+    const MapUpdate update = take_update();
+    ASSERT_TRUE(writer->write({&update, 1}));
+  };
+  grow(11);
+  {
+    const auto as_of_now = reader->read_as_of_now();
+    ASSERT_TRUE(as_of_now);
+    grow(14);
+    const StoredMap stored = reader->load();
+    EXPECT_THAT(stored.damage, IsEmpty());
+    EXPECT_EQ(stored.record.keyframe_count, keyframes + 1);
+    EXPECT_EQ(stored.record.keyframes.size(), keyframes + 1);
+  }
+  const auto later = reader->read_as_of_now();
+  ASSERT_TRUE(later);
+  EXPECT_EQ(reader->load().record.keyframe_count, keyframes + 2);
+}
+
 TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
   keep();
   const std::vector<uint8_t> before = bytes_of(load().record);

@@ -168,6 +168,8 @@ Result<Database> Database::open(const std::filesystem::path& path, OpenMode mode
     return failure(code, *name, sqlite3_errstr(code), raw == nullptr ? 0 : sqlite3_system_errno(raw));
   sqlite3_busy_timeout(raw, kBusyMilliseconds);
   sqlite3_db_config(raw, SQLITE_DBCONFIG_DEFENSIVE, 1, nullptr);
+  // By the name that the log had when it was opened, which may be another file's by then.
+  if (mode == OpenMode::kBeside) sqlite3_db_config(raw, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
   Database database(std::move(handle), std::move(name));
   // The log is written back by checkpoint(), after the answers have gone out.
   Status prepared = database.execute("PRAGMA trusted_schema=OFF; PRAGMA cell_size_check=ON;");
@@ -232,6 +234,20 @@ Status Database::copy_to(const std::filesystem::path& path) {
 
 int Database::log_pages() const {
   return *log_pages_;
+}
+
+// ---- Reading
+
+Result<Reading> Reading::begin(Database* database) {
+  if (Status begun = database->execute("BEGIN"); !begun) return tl::unexpected(begun.error());
+  Reading reading(database);
+  const auto first = database->number("PRAGMA schema_version");  // the moment is that of the first look
+  if (!first) return tl::unexpected(first.error());
+  return reading;
+}
+
+Reading::~Reading() {
+  if (database_ != nullptr) (void)database_->execute("ROLLBACK");
 }
 
 // ---- Transaction

@@ -47,6 +47,7 @@ class Statement {
 enum class OpenMode : uint8_t {
   kCreate,
   kReadWrite,
+  kBeside,  ///< as kReadWrite, while others have it open and may move it: its log is left to them
   kAtRest,  ///< to be read, of a file without a log that nobody changes: nothing is written, not beside it
             ///< either
 };
@@ -83,6 +84,19 @@ class Database {
   std::unique_ptr<const std::string> path_;  ///< statements point to it
   std::unique_ptr<int> log_pages_ = std::make_unique<int>(0);
   std::unique_ptr<sqlite3, Close> database_;
+};
+
+/// While it lives, all that is read is as of one moment, whoever else writes the file.
+class Reading {
+ public:
+  [[nodiscard]] static Result<Reading> begin(Database* database);
+  Reading(Reading&& other) noexcept : database_(std::exchange(other.database_, nullptr)) {}
+  Reading& operator=(Reading&&) = delete;
+  ~Reading();
+
+ private:
+  explicit Reading(Database* database) : database_(database) {}
+  Database* database_;
 };
 
 /// Rolls back unless committed. A failed commit is rolled back too.

@@ -569,6 +569,8 @@ Status Store::export_map(MapId map, const fs::path& path) const {
 Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
   auto file = MapFile::open(path_of(map));
   if (!file) return tl::unexpected(file.error());
+  const auto as_of_now = file->read_as_of_now();
+  if (!as_of_now) return tl::unexpected(as_of_now.error());
   StoredMap read = file->load(LoadedImages::kNone);
   if (!read.damage.empty()) return fail(ErrorCode::kDamaged, read.damage.front());
   MapHeader header = read.header;

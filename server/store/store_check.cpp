@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/store/store_check.h"
 
+#include <algorithm>
 #include <chrono>
+#include <functional>
+#include <utility>
 
 #include "server/mapping/map_record.h"
 #include "server/store/backup.h"
@@ -20,6 +23,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kCatalogue = "catalogue.db";
 constexpr const char* kSite = "site.db";
+constexpr size_t kAuditEntries = 1000;  ///< at a time
 
 constexpr const char* kMapRemedy =
     "a start sets the file aside and serves what can be saved of it; an archive or a backup has it whole: "
@@ -58,9 +62,11 @@ std::vector<std::string> check_references(const StoredMap& map, FileCheck* found
   return faults;
 }
 
-void check_map(const fs::path& path, FileCheck* found) {
-  auto file = MapFile::open(path, FileOrigin::kElsewhere);
+void check_map(const fs::path& path, FileInUse in_use, FileCheck* found) {
+  auto file = MapFile::open(path, FileOrigin::kElsewhere, in_use);
   if (!file) return found->faults.push_back(file.error().message);
+  const auto as_of_now = file->read_as_of_now();
+  if (!as_of_now) return found->faults.push_back(as_of_now.error().message);
   const StoredMap map = file->load(LoadedImages::kDecodedOnly);
   found->name = map.header.name;
   found->labels = map.labels.size();
@@ -107,16 +113,21 @@ void check_site(const fs::path& path, const CheckRights& rights, FileCheck* foun
     const auto since = file->secured_since();
     if (!since) sound = tl::unexpected(since.error());
   }
-  if (sound) {
-    const auto entries = file->find({});
+  AuditQuery page;
+  page.limit = kAuditEntries;
+  while (sound) {
+    const auto entries = file->find(page);
     if (!entries) sound = tl::unexpected(entries.error());
+    if (!entries || entries->empty()) break;
+    page.before_number = entries->back().number;
   }
   if (!sound) found->faults.push_back(path.string() + ": " + sound.error().message);
 }
 
 }  // namespace
 
-FileCheck check_part(const fs::path& folder, const std::string& part, const CheckRights& rights) {
+FileCheck check_part(const fs::path& folder, const std::string& part, const CheckRights& rights,
+                     FileInUse in_use) {
   FileCheck found;
   found.part = part;
   const fs::path path = folder / part;
@@ -131,11 +142,18 @@ FileCheck check_part(const fs::path& folder, const std::string& part, const Chec
     check_site(path, rights, &found);
     found.remedy = kSiteRemedy;
   } else {
-    check_map(path, &found);
+    check_map(path, in_use, &found);
     found.remedy = part.starts_with("deleted/") ? kDeletedRemedy : kMapRemedy;
   }
   if (found.faults.empty()) found.remedy.clear();
   return found;
+}
+
+bool comes_later(const std::string& part, const std::string& than) {
+  const auto place = [](const std::string& name) {
+    return name.starts_with("maps/") ? 0 : name.starts_with("deleted/") ? 1 : name == kCatalogue ? 2 : 3;
+  };
+  return std::pair(place(part), std::cref(part)) > std::pair(place(than), std::cref(than));
 }
 
 Result<std::vector<std::string>> parts_of_store(const fs::path& folder) {
@@ -170,6 +188,7 @@ Status settle_restored(const fs::path& unpacked, const fs::path& folder, const C
                        const std::string& who) {
   const auto parts = parts_of_store(unpacked);
   if (!parts) return tl::unexpected(parts.error());
+  if (Status all = check_is_all(*parts); !all) return all;
   for (const std::string& part : *parts) {
     const FileCheck check = check_part(unpacked, part, rights);
     if (!check.faults.empty()) return fail(ErrorCode::kDamaged, check.faults.front());
@@ -191,7 +210,8 @@ Status settle_restored(const fs::path& unpacked, const fs::path& folder, const C
   }
   sync_folder(unpacked);
   std::error_code problem;
-  fs::rename(unpacked, folder, problem);
+  fs::permissions(unpacked, fs::perms::owner_all | fs::perms::group_read | fs::perms::group_exec, problem);
+  if (!problem) fs::rename(unpacked, folder, problem);
   if (problem) return io_failure(folder, "cannot be made of what was unpacked: " + problem.message());
   sync_folder(folder.parent_path());
   return {};

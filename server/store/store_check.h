@@ -8,6 +8,7 @@
 
 #include "common/base/result.h"
 #include "common/map/ids.h"
+#include "server/store/map_file.h"
 
 /// A look at every row of a store's files. It changes nothing that a start would not change.
 namespace cairn {
@@ -25,13 +26,17 @@ struct FileCheck {
 using CheckRights = std::function<Status(const std::string& text)>;
 
 /// The file `part` of the store in `folder`: every row is read and decoded, every picture too, and what they
-/// say of each other agrees. Beside a server that runs, too.
+/// say of each other agrees, as of one moment. Beside a server that runs, too; `in_use`: by a thread of its
+/// own.
 [[nodiscard]] FileCheck check_part(const std::filesystem::path& folder, const std::string& part,
-                                   const CheckRights& rights);
+                                   const CheckRights& rights, FileInUse in_use = FileInUse::kNo);
 
 /// The files of a store that are worth keeping, in the order in which a backup takes them: the rights last,
 /// so that they are never older than a map they close.
 [[nodiscard]] Result<std::vector<std::string>> parts_of_store(const std::filesystem::path& folder);
+
+/// Whether a part follows another in that order, be they there or not.
+[[nodiscard]] bool comes_later(const std::string& part, const std::string& than);
 
 /// A copy of one of them, consistent as of one moment. `to` must not exist. Errors: kUsage (no such part can
 /// be), kNotFound, as MapFile::open().

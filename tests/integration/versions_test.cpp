@@ -3,40 +3,24 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <nlohmann/json.hpp>
-
-#include "server/admin/admin_client.h"
 #include "server/store/sqlite.h"
-#include "tests/integration/label_fixture.h"
+#include "tests/integration/administered_fixture.h"
 
 namespace cairn {
 namespace {
 
 using namespace std::chrono_literals;
-using nlohmann::json;
 using ::testing::Contains;
 using testing::eventually;
 using ::testing::HasSubstr;
 
-class VersionsTest : public testing::LabelFixture {
+class VersionsTest : public testing::AdministeredFixture {
  protected:
-  VersionsTest() {
-    AdminClientOptions connection;
-    connection.domain = service_options_.domain;
-    auto admin = AdminClient::connect(connection);
-    if (!admin) throw std::runtime_error(admin.error().message);
-    admin_.emplace(std::move(*admin));
-  }
   /// Of the map's file, by another program or the disk.
   void damage(const std::string& sql) const {
     const auto file = service_options_.store / ("maps/" + to_hex(map_.bytes) + ".cairnmap");
     auto database = sqlite::Database::open(file, sqlite::OpenMode::kReadWrite);
     ASSERT_TRUE(database && database->execute(sql));
-  }
-  json done(const json& request) {
-    const auto answer = admin_->ask(request);
-    EXPECT_TRUE(answer) << answer.error().message;
-    return answer ? answer->content : json::object();
   }
   [[nodiscard]] std::optional<OfferReply> offer(const MapSnapshot& tracked_in, int step,
                                                 KeyframeId reference = {}) {
@@ -64,8 +48,6 @@ class VersionsTest : public testing::LabelFixture {
     done({{"verb", "roll-back"}, {"map", "map-1"}, {"tag", tag}});
     ASSERT_TRUE(eventually([&] { return anna_->snapshot()->epoch > before; }));
   }
-
-  std::optional<AdminClient> admin_;
 };
 
 TEST_F(VersionsTest, ARollBackIsAnotherEpochInWhichClientsAndLabelsGoOn) {

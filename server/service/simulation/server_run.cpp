@@ -18,9 +18,12 @@ Result<std::unique_ptr<ServerRun>> ServerRun::start(const Setup& setup) {
 Status ServerRun::open(const Setup& setup) {
   auto writer = std::make_unique<WriterTurns>();
   auto beside = std::make_unique<Lane>(1);
+  auto examiner = std::make_unique<Lane>(1);
   writer_ = writer.get();
   beside_ = beside.get();
-  auto store = MapPersistence::start(setup.folder, {clock_, std::move(writer), std::move(beside)}, setup.log);
+  examiner_ = examiner.get();
+  auto store = MapPersistence::start(
+      setup.folder, {clock_, std::move(writer), std::move(beside), std::move(examiner)}, setup.log);
   if (!store) return tl::unexpected(store.error());
   store_ = std::move(*store);
   MapServiceOptions options;
@@ -50,8 +53,8 @@ ServerRun::~ServerRun() {
 }
 
 bool ServerRun::run_something() {
-  std::array<Lane*, 6> lanes{&home_, &urgent_, &background_, &questions_, &idle_, beside_};
-  std::array<Lane*, 6> ready{};
+  std::array<Lane*, 7> lanes{&home_, &urgent_, &background_, &questions_, &idle_, beside_, examiner_};
+  std::array<Lane*, 7> ready{};
   size_t count = 0;
   for (Lane* lane : lanes) {
     if (lane->has_task()) ready[count++] = lane;

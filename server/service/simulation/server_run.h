@@ -56,6 +56,7 @@ class ServerRun {
   std::unique_ptr<SiteAccess> site_;
   WriterTurns* writer_ = nullptr;  ///< of store_
   Lane* beside_ = nullptr;         ///< likewise
+  Lane* examiner_ = nullptr;       ///< likewise
   std::unique_ptr<MapPersistence> store_;
   std::unique_ptr<MapService> service_;
 };
