@@ -11,6 +11,7 @@
 #include <map>
 #include <utility>
 
+#include "common/base/help_formats.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
 #include "common/map/ids.h"
@@ -273,7 +274,7 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
 }
 
 ParseExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
-  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
+  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, told_help(app)};
   if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
     return {0, std::string(error.what()) + "\n"};
   return usage(unknown_word(app, error).value_or(error.what()));

@@ -43,6 +43,7 @@ struct Words {
   std::vector<double> box;
   std::vector<double> sphere;
   std::optional<double> margin;
+  bool unbounded = false;
   std::string until;
   int days = 0;
   std::string group;
@@ -119,15 +120,24 @@ void print_explanation(const json& said) {
   std::printf("%s\n", text_of(said, "create_reason").c_str());
 }
 
+bool has_extent(const Words& words) {
+  return !words.box.empty() || !words.sphere.empty() || words.margin.has_value();
+}
+
+/// As the words say; nothing where they do not.
+void put_extent(const Words& words, json* request) {
+  const auto corner = [&](size_t at) { return json{words.box[at], words.box[at + 1], words.box[at + 2]}; };
+  if (!words.box.empty()) (*request)["within"] = {{"box", {corner(0), corner(3)}}};
+  if (!words.sphere.empty()) {
+    (*request)["within"] = {{"center", {words.sphere[0], words.sphere[1], words.sphere[2]}},
+                            {"radius", words.sphere[3]}};
+  }
+  if (words.margin) (*request)["within"] = {{"margin", *words.margin}};
+}
+
 Status grant(AdminClient* client, const Words& words, bool as_json) {
   json request{{"verb", "rights-grant"}, {"to", words.to}, {"map", words.map}, {"right", words.right}};
-  const auto corner = [&](size_t at) { return json{words.box[at], words.box[at + 1], words.box[at + 2]}; };
-  if (!words.box.empty()) request["within"] = {{"box", {corner(0), corner(3)}}};
-  if (!words.sphere.empty()) {
-    request["within"] = {{"center", {words.sphere[0], words.sphere[1], words.sphere[2]}},
-                         {"radius", words.sphere[3]}};
-  }
-  if (words.margin) request["within"] = {{"margin", *words.margin}};
+  put_extent(words, &request);
   if (!words.until.empty()) request["until"] = words.until;
   if (words.days > 0) {
     const auto now =
@@ -135,6 +145,18 @@ Status grant(AdminClient* client, const Words& words, bool as_json) {
     request["until"] = to_utc({std::chrono::duration_cast<std::chrono::nanoseconds>(now).count()});
   }
   return ask_and_print(client, request, as_json, print_done);
+}
+
+void add_extent(CLI::App* below, Words* words) {
+  CLI::Option* box =
+      below->add_option("--box", words->box, "the map grows within: x y z of both corners [m]")->expected(6);
+  CLI::Option* sphere =
+      below->add_option("--sphere", words->sphere, "the map grows within: x y z of the centre, radius [m]")
+          ->expected(4);
+  CLI::Option* margin = below->add_option("--margin", words->margin,
+                                          "the map grows within its present bounds and so much more [m]");
+  box->excludes(sphere)->excludes(margin);
+  sphere->excludes(margin);
 }
 
 void describe_grant(CLI::App* rights, const std::shared_ptr<Words>& words, AccessAction* action) {
@@ -145,17 +167,7 @@ void describe_grant(CLI::App* rights, const std::shared_ptr<Words>& words, Acces
       ->check(fault_of_word);
   grant_words->add_option("MAP", words->map, "name or id, or all")->required()->check(fault_of_word);
   grant_words->add_option("RIGHT", words->right, "none, read, add, write or manage")->required();
-  CLI::Option* box =
-      grant_words->add_option("--box", words->box, "the map grows within: x y z of both corners [m]")
-          ->expected(6);
-  CLI::Option* sphere =
-      grant_words
-          ->add_option("--sphere", words->sphere, "the map grows within: x y z of the centre, radius [m]")
-          ->expected(4);
-  CLI::Option* margin = grant_words->add_option(
-      "--margin", words->margin, "the map grows within its present bounds and so much more [m]");
-  box->excludes(sphere)->excludes(margin);
-  sphere->excludes(margin);
+  add_extent(grant_words, words.get());
   CLI::Option* until =
       grant_words->add_option("--until", words->until, "2027-01-31 or 2027-01-31T12:00:00Z (UTC)");
   grant_words->add_option("--days", words->days, "from now on")->check(CLI::Range(1, 3650))->excludes(until);
@@ -223,6 +235,66 @@ void describe_rights(CLI::App* app, AccessAction* action) {
   });
 }
 
+std::string corner_of(const json& bounds, const char* which) {
+  const json corner = bounds.value(which, json::array());
+  std::string text;
+  for (const json& value : corner) {
+    char number[32];
+    std::snprintf(number, sizeof(number), "%s%.2f", text.empty() ? "" : " ", value.get<double>());
+    text += number;
+  }
+  return text;
+}
+
+/// Of all rules, those about growing within bounds in this map.
+json grants_within(const json& rules, const json& map) {
+  json grants = json::array();
+  for (const json& rule : rules.value("grants", json::array())) {
+    const bool is_its = !rule.contains("map") || rule["map"] == map.value("id", "");
+    if (is_its && rule.contains("within")) grants.push_back(rule);
+  }
+  return grants;
+}
+
+Status show_extent(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
+  if (has_extent(words) || words.unbounded)
+    return fail(ErrorCode::kUsage, "whose? Say a client, \"group NAME\" or everyone");
+  const auto shown = client->ask({{"verb", "show"}, {"map", map}});
+  if (!shown) return tl::unexpected(shown.error());
+  const auto rules = client->ask({{"verb", "rights"}});
+  if (!rules) return tl::unexpected(rules.error());
+  const json bounds = shown->content.value("bounds", json::object());
+  const json grants = grants_within(rules->content, shown->content);
+  if (as_json) {
+    std::printf("%s\n", json_text(json{{"bounds", bounds}, {"grants", grants}}, 2).c_str());
+    return {};
+  }
+  std::printf("%s: its points are within %s and %s [m]\n", text_of(shown->content, "name").c_str(),
+              corner_of(bounds, "min").c_str(), corner_of(bounds, "max").c_str());
+  if (grants.empty()) std::printf("whoever may write may let it grow anywhere\n");
+  for (const json& rule : grants) print_grant(rule);
+  return {};
+}
+
+/// The right and the expiry that were granted stay; where nothing was, the right is write.
+Status set_extent(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
+  if (has_extent(words) == words.unbounded)
+    return fail(ErrorCode::kUsage, "say --box, --sphere, --margin or --unbounded");
+  const auto shown = client->ask({{"verb", "show"}, {"map", map}});
+  if (!shown) return tl::unexpected(shown.error());
+  const auto rules = client->ask({{"verb", "rights"}});
+  if (!rules) return tl::unexpected(rules.error());
+  json request{{"verb", "rights-grant"}, {"to", words.to}, {"map", map}, {"right", "write"}};
+  for (const json& rule : rules->content.value("grants", json::array())) {
+    const bool is_meant = rule.value("to", "") == words.to && rule.value("map", "") == shown->content["id"];
+    if (!is_meant || rule.value("expired", false)) continue;
+    request["right"] = rule["right"];
+    if (rule.contains("until")) request["until"] = rule["until"];
+  }
+  put_extent(words, &request);
+  return ask_and_print(client, request, as_json, print_done);
+}
+
 void print_clients(const json& all) {
   const json clients = all.value("clients", json::array());
   if (clients.empty()) std::fprintf(stderr, "cairnctl: no clients\n");
@@ -261,6 +333,7 @@ void describe_clients(CLI::App* app, AccessAction* action) {
   add("block", "keeps it out until it is unblocked: it may do nothing", "client-block")
       ->add_option("--why", words->why, "for its user and the audit log")
       ->check(fault_of_word);
+  add("kick", "ends its tracker: it is not served until it is started again", "client-kick");
   add("unblock", "lets it in again, with the rights that it has", "client-unblock");
 }
 
@@ -335,6 +408,27 @@ void describe_freeze(CLI::App* below, const std::string* map, AccessAction* acti
   });
   below->add_subcommand("unfreeze", "it takes keyframes and labels again")->callback([action, map] {
     *action = change({{"verb", "map-unfreeze"}, {"map", *map}});
+  });
+}
+
+void describe_extent(CLI::App* below, const std::string* map, AccessAction* action) {
+  const auto words = std::make_shared<Words>();
+  CLI::App* extent = below->add_subcommand(
+      "extent", "its bounds, and who may let it grow within which; with WHO, says so anew");
+  extent->add_option("WHO", words->to, "a client, \"group NAME\" or everyone")->check(fault_of_word);
+  add_extent(extent, words.get());
+  extent->add_flag("--unbounded", words->unbounded, "the map grows anywhere");
+  extent->footer(
+      "Examples:\n"
+      "  cairnctl map desk extent\n"
+      "  cairnctl map desk extent everyone --margin 0.5\n"
+      "  cairnctl map desk extent phone-1 --box -1 -1 0 1 1 2\n"
+      "  cairnctl map desk extent phone-1 --unbounded");
+  extent->callback([action, words, map] {
+    *action = [words, map](AdminClient* client, bool as_json) {
+      return words->to.empty() ? show_extent(client, *map, *words, as_json)
+                               : set_extent(client, *map, *words, as_json);
+    };
   });
 }
 

@@ -17,4 +17,7 @@ void describe_access(CLI::App* app, AccessAction* action);
 /// The words `freeze` and `unfreeze` below `map MAP`; `map`: its name, once the line has been read.
 void describe_freeze(CLI::App* below, const std::string* map, AccessAction* action);
 
+/// The words `extent` below it.
+void describe_extent(CLI::App* below, const std::string* map, AccessAction* action);
+
 }  // namespace cairn

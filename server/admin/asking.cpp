@@ -35,6 +35,17 @@ Result<bool> confirmed(const std::string& question) {
   return answer == "y" || answer == "yes";
 }
 
+Status confirm(bool yes, const std::string& question) {
+  if (yes) return {};
+  const auto said = confirmed(question);
+  if (!said) return tl::unexpected(said.error());
+  return *said ? Status() : fail(ErrorCode::kRefused, "nothing was done");
+}
+
+void add_yes(CLI::App* app, bool* yes) {
+  app->add_flag("--yes", *yes, "does not ask whether it is meant");
+}
+
 std::string fault_of_word(const std::string& text) {
   const auto fault = fault_of_text(text);
   return fault ? in_quotes(text) + ": " + *fault : std::string();

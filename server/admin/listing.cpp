@@ -34,6 +34,8 @@ void print_map(const json& map) {
               map.value("keyframes", 0), map.value("points", 0), map.value("memory_bytes", 0.0) * 1e-6,
               map.value("at_rest", false) ? "  at rest" : "", map.contains("frozen") ? "  frozen" : "");
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
+  if (const std::string when = text_of(map, "localized"); !when.empty())
+    std::printf("%24s last localized in %s, now by %d\n", "", when.c_str(), map.value("clients", 0));
   for (const json& overlap : map.value("overlaps", json::array()))
     std::printf("%24s overlaps %s: %d of its keyframes show that map, %d of that map's show this\n", "",
                 text_of(overlap, "map").c_str(), overlap.value("keyframes", 0),

@@ -26,6 +26,7 @@
 #include "common/wire/security.h"
 #include "server/admin/access_commands.h"
 #include "server/admin/admin_client.h"
+#include "server/admin/doctor.h"
 #include "server/admin/export_folder.h"
 #include "server/admin/interruption.h"
 #include "server/admin/keys_commands.h"
@@ -34,6 +35,7 @@
 #include "server/admin/rig_commands.h"
 #include "server/admin/store_commands.h"
 #include "server/admin/version_commands.h"
+#include "server/admin/watch_commands.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -53,7 +55,7 @@ constexpr const char* kFooter =
     "  cairnctl maps import backup/desk.cairnmap\n"
     "  cairnctl map desk rename bench\n"
     "  cairnctl map bench delete && cairnctl map bench undelete\n"
-    "  cairnctl maps purge bench                       removes a deleted map for good\n"
+    "  cairnctl maps purge bench                       removes a deleted map for good, once confirmed\n"
     "  cairnctl labels                                 lists the labels of all maps\n"
     "  cairnctl labels desk rename 3 'small vice'\n"
     "  cairnctl labels desk remove 3\n"
@@ -88,6 +90,7 @@ struct Options {
   std::string folder = ".";
   bool rgb = false;
   bool for_good = false;
+  bool yes = false;
   uint64_t label = 0;
   std::string text;
 };
@@ -336,6 +339,10 @@ Status export_maps(AdminClient* client, const Options& options) {
 }
 
 Status purge_maps(AdminClient* client, const Options& options) {
+  std::string which;
+  for (const std::string& map : options.maps) which += (which.empty() ? "'" : ", '") + map + "'";
+  const Status meant = confirm(options.yes, "Remove what is deleted for good: " + which + "?");
+  if (!meant) return meant;
   json purged = json::array();
   for (const std::string& map : options.maps) {
     auto answer = client->ask({{"verb", "purge"}, {"map", map}});
@@ -405,9 +412,10 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   app->add_subcommand("rigs", "what rigs do, who commands them, what was ordered last, what is in their way")
       ->callback([action] { *action = list_rigs; });
   CLI::App* maps = app->add_subcommand("maps", "all maps; without a word more, lists them");
-  maps->callback([action] {
-    if (!*action) *action = list_maps;
+  maps->callback([action, access] {
+    if (!*action && !*access) *action = list_maps;
   });
+  describe_drop_from_all(maps, access);
   maps->add_subcommand(
           "list",
           "name, id, size, which other maps it overlaps; deleted ones; files set aside as damaged or not "
@@ -431,6 +439,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
   in->callback([action] { *action = import_maps; });
   CLI::App* purge = maps->add_subcommand("purge", "removes deleted maps for good");
   purge->add_option("MAP", options->maps, "names or ids of deleted maps")->required()->check(fault_of_word);
+  add_yes(purge, &options->yes);
   purge->callback([action] { *action = purge_maps; });
 
   CLI::App* map = app->add_subcommand("map", "one map");
@@ -454,6 +463,7 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
       ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
   add("undelete", "puts it back into service", "undelete");
   describe_freeze(map, &options->map, access);
+  describe_extent(map, &options->map, access);
   describe_versions(map, &options->map, access);
 }
 
@@ -506,6 +516,8 @@ int run(int argc, char** argv) {
   describe_keys(&app, &local_action);
   describe_store(&app, &access, &local_action);
   describe_proposals(&app, &access);
+  describe_watch(&app, &access);
+  describe_doctor(&app, &options.connection, &local_action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

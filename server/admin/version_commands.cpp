@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/admin/version_commands.h"
 
+#include <algorithm>
 #include <cinttypes>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "common/io/json_text.h"
 #include "server/admin/listing.h"
@@ -16,6 +18,7 @@ using nlohmann::json;
 struct Words {
   std::string tag;
   std::string name;
+  std::string client;
   bool yes = false;
 };
 
@@ -45,13 +48,85 @@ Status list_tags(AdminClient* client, const std::string& map, bool as_json) {
   return {};
 }
 
-Status roll_back(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
-  if (!words.yes) {
-    const auto yes = confirmed("Roll map '" + map + "' back to '" + words.tag +
-                               "'? What has come since goes from the map; a tag keeps it.");
-    if (!yes) return tl::unexpected(yes.error());
-    if (!*yes) return fail(ErrorCode::kRefused, "nothing was done");
+/// All of them, page by page: `contributors`, and how many keyframes are of `unknown` ones.
+Result<json> contributors_of(AdminClient* client, const std::string& map) {
+  json all = json::array();
+  std::string after;
+  while (true) {
+    auto page = client->ask({{"verb", "contributors"}, {"map", map}, {"after", after}});
+    if (!page) return tl::unexpected(page.error());
+    for (json& row : page->content["contributors"]) {
+      after = row.value("client", "");
+      all.push_back(std::move(row));
+    }
+    if (!page->content.value("more", false))
+      return json{{"contributors", all}, {"unknown", page->content.value("unknown", uint64_t{0})}};
   }
+}
+
+Status list_contributors(AdminClient* client, const std::string& map, bool as_json) {
+  const auto told = contributors_of(client, map);
+  if (!told) return tl::unexpected(told.error());
+  if (as_json) {
+    std::printf("%s\n", json_text(*told, 2).c_str());
+    return {};
+  }
+  for (const json& row : told->at("contributors"))
+    std::printf("%-32s %6" PRIu64 " keyframes  %s\n", text_of(row, "client").c_str(),
+                row.value("keyframes", uint64_t{0}), text_of(row, "ids").c_str());
+  if (const uint64_t unknown = told->value("unknown", uint64_t{0}); unknown > 0)
+    std::printf("%-32s %6" PRIu64 " keyframes  from before contributors were kept\n", "(not known)", unknown);
+  return {};
+}
+
+Status drop_contributor(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
+  const Status meant = confirm(words.yes, "Take all keyframes of client '" + words.client + "' out of map '" +
+                                              map + "', for good? The map's tags go with them.");
+  if (!meant) return meant;
+  return ask_and_print(client, {{"verb", "drop-contributor"}, {"map", map}, {"client", words.client}},
+                       as_json, print_map);
+}
+
+/// Each map has it or has it not: one that cannot be changed does not keep the others.
+Status drop_from_all(AdminClient* client, const Words& words, bool as_json) {
+  const Status meant = confirm(words.yes, "Take all keyframes of client '" + words.client +
+                                              "' out of all maps, for good? The tags of these go with them.");
+  if (!meant) return meant;
+  const auto maps = client->maps();
+  if (!maps) return tl::unexpected(maps.error());
+  json changed = json::array();
+  std::optional<Error> first;
+  for (const json& map : (*maps)["maps"]) {
+    const std::string id = map.value("id", "");
+    const auto who = contributors_of(client, id);
+    if (!who) return tl::unexpected(who.error());
+    const bool has_any = std::ranges::any_of(
+        who->at("contributors"), [&](const json& row) { return row.value("client", "") == words.client; });
+    if (!has_any) continue;
+    auto done = client->ask({{"verb", "drop-contributor"}, {"map", id}, {"client", words.client}});
+    if (done) changed.push_back(std::move(done->content));
+    if (!done && !first) first = done.error();
+  }
+  if (as_json) std::printf("%s\n", json_text(changed, 2).c_str());
+  if (!as_json && changed.empty() && !first) std::fprintf(stderr, "cairnctl: no map has keyframes of it\n");
+  if (!as_json) {
+    for (const json& map : changed) print_map(map);
+  }
+  return first ? tl::unexpected(*first) : Status();
+}
+
+Status remove_tag(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
+  const Status meant = confirm(words.yes, "Forget the tag '" + words.tag + "' of map '" + map +
+                                              "'? Its state cannot be had back then.");
+  if (!meant) return meant;
+  return ask_and_print(client, {{"verb", "untag"}, {"map", map}, {"tag", words.tag}}, as_json,
+                       [](const json& tag) { std::printf("tag %s removed\n", text_of(tag, "tag").c_str()); });
+}
+
+Status roll_back(AdminClient* client, const std::string& map, const Words& words, bool as_json) {
+  const Status meant = confirm(words.yes, "Roll map '" + map + "' back to '" + words.tag +
+                                              "'? What has come since goes from the map; a tag keeps it.");
+  if (!meant) return meant;
   return ask_and_print(client, {{"verb", "roll-back"}, {"map", map}, {"tag", words.tag}}, as_json, print_map);
 }
 
@@ -59,28 +134,29 @@ Status roll_back(AdminClient* client, const std::string& map, const Words& words
 
 void describe_versions(CLI::App* below, const std::string* map, AccessAction* action) {
   const auto words = std::make_shared<Words>();
-  const auto add = [&](const char* word, const char* help, const char* verb,
-                       const std::function<void(const json&)>& print) {
-    CLI::App* sub = below->add_subcommand(word, help);
-    sub->add_option("TAG", words->tag, "its name: a-z, 0-9 and -")->required()->check(fault_of_word);
-    sub->callback([action, words, map, verb, print] {
-      *action = [=](AdminClient* client, bool as_json) {
-        return ask_and_print(client, {{"verb", verb}, {"map", *map}, {"tag", words->tag}}, as_json, print);
-      };
-    });
-  };
-  add("tag", "keeps its state of now, to be had back; it costs what changes afterwards", "tag", print_tag);
+  CLI::App* tag = below->add_subcommand(
+      "tag", "keeps its state of now, to be had back; it costs what changes afterwards");
+  tag->add_option("TAG", words->tag, "its name: a-z, 0-9 and -")->required()->check(fault_of_word);
+  tag->callback([action, words, map] {
+    *action = [=](AdminClient* client, bool as_json) {
+      return ask_and_print(client, {{"verb", "tag"}, {"map", *map}, {"tag", words->tag}}, as_json, print_tag);
+    };
+  });
   below->add_subcommand("tags", "states that can be had back, the oldest first")->callback([action, map] {
     *action = [map](AdminClient* client, bool as_json) { return list_tags(client, *map, as_json); };
   });
-  add("untag", "forgets a tag; the map stays as it is", "untag",
-      [](const json& tag) { std::printf("tag %s removed\n", text_of(tag, "tag").c_str()); });
+  CLI::App* untag = below->add_subcommand("untag", "forgets a tag, for good; the map stays as it is");
+  untag->add_option("TAG", words->tag, "its name (`tags` lists them)")->required()->check(fault_of_word);
+  add_yes(untag, &words->yes);
+  untag->callback([action, words, map] {
+    *action = [=](AdminClient* client, bool as_json) { return remove_tag(client, *map, *words, as_json); };
+  });
   CLI::App* back = below->add_subcommand(
       "rollback",
       "its keyframes, points and labels are again what they were at a tag; trackers in it go on. What there "
       "is now is kept as the tag before-rollback-N");
   back->add_option("TAG", words->tag, "its name (`tags` lists them)")->required()->check(fault_of_word);
-  back->add_flag("--yes", words->yes, "does not ask whether it is meant");
+  add_yes(back, &words->yes);
   back->callback([action, words, map] {
     *action = [=](AdminClient* client, bool as_json) { return roll_back(client, *map, *words, as_json); };
   });
@@ -92,6 +168,31 @@ void describe_versions(CLI::App* below, const std::string* map, AccessAction* ac
       return ask_and_print(client, {{"verb", "copy"}, {"map", *map}, {"name", words->name}}, as_json,
                            print_map);
     };
+  });
+  below->add_subcommand("contributors", "who offered which of its keyframes")->callback([action, map] {
+    *action = [map](AdminClient* client, bool as_json) { return list_contributors(client, *map, as_json); };
+  });
+  CLI::App* drop = below->add_subcommand("drop-contributor",
+                                         "takes a client's keyframes out, for good, with what only they "
+                                         "show; the map's tags go, too. Deleted maps, "
+                                         "archives and backups keep what they have");
+  drop->add_option("CLIENT", words->client, "its name")->required()->check(fault_of_word);
+  add_yes(drop, &words->yes);
+  drop->callback([action, words, map] {
+    *action = [=](AdminClient* client, bool as_json) {
+      return drop_contributor(client, *map, *words, as_json);
+    };
+  });
+}
+
+void describe_drop_from_all(CLI::App* maps, AccessAction* action) {
+  const auto words = std::make_shared<Words>();
+  CLI::App* drop = maps->add_subcommand(
+      "drop-contributor", "takes a client's keyframes out of all maps, as `map MAP drop-contributor`");
+  drop->add_option("CLIENT", words->client, "its name")->required()->check(fault_of_word);
+  add_yes(drop, &words->yes);
+  drop->callback([action, words] {
+    *action = [=](AdminClient* client, bool as_json) { return drop_from_all(client, *words, as_json); };
   });
 }
 

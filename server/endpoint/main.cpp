@@ -67,6 +67,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.store = options.store;
   service.rest_after = options.rest_after;
   service.drop_after = options.drop_after;
+  service.keep_deleted = options.keep_deleted;
   service.lockstep = options.lockstep;
   service.wearers.policy = options.wearer_policy;
   service.wearers.registered = std::move(wearers);

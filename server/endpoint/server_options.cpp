@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/help_formats.h"
 #include "common/base/suggestion.h"
 #include "common/base/unknown_word.h"
 #include "common/base/version.h"
@@ -80,6 +81,10 @@ constexpr OptionRow kOptions[] = {
      "a map that its maker loses within a second, and in which nobody is found again, is deleted when its "
      "maker "
      "has been elsewhere for so long; 0: never [10]",
+     true},
+    {"keep-deleted", "DAYS",
+     "with --store, maps that were deleted so long ago are removed for good; 0: `cairnctl maps purge` does "
+     "that [0]",
      true},
     {"lockstep", "allow|refuse",
      "whether trackers may run with --pace lockstep, in which the server finishes all work of a map before "
@@ -196,6 +201,10 @@ Result<ServerOptions> translate(const Words& words) {
       const auto seconds = to_number<uint32_t>(value);
       if (!seconds) return refuse("expected a number of seconds from 0 on");
       (name == "rest-after" ? options.rest_after : options.drop_after) = std::chrono::seconds(*seconds);
+    } else if (name == "keep-deleted") {
+      const auto days = to_number<uint16_t>(value);
+      if (!days) return refuse("expected a number of days from 0 on");
+      options.keep_deleted = std::chrono::hours(24) * *days;
     } else if (name == "lockstep") {
       if (value != "allow" && value != "refuse") return refuse("expected allow or refuse");
       options.lockstep = value == "allow";
@@ -247,7 +256,7 @@ std::variant<ServerOptions, EarlyExit> merge(const Words& from_line, const std::
 }
 
 EarlyExit parse_exit(const CLI::App& app, const CLI::ParseError& error) {
-  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, app.help()};
+  if (dynamic_cast<const CLI::CallForHelp*>(&error) != nullptr) return {0, told_help(app)};
   if (dynamic_cast<const CLI::CallForVersion*>(&error) != nullptr)
     return {0, std::string(error.what()) + "\n"};
   return complaint(kUsageExit, unknown_word(app, error).value_or(error.what()));

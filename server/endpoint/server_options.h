@@ -34,6 +34,7 @@ struct ServerOptions {
   std::string store;                    ///< folder; empty: nothing is kept
   std::chrono::seconds rest_after{60};  ///< ServiceOptions::rest_after
   std::chrono::seconds drop_after{10};  ///< ServiceOptions::drop_after
+  std::chrono::hours keep_deleted{0};   ///< ServiceOptions::keep_deleted
   bool lockstep = true;                 ///< ServiceOptions::lockstep
   WearerPolicy wearer_policy = WearerPolicy::kFirst;
   std::string security;  ///< folder of the server's keys; empty: an open site

@@ -101,6 +101,9 @@ TEST_F(ServerOptionsTest, MapsRestAfterAMinuteUnlessToldOtherwise) {
   EXPECT_EQ(accepted({}).drop_after, std::chrono::seconds(10));
   EXPECT_EQ(accepted({"--drop-after", "0"}).drop_after, std::chrono::seconds(0));
   for (const char* none : {"-1", "soon"}) EXPECT_EQ(refused({"--drop-after", none}).code, 2);
+  EXPECT_EQ(accepted({}).keep_deleted, std::chrono::hours(0));
+  EXPECT_EQ(accepted({"--keep-deleted", "30"}).keep_deleted, std::chrono::hours(720));
+  for (const char* none : {"-1", "soon"}) EXPECT_EQ(refused({"--keep-deleted", none}).code, 2);
 }
 
 TEST_F(ServerOptionsTest, LockstepIsForOneMachineUnlessToldOtherwise) {
@@ -183,8 +186,8 @@ TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
        {"Examples:",     "--config",        "--store",      "--domain",        "--listen",
         "--profile",     "--security",      "--http",       "--seed",          "--max-maps",
         "--max-memory",  "--max-keyframes", "--max-labels", "--keyframe-rate", "--question-rate",
-        "--relocalizer", "--rest-after",    "--drop-after", "--wearer-rule",   "--wearers",
-        "--stats",       "--lockstep"}) {
+        "--relocalizer", "--rest-after",    "--drop-after", "--keep-deleted",  "--wearer-rule",
+        "--wearers",     "--stats",         "--lockstep"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "common/base/utc.h"
 #include "common/base/utf8.h"
 #include "common/base/version.h"
 #include "common/io/json_text.h"
@@ -66,7 +67,8 @@ OperatorAct act_of(const std::string& verb) {
   if (verb.starts_with("verify")) return OperatorAct::kExamine;
   const bool is_look = verb == "status" || verb == "rigs" || verb == "maps" || verb == "show" ||
                        verb == "labels" || verb == "rights" || verb == "rights-explain" ||
-                       verb == "clients" || verb == "audit" || verb == "tags" || verb == "proposals";
+                       verb == "clients" || verb == "audit" || verb == "tags" || verb == "contributors" ||
+                       verb == "proposals";
   return is_look ? OperatorAct::kSee : OperatorAct::kChange;
 }
 
@@ -261,6 +263,14 @@ void MapService::describe_server(const AdminAnswer& answer) {
 
 json MapService::describe_map(MapId id, const MapEntry& entry) const {
   json map = describe(id, entry);
+  const auto corner = [](const Eigen::Vector3f& at) { return json{at.x(), at.y(), at.z()}; };
+  map["bounds"] = {{"min", corner(entry.statistics.bounds_min)},
+                   {"max", corner(entry.statistics.bounds_max)}};
+  map["clients"] = count_in(id);
+  if (entry.localized_at) map["localized"] = to_utc(*entry.localized_at);
+  map["offers_accepted"] = entry.offer_times.accepted();
+  if (const auto wait = entry.offer_times.wait_ms(0.5)) map["offer_p50_ms"] = *wait;
+  if (const auto wait = entry.offer_times.wait_ms(0.95)) map["offer_p95_ms"] = *wait;
   json& overlaps = map["overlaps"] = json::array();
   for (const OverlapList::Neighbour& neighbour : overlaps_.of(id)) {
     const auto known = maps_.all().find(neighbour.map);

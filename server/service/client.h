@@ -79,6 +79,18 @@ struct Client {
   std::map<std::pair<MapId, uint32_t>, std::pair<Epoch, uint32_t>> cameras_told;
   std::optional<MonotonicTime> camera_missed_at;  ///< the first command whose camera is not known
 
+  /// What its tracker said of itself last.
+  struct Word {
+    SessionId session;
+    TrackingState state = TrackingState::kStarting;
+    MapId map;
+    float quality = 0;
+    bool is_proven = false;  ///< it is found in the map, which is there
+    MonotonicTime at;
+  };
+  std::optional<Word> last_word;
+  std::optional<SessionId> kicked;  ///< the process that an operator has ended
+
   bool connected = false;     ///< it is told what there is
   std::set<MapId> maps_told;  ///< by MapInfo, while connected
   MonotonicTime left_at;      ///< when it was not any more

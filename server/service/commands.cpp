@@ -224,14 +224,17 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   job.pending = client.pending_offers.add(message.map, ruling.extent, job.image.bytes.size(), waiting_bytes_);
   outcome.epoch = entry->snapshot->epoch;
   entry->used_at = clock_.now();
-  const auto done = [this, name = client.name, session, outcome,
+  const auto done = [this, name = client.name, session, outcome, arrived = clock_.now(),
                      runner = entry->runner](OfferJudgement judgement) mutable {
     outcome.decision = judgement.decision;
     outcome.reason = std::move(judgement.reason);
     outcome.keyframe = judgement.keyframe;
     outcome.revision = judgement.revision;
-    post_([this, name, session, outcome, runner] {
+    post_([this, name, session, outcome, arrived, runner] {
       MapEntry* judged = maps_.find(outcome.map);
+      if (judged != nullptr) {
+        judged->offer_times.note(clock_.now() - arrived, outcome.decision == wire::OfferDecision::kAccepted);
+      }
       if (judged != nullptr && judged->runner == runner) maps_.end_offer(judged);
       on_offer_decided(name, session, outcome);
     });

@@ -207,6 +207,24 @@ void MapService::purge_map(const std::string& wanted, const AdminAnswer& answer)
   });
 }
 
+void MapService::purge_old_maps() {
+  if (options_.keep_deleted.count() == 0) return;
+  store_->run_beside([this, now = clock_.wall()](Store& store) {
+    for (const DeletedMap& map : store.deleted_maps()) {
+      if (map.problem || now - map.deleted < options_.keep_deleted)
+        continue;  // what may be read again tomorrow stays
+      const Status purged = store.purge(map.header.id);
+      if (!purged) log_->error("{}, deleted long ago: {}", map.header.name, purged.error().message);
+      if (!purged) continue;
+      post_([this, id = map.header.id, name = map.header.name] {
+        overlaps_.forget(id);
+        log_->info("{} ({}) was deleted long ago and is purged", name, to_hex(id.bytes));
+        site_.note({0, site_.policy()->now(), "server", "purge", "map " + name, "done"});
+      });
+    }
+  });
+}
+
 void MapService::take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer) {
   const auto serve = [this, id, undo, answer](Result<RestoredMap> restored) {
     look_for_damage();

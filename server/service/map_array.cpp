@@ -61,6 +61,19 @@ uint64_t digest(const wire::MapSeed& seed) {
 
 }  // namespace
 
+void OfferTimes::note(std::chrono::nanoseconds wait, bool accepted) {
+  waits_.push_back(std::chrono::duration<double, std::milli>(wait).count());
+  if (waits_.size() > kKept) waits_.pop_front();
+  accepted_ += accepted ? 1 : 0;
+}
+
+std::optional<double> OfferTimes::wait_ms(double quantile) const {
+  if (waits_.empty()) return std::nullopt;
+  std::vector<double> sorted(waits_.begin(), waits_.end());
+  std::sort(sorted.begin(), sorted.end());
+  return sorted[static_cast<size_t>(quantile * static_cast<double>(sorted.size() - 1))];
+}
+
 MapArray::MapArray(uint64_t seed, const std::function<uint32_t()>& entropy)
     : seeded_(seed != 0), random_(make_generator(seed, entropy)) {}
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -18,6 +20,20 @@
 
 namespace cairn {
 
+/// How offers to a map were answered of late.
+class OfferTimes {
+ public:
+  void note(std::chrono::nanoseconds wait, bool accepted);
+  [[nodiscard]] uint64_t accepted() const { return accepted_; }  ///< since the map is served
+  /// Of the last waits [ms], a quantile; nothing where there were none.
+  [[nodiscard]] std::optional<double> wait_ms(double quantile) const;
+
+ private:
+  static constexpr size_t kKept = 100;
+  std::deque<double> waits_;
+  uint64_t accepted_ = 0;
+};
+
 /// One map of the server as its I/O thread sees it. What MapArray sums up (name, snapshot, statistics,
 /// offers_in_work, name_to_be) is changed by its methods only.
 struct MapEntry {
@@ -27,15 +43,17 @@ struct MapEntry {
   MapStatistics statistics;
   bool plane_aligned = false;
   LabelBook labels{};
-  bool seeding = false;                       ///< its seed has not been decided: nobody sees it
-  std::optional<MapRevision> undecided = {};  ///< its newest revision, while seeding
-  std::string frozen = {};                    ///< why it takes nothing any more; empty: it does
-  MonotonicTime used_at = {};                 ///< when it last changed or was offered a keyframe
-  int offers_in_work = 0;                     ///< each may wake it
-  std::string name_to_be = {};                ///< while it is being kept: taken already
-  bool leaving = false;                       ///< it is being deleted
-  bool rolling_back = false;                  ///< another state of it is about to take its place
-  size_t bytes_published = 0;                 ///< of the snapshot's points
+  bool seeding = false;                        ///< its seed has not been decided: nobody sees it
+  std::optional<MapRevision> undecided = {};   ///< its newest revision, while seeding
+  std::string frozen = {};                     ///< why it takes nothing any more; empty: it does
+  MonotonicTime used_at = {};                  ///< when it last changed or was offered a keyframe
+  std::optional<Timestamp> localized_at = {};  ///< when a tracker last said that it is found in it
+  OfferTimes offer_times{};
+  int offers_in_work = 0;       ///< each may wake it
+  std::string name_to_be = {};  ///< while it is being kept: taken already
+  bool leaving = false;         ///< it is being deleted
+  bool rolling_back = false;    ///< another state of it is about to take its place
+  size_t bytes_published = 0;   ///< of the snapshot's points
 };
 
 /// To who asks anything of a map meanwhile.

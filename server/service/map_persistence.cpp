@@ -112,6 +112,7 @@ MapPersistence::Loaded MapPersistence::make_ready(MapId map, Result<StoredMap> s
                                   std::move(stored->labels),
                                   std::move(stored->proposals),
                                   stored->last_proposal,
+                                  std::move(stored->contributions),
                                   std::move(indexed)};
   } catch (const std::exception& problem) {  // memory, a library
     return fail_with({ErrorCode::kInternal, std::string("cannot be loaded: ") + problem.what()});
@@ -126,7 +127,7 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   forget_unloaded(loaded.map);
   RestoredMap& map = *loaded.restored;
   if (!loaded.damage.empty()) {
-    const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}};
+    const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}, map.contributions};
     map.proposals.clear();  // they stay in the damaged file
     const auto aside = store_->replace(map.header, saved, loaded.damage);
     log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
@@ -201,8 +202,8 @@ void MapPersistence::change_state(MapId map, const MapMakerOptions& options, Res
     run_beside([this, map, options, images, how](Store& store) {
       const AcceptState accept = [&](StoredMap state) -> Status {
         Loaded loaded = make_ready(map, std::move(state), options, images);
-        if (!loaded.restored) return tl::unexpected(loaded.restored.error());
         if (!loaded.damage.empty()) return fail(ErrorCode::kDamaged, loaded.damage.front());
+        if (!loaded.restored) return tl::unexpected(loaded.restored.error());
         how.take(std::move(*loaded.restored));
         return {};
       };

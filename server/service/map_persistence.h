@@ -29,6 +29,7 @@ struct RestoredMap {
   std::vector<LabelRecord> labels;
   std::vector<ProposalSummary> proposals;
   uint64_t last_proposal = 0;
+  std::vector<Contribution> contributions;
   IndexedMapPtr indexed;  ///< its part of the place index, as it is now
 };
 

@@ -115,6 +115,7 @@ void MapService::tick(MonotonicTime now) {
         [transfers = transfers_, clock = options_.clock](Store&) { transfers->expire(clock->now()); });
     look_for_damage();  // an operator may have taken it away
     drop_old_proposals();
+    purge_old_maps();
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   for (const std::string& line : rigs_.pass(now)) log_->info("{}", line);
@@ -216,6 +217,10 @@ bool MapService::take(const Principal& who, wire::PublicationHandle publication,
   Client& client = client_of(who);
   const MonotonicTime now = clock_.now();
   if (client.rates.judge(ClientRates::Kind::kState, now) != ClientRates::Judgement::kTake) return false;
+  if (client.kicked == message.session) {
+    tell_kicked(client);
+    return false;
+  }
   switch (presence_.heard(client.name, message.session, publication, now)) {
     case Presence::Standing::kIntruder:
       tell_intruder(client, message.session, now);
@@ -237,6 +242,8 @@ bool MapService::take(const Principal& who, wire::PublicationHandle publication,
   // others.
   const bool is_here = is_proven && maps_.find(message.map) != nullptr &&
                        options_.access->may_read(client.principal(), message.map);
+  client.last_word = {message.session, message.state, message.map, message.quality, is_here, now};
+  if (is_here) maps_.find(message.map)->localized_at = clock_.wall();
   wearers_.heard(client.name, {message.wearer, is_here ? message.map : MapId{}, message.frame_time}, now);
   young_.heard(client.name, {message.session, message.state, message.map, message.frame_time}, now);
   return true;

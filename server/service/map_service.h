@@ -141,6 +141,11 @@ class MapService {
                                         const nlohmann::json& request, const AdminAnswer& answer);
   [[nodiscard]] std::optional<NamedMap> named_map(const std::string& name_or_id);
   [[nodiscard]] nlohmann::json describe_clients() const;
+  [[nodiscard]] bool is_fresh(const Client::Word& word) const;
+  /// How many trackers are found in a map now.
+  [[nodiscard]] size_t count_in(MapId map) const;
+  [[nodiscard]] Result<nlohmann::json> kick_client(const std::string& name);
+  void tell_kicked(Client& client);
   void enforce_rights();
   void unlist_map(MapId map, Client& client);
   /// The answer is told, and what the operator did, or tried to, is written down.
@@ -180,6 +185,8 @@ class MapService {
   void answer_without_map(const std::string& verb, const std::string& wanted, const AdminAnswer& answer);
   void undelete_map(const std::string& wanted, const AdminAnswer& answer);
   void purge_map(const std::string& wanted, const AdminAnswer& answer);
+  /// What was deleted long ago.
+  void purge_old_maps();
   /// Beside the writer: a map that has just come (back) into the store; `undo` takes it out again if it
   /// cannot be served, or not be called as it must.
   void take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer);
@@ -197,6 +204,8 @@ class MapService {
                                     const nlohmann::json& request, const AdminAnswer& answer);
   void tag_map(MapId id, const MapEntry& entry, MapTag tag, const AdminAnswer& answer);
   void list_tags(MapId id, uint64_t after, const AdminAnswer& answer);
+  void list_contributors(MapId id, const MapEntry& entry, const std::string& after,
+                         const AdminAnswer& answer);
   void roll_back_map(MapId id, const std::string& name, MapTag before, const AdminAnswer& answer);
   /// Why there is no room for what was tagged; empty where there is.
   [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;

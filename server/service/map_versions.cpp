@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -9,6 +12,7 @@
 #include "common/base/utc.h"
 #include "server/service/admin_reply.h"
 #include "server/service/map_service.h"
+#include "server/store/drop_contributor.h"
 
 /// Versions of a map: tags, roll-backs, copies. What is in the file is done by the store's writer, in its
 /// turn: behind all that the map has handed in.
@@ -27,6 +31,20 @@ json describe(const MapTag& tag) {
           {"keyframes", tag.keyframes}, {"points", tag.points}};
 }
 
+/// "1-3 7 9-12", cut short where it is very long.
+std::string ranges_of(const std::vector<uint64_t>& ascending) {
+  constexpr size_t kMostBytes = 2000;
+  std::string text;
+  for (size_t i = 0; i < ascending.size() && text.size() < kMostBytes;) {
+    size_t last = i;
+    while (last + 1 < ascending.size() && ascending[last + 1] == ascending[last] + 1) ++last;
+    text += fmt::format("{}{}", text.empty() ? "" : " ", ascending[i]);
+    if (last > i) text += fmt::format("-{}", ascending[last]);
+    i = last + 1;
+  }
+  return text.size() < kMostBytes ? text : text + " ...";
+}
+
 /// Why nothing is done with the versions of a map; empty: it is.
 std::string why_not(const MapEntry& entry, bool has_store) {
   if (entry.runner == nullptr) return "this map is made elsewhere";
@@ -41,8 +59,8 @@ std::string why_not(const MapEntry& entry, bool has_store) {
 bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapEntry* entry,
                                 const json& request, const AdminAnswer& answer) {
   const std::string verb = text_of(request, "verb");
-  const bool is_one =
-      verb == "tag" || verb == "tags" || verb == "untag" || verb == "roll-back" || verb == "copy";
+  const bool is_one = verb == "tag" || verb == "tags" || verb == "untag" || verb == "roll-back" ||
+                      verb == "copy" || verb == "contributors" || verb == "drop-contributor";
   if (!is_one) return false;
   if (std::string why = why_not(*entry, store_ != nullptr); !why.empty()) {
     answer(refusal(ErrorCode::kRefused, std::move(why)));
@@ -60,6 +78,15 @@ bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapE
   if (verb == "tags") {
     const auto after = request.find("after");
     list_tags(id, after != request.end() && after->is_number_unsigned() ? after->get<uint64_t>() : 0, answer);
+  } else if (verb == "contributors") {
+    list_contributors(id, *entry, text_of(request, "after"), answer);
+  } else if (verb == "drop-contributor") {
+    change_state(
+        id, entry,
+        [id, client = text_of(request, "client")](Store& store, const AcceptState& accept) {
+          return drop_contributor(&store, id, client, accept);
+        },
+        answer);
   } else if (verb == "copy") {
     copy_map(id, *entry, text_of(request, "name"), answer);
   } else if (!is_valid_name(tag)) {
@@ -115,6 +142,29 @@ void MapService::roll_back_map(MapId id, const std::string& name, MapTag before,
       };
       change_state(id, entry, roll_back, answer);
     });
+  });
+}
+
+void MapService::list_contributors(MapId id, const MapEntry& entry, const std::string& after,
+                                   const AdminAnswer& answer) {
+  store_->run([this, id, map = entry.snapshot, after, answer](Store& store) {
+    const auto known = store.contributions(id);
+    if (!known) return post_([answer, error = known.error()] { answer(refusal(error)); });
+    std::map<std::string, std::vector<uint64_t>> by_client;
+    size_t others = map->keyframe_count();
+    for (const auto& [keyframe, client] : *known) {
+      if (map->find(keyframe) == nullptr) continue;
+      by_client[client].push_back(keyframe.value);
+      --others;
+    }
+    ReplyPage page{"contributors"};
+    for (const auto& [client, keyframes] : by_client) {
+      const json told{{"client", client}, {"keyframes", keyframes.size()}, {"ids", ranges_of(keyframes)}};
+      if (client > after && !page.add("contributors", told)) break;
+    }
+    json told = page.content();
+    told["unknown"] = others;
+    post_([answer, told] { answer(success(told)); });
   });
 }
 

@@ -21,7 +21,10 @@ void MapService::resume(std::vector<RestoredMap> restored) {
       store_->leave_alone(id, name, std::string("cannot be served: ") + problem.what());
     }
   }
-  if (store_ != nullptr) unloaded_ = store_->unloaded();
+  if (store_ != nullptr) {
+    unloaded_ = store_->unloaded();
+    purge_old_maps();
+  }
   for (const UnloadedMap& map : unloaded_) maps_.reserve(map.map);
   // All are served all the same: what is there is wanted more than a limit.
   if (std::string why = why_full(); !why.empty()) log_->warn("{}", why);

@@ -38,6 +38,8 @@ struct MapServiceOptions {
   /// A map that its maker lost at once (YoungMaps) is deleted when that has been elsewhere for so long; 0:
   /// never. What is made in lockstep stays, since a replay does not go by this clock.
   std::chrono::seconds drop_after{0};
+  /// With a store: what has been deleted for so long is purged; 0: operators do that.
+  std::chrono::hours keep_deleted{0};
   bool lockstep = true;  ///< whether clients may ask for it; who does is not served otherwise
   MapMakerOptions mapping;
   RelocOptions relocalization;

@@ -12,6 +12,26 @@ namespace cairn {
 
 using nlohmann::json;
 
+namespace {
+
+const char* word_of(TrackingState state) {
+  switch (state) {
+    case TrackingState::kTracking:
+      return "tracking";
+    case TrackingState::kPoor:
+      return "poor";
+    case TrackingState::kLost:
+      return "lost";
+    case TrackingState::kRotation:
+      return "rotation";
+    case TrackingState::kStarting:
+      break;
+  }
+  return "starting";
+}
+
+}  // namespace
+
 std::optional<NamedMap> MapService::named_map(const std::string& name_or_id) {
   const auto [id, entry] = find_map(name_or_id);
   if (entry == nullptr) return std::nullopt;
@@ -59,6 +79,11 @@ bool MapService::administers_access(const std::string& operator_name, const std:
     tell(explain_rights(site_.rights(), request, find, site_.policy()->now()));
     return true;
   }
+  if (verb == "client-kick") {
+    tell(
+        kick_client(request.value("client", json()).is_string() ? request["client"].get<std::string>() : ""));
+    return true;
+  }
   if (verb == "clients") {
     answer(success(describe_clients()));
     return true;
@@ -89,6 +114,12 @@ json MapService::describe_clients() const {
               {"proven", client.proof == Principal::Proof::kProven},
               {"blocked", rights.blocked.contains(name)}};
     if (const std::string wearer = wearers_.wearer_of(name); !wearer.empty()) told["wearer"] = wearer;
+    if (client.last_word && is_fresh(*client.last_word)) {
+      told["state"] = word_of(client.last_word->state);
+      told["quality"] = client.last_word->quality;
+      if (const auto map = maps_.all().find(client.last_word->map); map != maps_.all().end())
+        told["map"] = map->second.name;
+    }
     clients.push_back(std::move(told));
   }
   for (const auto& [name, closure] : rights.blocked) {
@@ -96,6 +127,42 @@ json MapService::describe_clients() const {
       clients.push_back({{"name", name}, {"connected", false}, {"blocked", true}});
   }
   return {{"clients", std::move(clients)}};
+}
+
+bool MapService::is_fresh(const Client::Word& word) const {
+  return clock_.now() - word.at < Presence::kSilence;
+}
+
+size_t MapService::count_in(MapId map) const {
+  return static_cast<size_t>(std::count_if(clients_.begin(), clients_.end(), [&](const auto& entry) {
+    const std::optional<Client::Word>& word = entry.second.last_word;
+    return entry.second.connected && word && word->is_proven && word->map == map && is_fresh(*word);
+  }));
+}
+
+/// The process that holds the name now is not served any more; another may come.
+Result<json> MapService::kick_client(const std::string& name) {
+  const auto found = clients_.find(name);
+  if (found == clients_.end() || !found->second.connected || !found->second.last_word)
+    return fail(ErrorCode::kNotFound,
+                "client '" + name + "' is not connected; `cairnctl clients` lists them");
+  Client& client = found->second;
+  client.kicked = client.last_word->session;
+  client.last_word.reset();
+  presence_.gone(name);
+  wearers_.left(name);
+  young_.left(name);
+  tell_kicked(client);
+  return json{{"done", "client " + name + " is not served until it is started again"}};
+}
+
+void MapService::tell_kicked(Client& client) {
+  const MonotonicTime now = clock_.now();
+  if (client.intruder_told_at && now - *client.intruder_told_at < Presence::kSilence) return;
+  client.intruder_told_at = now;
+  const std::string reason = "an operator has ended this; start the tracker again to go on";
+  (void)this->tell(client, wire::OfferVerdict{client.id, *client.kicked, 0, 0, {notice_to_process(reason)}});
+  client.repeat_verdicts = true;
 }
 
 /// What a client may no longer read is taken from it at once, and what it may read now is offered.
@@ -149,7 +216,7 @@ MapService::AdminAnswer MapService::audited(const std::string& operator_name, co
   std::replace(entry.action.begin(), entry.action.end(), '-', ' ');
   if (const auto map = request.find("map"); map != request.end() && map->is_string())
     entry.object = "map " + map->get<std::string>();
-  for (const char* part : {"tag", "name", "proposal"}) {
+  for (const char* part : {"tag", "name", "client", "proposal"}) {
     const auto named = request.find(part);
     if (named != request.end() && named->is_string() && !named->get<std::string>().empty())
       entry.object +=

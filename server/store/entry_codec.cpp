@@ -135,6 +135,19 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   return label;
 }
 
+Blob encode_contributor(const std::string& client) {
+  ByteWriter out;
+  out.put_text(client);
+  return out.take();
+}
+
+std::optional<std::string> decode_contributor(std::span<const uint8_t> row) {
+  ByteReader in(row);
+  std::string client = in.get_text();
+  if (!in.finished() || !is_valid_name(client)) return std::nullopt;
+  return client;
+}
+
 Blob encode_tag(const MapTag& tag) {
   ByteWriter out;
   out.put_text(tag.name);

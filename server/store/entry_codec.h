@@ -30,6 +30,10 @@ struct CountedHeader {
 [[nodiscard]] Blob encode_label(const LabelRecord& label);
 [[nodiscard]] std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row);
 
+/// The name of a client.
+[[nodiscard]] Blob encode_contributor(const std::string& client);
+[[nodiscard]] std::optional<std::string> decode_contributor(std::span<const uint8_t> row);
+
 [[nodiscard]] Blob encode_tag(const MapTag& tag);
 [[nodiscard]] std::optional<MapTag> decode_tag(int64_t id, std::span<const uint8_t> row);
 

@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kLongLog = 1000;  ///< [pages of 4 kB] from which tidy() writes it back
 constexpr int64_t kDecisionsKept = 10'000;
+constexpr int kSchemaWithContributors = 8;
 
 /// Rows of table map.
 enum MapRow : int64_t { kHeaderRow = 1, kFoundationRow = 2, kWorkRow = 3 };
@@ -129,11 +130,15 @@ Result<MapFile> MapFile::open(const std::filesystem::path& path, FileOrigin orig
     if (Status sound = check_schema(&*database, map_schema(), *version); !sound)
       return tl::unexpected(sound.error());
   }
+  const bool lacks_contributors = *version < kSchemaWithContributors;
   if (*version < map_schema_version()) {
     if (Status done = bring_up_to_date(&*database); !done) return tl::unexpected(done.error());
   }
   MapFile file(std::move(*database), {});
   if (Status learnt = file.learn_header(); !learnt) return tl::unexpected(learnt.error());
+  if (lacks_contributors) {
+    if (Status known = file.learn_contributors(); !known) return tl::unexpected(known.error());
+  }
   return file;
 }
 
@@ -218,6 +223,13 @@ Status MapFile::put(const MapUpdate& update) {
     put_if_good("decisions", static_cast<uint64_t>(*last + 1), encode_decision(d));
     if (done) done = remove("decisions", *last + 1 - kDecisionsKept);
   }
+  std::vector<Contribution> contributions = update.contributions;
+  for (const DecisionRecord& d : update.decisions) {
+    if (d.keyframe) contributions.emplace_back(d.keyframe, d.client);
+    if (d.keyframe && d.kind == CommandKind::kSeed) contributions.emplace_back(KeyframeId{1}, d.client);
+  }
+  for (const auto& [keyframe, client] : contributions)
+    put_if_good("contributors", keyframe.value, encode_contributor(client));
   for (const LabelRecord& l : update.labels) put_if_good("labels", l.id, encode_label(l));
   for (const uint64_t id : update.removed_labels) {
     if (done) done = remove("labels", static_cast<int64_t>(id));
@@ -264,6 +276,43 @@ Result<int64_t> MapFile::camera_row(const CameraParameters& camera) {
     return tl::unexpected(done.error());
   cameras_.emplace_back(camera, last + 1);
   return last + 1;
+}
+
+/// Of a file from before: as far as its decisions say.
+Status MapFile::learn_contributors() {
+  MapUpdate known;
+  std::vector<std::string> damage;  // is told by who loads the map
+  read_rows(
+      &database_, "decisions",
+      [&known](int64_t, std::span<const uint8_t> data) {
+        const auto decision = decode_decision(data);
+        if (!decision) return false;
+        if (decision->keyframe) known.contributions.emplace_back(decision->keyframe, decision->client);
+        if (decision->keyframe && decision->kind == CommandKind::kSeed)
+          known.contributions.emplace_back(KeyframeId{1}, decision->client);
+        return true;
+      },
+      &damage);
+  return known.contributions.empty() ? Status() : write({&known, 1});
+}
+
+Result<std::vector<Contribution>> MapFile::contributions() {
+  StoredMap map;
+  load_contributions(&map);
+  if (!map.damage.empty()) return fail(ErrorCode::kDamaged, database_.path() + ": " + map.damage.front());
+  return std::move(map.contributions);
+}
+
+void MapFile::load_contributions(StoredMap* map) {
+  read_rows(
+      &database_, "contributors",
+      [&](int64_t id, std::span<const uint8_t> data) {
+        auto client = is_item(id, keyframe_count_) ? decode_contributor(data) : std::nullopt;
+        if (client)
+          map->contributions.emplace_back(KeyframeId{static_cast<uint64_t>(id)}, std::move(*client));
+        return client.has_value();
+      },
+      &map->damage);
 }
 
 Status MapFile::learn_cameras() {
@@ -394,12 +443,13 @@ Status MapFile::check_images(uint64_t most_bytes) {
       [](KeyframeId, std::span<const uint8_t> row) { return decode_image_row(row) != nullptr; });
 }
 
-Status MapFile::take_images(MapFile* from) {
+Status MapFile::take_images(MapFile* from, const KeyframeIds& now) {
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
   Status done;
   const Status read = from->for_each_image([&](KeyframeId keyframe, std::span<const uint8_t> row) {
-    if (done) done = put("images", static_cast<int64_t>(keyframe.value), row);
+    const KeyframeId id = now ? now(keyframe) : keyframe;
+    if (done && id) done = put("images", static_cast<int64_t>(id.value), row);
     return true;
   });
   if (done) done = read;
@@ -466,6 +516,7 @@ StoredMap MapFile::load(LoadedImages images) {
        [](int64_t, std::span<const uint8_t> data) { return decode_decision(data); });
   take("labels", &map.labels, decode_label);
   load_proposals(&map);
+  load_contributions(&map);
   return map;
 }
 

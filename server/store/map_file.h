@@ -67,13 +67,17 @@ struct EpochRecord {
   size_t points = 0;
 };
 
-/// What is written at a time: all of it or nothing.
+/// Whose keyframe one is: the name of the client that offered it.
+using Contribution = std::pair<KeyframeId, std::string>;
+
+/// What is written at a time: all of it or nothing. What was accepted is its client's contribution, too.
 struct MapUpdate {
   MapRecord record;
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;  ///< new or changed
   std::vector<uint64_t> removed_labels;
-  std::vector<KeptProposal> proposals = {};  ///< new ones
+  std::vector<Contribution> contributions = {};  ///< beside those in `decisions`
+  std::vector<KeptProposal> proposals = {};      ///< new ones
   std::vector<uint64_t> removed_proposals = {};
 };
 
@@ -97,6 +101,7 @@ struct StoredMap {
   std::vector<EpochRecord> epochs;  ///< ascending
   std::vector<DecisionRecord> decisions;
   std::vector<LabelRecord> labels;
+  std::vector<Contribution> contributions;
   std::vector<ProposalSummary> proposals;
   uint64_t last_proposal = 0;       ///< the highest number that was given to one
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
@@ -125,6 +130,9 @@ enum class FileOrigin : uint8_t { kOwn, kElsewhere };
 /// Whether a server has the file, and may move it.
 enum class FileInUse : uint8_t { kNo, kYes };
 
+/// What keyframes are called now, by what they were called. Empty: as before.
+using KeyframeIds = std::function<KeyframeId(KeyframeId before)>;
+
 /// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
 /// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
 class MapFile {
@@ -152,6 +160,8 @@ class MapFile {
   /// The state as it is can be had back from now on. It costs nothing then; afterwards each row that changes
   /// is kept once as it was. Error kRefused: there is a tag of that name, or there are too many.
   Status tag(MapTag tag);
+  /// Whose the keyframes are, ascending; also of keyframes that were removed since. Error kDamaged.
+  [[nodiscard]] Result<std::vector<Contribution>> contributions();
   /// In the order in which they were made. Error kDamaged.
   [[nodiscard]] Result<std::vector<MapTag>> tags();
   /// Forgets a tag and what only it needed. Error kNotFound.
@@ -177,8 +187,8 @@ class MapFile {
   /// for each pixel; none is decoded then), kDamaged (the first row that is).
   [[nodiscard]] Status check_images(uint64_t most_bytes);
   /// Takes over the images of another file as they stand there, one after another; they are durable with the
-  /// next write_back().
-  Status take_images(MapFile* from);
+  /// next write_back(). `now`: under which ids; those without one stay behind.
+  Status take_images(MapFile* from, const KeyframeIds& now = {});
   /// The images of some keyframes, in their order, until there are `enough_bytes`; one at least. Error
   /// kDamaged: the first row that is missing or damaged.
   [[nodiscard]] Result<std::vector<ImageRow>> read_images(std::span<const KeyframeId> keyframes,
@@ -217,6 +227,8 @@ class MapFile {
   [[nodiscard]] Result<std::vector<uint8_t>> read_row(std::string_view table, int64_t id);
   [[nodiscard]] Result<int64_t> camera_row(const CameraParameters& camera);
   [[nodiscard]] Status learn_cameras();
+  [[nodiscard]] Status learn_contributors();
+  void load_contributions(StoredMap* map);
   /// Shows each image's keyframe and row to `use`, which says whether it is one. Error kDamaged: the first
   /// that is not.
   [[nodiscard]] Status for_each_image(

@@ -193,7 +193,7 @@ TEST_F(MapFileTest, AFileOfAnOlderSchemaIsBroughtUpToDate) {
         std::pair("DROP TABLE found_cameras; PRAGMA user_version=2", 1),
         std::pair("DROP TABLE labels; DROP TABLE found_cameras; PRAGMA user_version=1", 0)}) {
     ASSERT_TRUE(open_raw().execute(std::string("DROP TABLE tags; DROP TABLE kept; DROP TABLE proposals; "
-                                               "DROP TABLE proposal_pictures; ") +
+                                               "DROP TABLE proposal_pictures; DROP TABLE contributors; ") +
                                    as_written));
     const StoredMap stored = load();
     EXPECT_THAT(stored.damage, IsEmpty());

@@ -21,9 +21,9 @@ constexpr size_t kMostTags = 1000;  ///< of a map
 constexpr int64_t kHeaderRow = 1;   ///< of table map: who the map is stays as it is
 
 /// The tables that are the state of a map; their places here are in files.
-constexpr std::array<std::string_view, 9> kParts{"map",       "cameras",   "found_cameras",
-                                                 "keyframes", "images",    "measurements",
-                                                 "sources",   "positions", "labels"};
+constexpr std::array<std::string_view, 10> kParts{"map",    "cameras",      "found_cameras", "keyframes",
+                                                  "images", "measurements", "sources",       "positions",
+                                                  "labels", "contributors"};
 
 enum class KeptRow : uint8_t { kAbsent = 0, kPresent = 1, kDamaged = 2 };
 

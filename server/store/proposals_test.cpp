@@ -100,7 +100,8 @@ TEST_F(ProposalsTest, RollBackLeavesThemAlone) {
   keep({proposal(1)});
   ASSERT_TRUE(store_->tag(header_.id, {0, "bare", Timestamp{7}, "operator ann", 0, 0, 0, 0}));
   keep({proposal(2)}, {1});
-  ASSERT_TRUE(store_->roll_back(header_.id, "bare", {0, "before", Timestamp{8}, "operator ann", 0, 0, 0, 0}));
+  store_->let_go(header_.id);
+  ASSERT_TRUE(store_->roll_back(header_.id, "bare", {0, "", Timestamp{8}, "operator ann", 0, 0, 0, 0}, {}));
   EXPECT_THAT(numbers(), ElementsAre(2));
 }
 

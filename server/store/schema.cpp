@@ -29,7 +29,8 @@ constexpr std::array kMapSteps{
     "CREATE TABLE proposals(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;"
     "CREATE TABLE proposal_pictures(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) "
     "STRICT;",
-    "",  // a tag says in which epoch it was made
+    "CREATE TABLE contributors(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) "
+    "STRICT;",  // and a tag says in which epoch it was made
 };
 constexpr std::array kCatalogueSteps{
     "CREATE TABLE server(id INTEGER PRIMARY KEY, data BLOB NOT NULL, checksum INTEGER NOT NULL) STRICT;",

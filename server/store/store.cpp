@@ -88,12 +88,12 @@ bool is_half_made(const fs::path& path) {
 
 /// A map's file, durable and whole in one file, or nothing.
 Status make_file(const fs::path& path, const MapHeader& header, const MapUpdate& content,
-                 MapFile* images = nullptr) {
+                 MapFile* images = nullptr, const KeyframeIds& now = {}) {
   remove_database(path);
   const auto make = [&]() -> Status {
     auto file = MapFile::create(path, header, content);
     if (!file) return tl::unexpected(file.error());
-    const Status taken = images != nullptr ? file->take_images(images) : Status();
+    const Status taken = images != nullptr ? file->take_images(images, now) : Status();
     return taken ? file->write_back() : taken;
   };
   Status made = make();
@@ -566,6 +566,40 @@ Status Store::export_map(MapId map, const fs::path& path) const {
   return copy ? copy->erase_proposals() : tl::unexpected(copy.error());
 }
 
+Status Store::prepare_rewrite(const MapHeader& header, const MapUpdate& whole, MapFile* images,
+                              const KeyframeIds& now, const AcceptState& accept) {
+  const fs::path fresh = fresh_path_of(header.id);
+  if (Status made = make_file(fresh, header, whole, images, now); !made) return made;
+  Status done = show(fresh, accept);
+  // From here on it is whole.
+  if (done) done = move_database(fresh, saved_path_of(header.id));
+  if (!done) remove_database(fresh);
+  return done;
+}
+
+Status Store::show(const fs::path& path, const AcceptState& accept) {
+  auto file = MapFile::open(path);
+  if (!file) return tl::unexpected(file.error());
+  const auto epoch = next_epoch(file->header().id, file->header().epoch);
+  if (!epoch) return tl::unexpected(epoch.error());
+  if (Status begun = file->begin_epoch(*epoch); !begun) return begun;
+  return accept ? accept(file->load()) : Status();
+}
+
+/// Where the server ends between the two, the next start puts the new one in its place.
+Status Store::finish_rewrite(MapId map) const {
+  if (Status removed = remove_database(path_of(map)); !removed) {
+    remove_database(saved_path_of(map));
+    return removed;
+  }
+  return put_in_place(saved_path_of(map), path_of(map));
+}
+
+Result<std::vector<Contribution>> Store::contributions(MapId map) {
+  const auto file = file_of(map);
+  return file ? (*file)->contributions() : tl::unexpected(file.error());
+}
+
 Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
   auto file = MapFile::open(path_of(map));
   if (!file) return tl::unexpected(file.error());
@@ -576,7 +610,8 @@ Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
   MapHeader header = read.header;
   header.id = copy;
   header.name = name;
-  return make(header, {std::move(read.record), {}, std::move(read.labels), {}}, &*file);
+  return make(header, {std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)},
+              &*file);
 }
 
 Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_bytes) const {
@@ -608,7 +643,8 @@ Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const 
   if (const Status is_free = check_is_free(read.header); !is_free) return tl::unexpected(is_free.error());
   // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
-  const MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}};
+  const MapUpdate whole{
+      std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
   if (Status made = make(read.header, whole, archive); !made) return tl::unexpected(made.error());
   return map;
 }

@@ -138,6 +138,15 @@ class Store {
   /// A consistent copy in one file, over a connection of its own: beside the thread that writes the map, but
   /// not while it is removed. `path` must not exist. What was proposed to the map stays here.
   Status export_map(MapId map, const std::filesystem::path& path) const;
+  /// As MapFile::contributions().
+  [[nodiscard]] Result<std::vector<Contribution>> contributions(MapId map);
+  /// A map's file with other content, without tags, in two steps: whole beside the map, in an epoch as of
+  /// load(), shown to `accept`; then in its place. Not accepted: nothing has happened. `images`: of another
+  /// file, under the ids that they have `now`; it is closed before the second step. As roll_back() beside the
+  /// thread that writes other maps.
+  [[nodiscard]] Status prepare_rewrite(const MapHeader& header, const MapUpdate& whole, MapFile* images,
+                                       const KeyframeIds& now, const AcceptState& accept);
+  [[nodiscard]] Status finish_rewrite(MapId map) const;
   /// A map of its own that is like another, without its tags and decisions, under an id that is free. Over a
   /// connection of its own, as export_map().
   Status copy_map(MapId map, MapId copy, const std::string& name) const;
@@ -186,6 +195,8 @@ class Store {
   /// `images`: of another file, beside those of `whole`.
   [[nodiscard]] Status make(const MapHeader& header, const MapUpdate& whole, MapFile* images = nullptr) const;
   [[nodiscard]] Result<MapFile*> file_of(MapId map);
+  /// What is in a file, in an epoch that it begins.
+  [[nodiscard]] Status show(const std::filesystem::path& path, const AcceptState& accept);
   /// Over another connection. Errors: as MapFile::open(); kDamaged: it is another map's.
   [[nodiscard]] Result<MapFile> open_own(MapId map) const;
   void keep_open(MapId map, MapFile file);

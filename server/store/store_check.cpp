@@ -3,8 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
-#include <functional>
-#include <utility>
+#include <tuple>
 
 #include "server/mapping/map_record.h"
 #include "server/store/backup.h"
@@ -153,7 +152,7 @@ bool comes_later(const std::string& part, const std::string& than) {
   const auto place = [](const std::string& name) {
     return name.starts_with("maps/") ? 0 : name.starts_with("deleted/") ? 1 : name == kCatalogue ? 2 : 3;
   };
-  return std::pair(place(part), std::cref(part)) > std::pair(place(than), std::cref(than));
+  return std::tuple(place(part), part) > std::tuple(place(than), than);
 }
 
 Result<std::vector<std::string>> parts_of_store(const fs::path& folder) {

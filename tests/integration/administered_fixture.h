@@ -14,7 +14,8 @@ class AdministeredFixture : public LabelFixture {
  protected:
   using json = nlohmann::json;
 
-  AdministeredFixture() {
+  AdministeredFixture() { connect(); }
+  void connect() {
     AdminClientOptions connection;
     connection.domain = service_options_.domain;
     admin_.emplace(AdminClient::connect(connection).value());

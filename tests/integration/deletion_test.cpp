@@ -157,7 +157,7 @@ TEST_F(DeletionTest, WhatTheDiskDoesNotTakeHasNotHappened) {
   expect_refused({{"verb", "label-rename"}, {"map", id}, {"label", 1}, {"text", "saw"}}, "File too large");
   expect_refused({{"verb", "label-remove"}, {"map", id}, {"label", 1}}, "File too large");
   EXPECT_EQ(labels(id).at(0).value("text", ""), "vice");
-  expect_refused({{"verb", "export"}, {"map", id}}, "transfer");
+  expect_refused({{"verb", "export"}, {"map", id}}, "File too large");
   limit_files(RLIM_INFINITY);
 
   ASSERT_TRUE(admin_->ask({{"verb", "delete"}, {"map", id}}));

@@ -201,7 +201,7 @@ class Operator(OnTheDesk):
             deleted = self.ctl("maps", server=server)["deleted"]
             self.assertEqual([m["id"] for m in deleted], [ids[1], ids[0]], "the latest first")
             self.assertTrue(all(m["bytes"] > 0 for m in deleted))
-            self.assertEqual(self.say("maps", "purge", ids[1], server=server), "map-1 removed for good\n")
+            self.assertEqual(self.say("maps", "purge", ids[1], "--yes", server=server), "map-1 removed for good\n")
             self.assertEqual([m["id"] for m in self.ctl("maps", server=server)["deleted"]], [ids[0]])
             self.assertEqual(list((self.folder / "several/transfer").iterdir()), [])
 
@@ -420,7 +420,7 @@ class Operator(OnTheDesk):
             for words, code in ((("map", gone["id"], "undelete"), DAMAGED), (("maps", "import", archives / "map-1.cairnmap"), REFUSED)):
                 self.assertIn(f"maps purge {gone['id']}", self.ctl(*words, expect=code, server=server))
             self.ctl("map", "", "undelete", expect=REFUSED, server=server)
-            self.assertEqual(self.say("maps", "purge", gone["id"], server=server), f"{gone['id']} removed for good\n")
+            self.assertEqual(self.say("maps", "purge", gone["id"], "--yes", server=server), f"{gone['id']} removed for good\n")
             self.ctl("maps", "import", archives / "map-1.cairnmap", server=server)
             self.assertEqual(self.names(server), ["map-1"])
 
@@ -433,7 +433,7 @@ class Operator(OnTheDesk):
             (listed,) = self.ctl("maps", server=server)["deleted"]
             self.assertEqual((listed["id"], "damaged" in listed), (gone["id"], False))
             refused = [self.ctl(*words, expect=REFUSED, server=server)
-                       for words in (("map", gone["id"], "undelete"), ("maps", "purge", gone["id"]))]
+                       for words in (("map", gone["id"], "undelete"), ("maps", "purge", gone["id"], "--yes"))]
             for said in (listed["unreadable"], self.say("maps", server=server), *refused):
                 self.assertIn("newer version (schema 99", said)
                 self.assertNotIn("purge", said)
@@ -465,7 +465,7 @@ class Operator(OnTheDesk):
             self.assertIn("--yes", self.ctl("map", "map-1", "rollback", "start", expect=USAGE, server=server))
             self.assertEqual([t["tag"] for t in self.ctl("map", "map-1", "tags", server=server)],
                              ["start"] + [f"before-rollback-{i + 1}" for i in range(len(epochs))])
-            self.assertEqual(self.say("map", "map-1", "untag", "before-rollback-1", server=server), "tag before-rollback-1 removed\n")
+            self.assertEqual(self.say("map", "map-1", "untag", "before-rollback-1", "--yes", server=server), "tag before-rollback-1 removed\n")
             self.assertIn("no tag 'never'", self.ctl("map", "map-1", "rollback", "never", "--yes", expect=REFUSED, server=server))
             self.assertEqual(self.ctl("map", "map-1", "copy", "twin", server=server)["name"], "twin")
             self.assertIn("tag start", self.say("audit", "--action", "roll back", server=server))
@@ -512,6 +512,53 @@ class Operator(OnTheDesk):
         self.assertIn("table positions, row 1: the checksum is wrong", done.stdout)
         self.assertIn("remedy: a start sets the file aside", done.stdout)
         self.assertIn("1 of 3 files are damaged", done.stderr)
+
+    def commands_of(self, *words):
+        """As --help lists them."""
+        said = subprocess.run(command("cairnctl", *words, "--help"), check=True, capture_output=True, text=True).stdout
+        listed = said.partition("Subcommands:")[2].partition("\n\n")[0]
+        return re.findall(r"^  ([a-z-]+)", listed, re.MULTILINE)
+
+    def test_every_command_of_help_is_completed_and_on_the_page_of_the_manual(self):
+        forms = {form: subprocess.run(command("cairnctl", "--help"), env={**os.environ, "CAIRN_HELP_AS": form}, check=True,
+                                      capture_output=True, text=True).stdout for form in ("bash", "zsh", "man")}
+        lines = [((), ())] + [((word,), ("desk",) if word in ("map", "rig") else ()) for word in self.commands_of()]
+        for words, names in lines:
+            script = forms["bash"] + f"\nCOMP_WORDS=(cairnctl {' '.join(words + names)} ''); COMP_CWORD=$((${{#COMP_WORDS[@]}}-1)); " \
+                                     "_cairnctl; echo ${COMPREPLY[@]}"
+            offered = subprocess.run(["bash", "-c", script], check=True, capture_output=True, text=True).stdout.split()
+            for below in self.commands_of(*words):
+                self.assertIn(below, offered, words)
+                self.assertIn(f"'{below}:", forms["zsh"])
+                self.assertIn(".SS cairnctl " + " ".join((*words, below)).replace("-", "\\-") + "\n", forms["man"])
+
+    def test_watches_trackers_and_ends_one(self):
+        with self.server_with_the_map("watched") as server:
+            tracker = subprocess.Popen(command("cairn-track", "--source", f"tum:{self.folder}/desk", "--domain", server.domain, "--name",
+                                               "walker", "--wearer", "ann", "--headless", "--no-new-maps", "--pace", "realtime"),
+                                       stderr=subprocess.DEVNULL)
+            deadline = time.monotonic() + LIMIT
+            while not (here := self.map_1(server)).get("localized"):
+                self.assertLess(time.monotonic(), deadline)
+            self.assertEqual(here["clients"], 1)
+            (wearer,) = self.ctl("wearers", server=server)
+            self.assertEqual((wearer["wearer"], [c["name"] for c in wearer["cameras"]]), ("ann", ["walker"]))
+            seen = self.ctl("top", "--once", server=server)
+            self.assertIn(("walker", "map-1"), [(c["name"], c.get("map")) for c in seen["clients"]])
+            self.assertGreaterEqual(seen["maps"][0]["keyframes_per_minute"], 0)
+            self.ctl("clients", "kick", "walker", server=server)
+            self.assertEqual(self.map_1(server)["clients"], 0)
+            self.assertIn("last localized in 20", self.say("maps", server=server))
+            tracker.wait(timeout=LIMIT)
+            self.assertIn("is not connected", self.ctl("clients", "kick", "walker", expect=REFUSED, server=server))
+            (mine,) = self.ctl("map", "map-1", "contributors", server=server)["contributors"]
+            self.assertEqual((mine["client"], mine["keyframes"]), ("builder", self.map_1(server)["keyframes"]))
+            self.assertIn("nothing would be left", self.ctl("map", "map-1", "drop-contributor", "builder", "--yes", expect=REFUSED,
+                                                            server=server))
+            self.assertEqual(self.map_1(server)["keyframes"], mine["keyframes"])
+            found = {f["what"]: f["grade"] for f in self.ctl("doctor", "--data", self.folder, server=server)}
+            self.assertEqual([found[what] for what in ("interface", "server")], ["ok", "ok"])
+            self.assertEqual(found.keys(), {"interface", "multicast", "server", "ports", "buffers", "clock", "disk"})
 
     def render_half(self):
         """The first half of the recording: the other has more to map."""

@@ -10,6 +10,8 @@
 namespace cairn {
 namespace {
 
+using namespace std::chrono_literals;
+
 class StoreAdministrationTest : public testing::AdministeredFixture {
  protected:
   /// Below the store's folder, by number.
@@ -40,6 +42,27 @@ TEST_F(StoreAdministrationTest, AListOfFilesDoesNotEndWhereOneHasGone) {
     EXPECT_EQ(page["parts"].size(), kFiles - listed + 2);
     std::ofstream(service_options_.store / last);
   }
+}
+
+TEST_F(StoreAdministrationTest, WhatWasDeletedLongAgoGoesWhereTheOperatorWantsThat) {
+  make_map();
+  done({{"verb", "delete"}, {"map", "map-1"}});
+  const auto file = service_options_.store / ("deleted/" + to_hex(map_.bytes) + ".cairnmap");
+  const auto start_again = [&](std::chrono::hours keep) {
+    service_.reset();
+    service_options_.keep_deleted = keep;
+    start_service_again();
+    connect();
+  };
+  start_again(48h);
+  EXPECT_EQ(done({{"verb", "maps"}})["deleted"].size(), 1U);
+  std::filesystem::last_write_time(file, std::filesystem::file_time_type::clock::now() - 72h);
+  start_again(0h);
+  EXPECT_EQ(done({{"verb", "maps"}})["deleted"].size(), 1U) << "operators purge";
+  start_again(48h);
+  EXPECT_TRUE(testing::eventually([&] { return done({{"verb", "maps"}})["deleted"].empty(); }));
+  EXPECT_FALSE(std::filesystem::exists(file));
+  EXPECT_EQ(done({{"verb", "audit"}, {"action", "purge"}})["entries"][0]["who"], "server");
 }
 
 TEST_F(StoreAdministrationTest, AMapThatGoesWhileItIsAskedForHasGone) {

@@ -80,7 +80,7 @@ TEST_F(VersionsTest, ARollBackIsAnotherEpochInWhichClientsAndLabelsGoOn) {
   (void)add(*anna_, "drill");
   EXPECT_TRUE(eventually([&] { return texts(*bob) == (Texts{"vice", "drill"}); }));
 
-  grow(10);
+  grow(8);
   const MapSnapshotPtr between = anna_->snapshot();
   const KeyframeId another{keyframes + 1};
   ASSERT_NE(between->find(another), nullptr);

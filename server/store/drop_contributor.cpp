@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/store/drop_contributor.h"
+
+#include <set>
+#include <utility>
+
+#include "server/mapping/map_record.h"
+
+namespace cairn {
+namespace {
+
+constexpr size_t kFewestKeyframes = 2;
+
+std::set<KeyframeId> keyframes_of(const StoredMap& map, const std::string& client) {
+  std::set<KeyframeId> keyframes;
+  for (const auto& [keyframe, contributor] : map.contributions) {
+    if (contributor == client) keyframes.insert(keyframe);
+  }
+  return keyframes;
+}
+
+/// A label whose keyframe goes stays in its place in the map.
+void move_labels(const MapState& before, const Renumbering& now, std::vector<LabelRecord>* labels) {
+  for (LabelRecord& label : *labels) {
+    if (!before.is_live(label.anchor)) {
+      label.anchor = {};
+      continue;
+    }
+    label.map_from_label = before.keyframe(label.anchor).camera_from_map.inverse() * label.anchor_from_label;
+    label.anchor = now.of(label.anchor);
+  }
+}
+
+/// What is known of ids has no meaning any more; that a command was decided stays.
+void forget_ids(const std::string& client, std::vector<DecisionRecord>* decisions) {
+  std::erase_if(*decisions, [&](const DecisionRecord& d) { return d.client == client; });
+  for (DecisionRecord& d : *decisions) {
+    d.keyframe = {};
+    d.seed_points.clear();
+  }
+}
+
+Status rewrite_without(Store* store, MapId map, const std::string& client, const AcceptState& accept) {
+  auto file = MapFile::open(store->path_of(map));
+  if (!file) return tl::unexpected(file.error());
+  StoredMap stored = file->load(LoadedImages::kDecodedOnly);
+  if (!stored.damage.empty()) return fail(ErrorCode::kDamaged, stored.damage.front());
+  const std::set<KeyframeId> dropped = keyframes_of(stored, client);
+  auto assembled = assemble_map(stored.record, RestoredImages::kLetGo);
+  if (!assembled) return tl::unexpected(assembled.error());
+  MapState& state = assembled->state;
+  const MapState before = state;
+  size_t gone = 0;
+  for (const KeyframeId id : dropped) {
+    if (!state.is_live(id)) continue;
+    state.remove_keyframe(id);
+    ++gone;
+  }
+  if (gone == 0)
+    return fail(ErrorCode::kNotFound, "client '" + client + "' has no keyframe in map " + stored.header.name +
+                                          "; `cairnctl map " + stored.header.name +
+                                          " contributors` lists who has");
+  if (state.live_keyframes() < kFewestKeyframes) {
+    return fail(ErrorCode::kRefused, "nothing would be left of map " + stored.header.name +
+                                         "; `cairnctl map " + stored.header.name +
+                                         " delete` and `cairnctl maps purge`");
+  }
+  const Renumbering now = state.compact();
+  const KeyframeIds renumbered = [&now](KeyframeId id) { return now.of(id); };
+
+  WorkRecord work;
+  work.newest = state.keyframes().back().id;
+  work.upkeep_due = work.global_adjustment_due = true;
+  MapUpdate whole{MapRecorder().take(state, *stored.record.foundation, work),
+                  std::move(stored.decisions),
+                  std::move(stored.labels),
+                  {}};
+  forget_ids(client, &whole.decisions);
+  move_labels(before, now, &whole.labels);
+  for (auto& [keyframe, contributor] : stored.contributions) {
+    if (const KeyframeId id = now.of(keyframe)) whole.contributions.emplace_back(id, std::move(contributor));
+  }
+  ++stored.header.epoch.value;  // none of before is among those that the file knows
+  return store->prepare_rewrite(stored.header, whole, &*file, renumbered, accept);
+}
+
+}  // namespace
+
+Status drop_contributor(Store* store, MapId map, const std::string& client, const AcceptState& accept) {
+  const Status prepared = rewrite_without(store, map, client, accept);
+  return prepared ? store->finish_rewrite(map) : prepared;
+}
+
+}  // namespace cairn
