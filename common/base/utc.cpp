@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 
 namespace cairn {
@@ -29,7 +30,10 @@ bool has_shape(std::string_view text, std::string_view shape) {
 }  // namespace
 
 std::string to_utc(Timestamp time) {
-  const std::chrono::sys_time<std::chrono::nanoseconds> when{std::chrono::nanoseconds(time.nanoseconds)};
+  constexpr std::chrono::nanoseconds kEarliest =
+      std::chrono::days(-106'751);  // a day before it would overflow
+  const std::chrono::sys_time<std::chrono::nanoseconds> when{
+      std::max(kEarliest, std::chrono::nanoseconds(time.nanoseconds))};
   const auto day = std::chrono::floor<std::chrono::days>(when);
   const std::chrono::year_month_day date(day);
   const std::chrono::hh_mm_ss clock(std::chrono::floor<std::chrono::seconds>(when - day));

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <random>
 
 namespace cairn {
@@ -32,6 +33,11 @@ TEST(Utc, WhatIsWrittenIsReadBack) {
 
 TEST(Utc, ADayIsItsBeginning) {
   EXPECT_EQ(parse_utc("2001-09-09")->nanoseconds, 999'993'600 * kSecond);
+}
+
+TEST(Utc, AnyTimeCanBeShown) {
+  EXPECT_EQ(to_utc(Timestamp{std::numeric_limits<int64_t>::max()}), "2262-04-11T23:47:16Z");
+  EXPECT_EQ(to_utc(Timestamp{std::numeric_limits<int64_t>::min()}), "1677-09-22T00:00:00Z");
 }
 
 TEST(Utc, WhatIsNoTimeIsRefusedByName) {

@@ -4,8 +4,10 @@
 #include <openssl/err.h>
 #include <openssl/pkcs7.h>
 
+#include <algorithm>
 #include <array>
 #include <ctime>
+#include <limits>
 
 #include "common/io/text.h"
 
@@ -36,10 +38,13 @@ std::string entry_of(const X509& certificate, int kind) {
           static_cast<size_t>(ASN1_STRING_length(text))};
 }
 
+/// What is beyond our times, as the year 9999 of a certificate that never expires, is their end.
 Timestamp time_of(const ASN1_TIME* time) {
+  constexpr int64_t kNanoseconds = 1'000'000'000;
+  constexpr int64_t kMostSeconds = std::numeric_limits<int64_t>::max() / kNanoseconds;
   std::tm parts{};
   if (ASN1_TIME_to_tm(time, &parts) != 1) return {};
-  return {int64_t{timegm(&parts)} * 1'000'000'000};
+  return {std::clamp<int64_t>(timegm(&parts), -kMostSeconds, kMostSeconds) * kNanoseconds};
 }
 
 std::string hex_of(const ASN1_INTEGER* number) {

@@ -55,6 +55,12 @@ CAIRN_INLINE void splat_bytes(int value, V* out) {
 /// Bit i is set where lane i has its top bit set: for results of comparisons.
 template <class V>
 CAIRN_INLINE uint32_t lane_bits(const V& mask) {
+#ifdef __clang__
+  // Which takes the builtins in the targeted function only.
+  uint32_t bits = 0;
+  for (size_t lane = 0; lane < sizeof(V); ++lane) bits |= uint32_t{mask[lane]} >> 7 << lane;
+  return bits;
+#else
   // The builtins, not the intrinsics: an intrinsic of a wider target cannot be inlined into a template, only
   // into the targeted function that the template ends up in.
   if constexpr (sizeof(V) == 32) {
@@ -64,6 +70,7 @@ CAIRN_INLINE uint32_t lane_bits(const V& mask) {
     using Chars = char __attribute__((vector_size(16)));
     return static_cast<uint32_t>(__builtin_ia32_pmovmskb128(reinterpret_cast<const Chars&>(mask)));
   }
+#endif
 }
 
 }  // namespace cairn

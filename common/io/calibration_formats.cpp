@@ -24,6 +24,7 @@ tl::unexpected<Error> names_no_camera(const File& file) {
 
 /// Which camera's lens is meant cannot be guessed: with another's all would look well and be wrong.
 Result<std::string> choose_camera(const File& file, const std::vector<std::string>& names) {
+  if (names.empty()) return wrong(file.path.string() + ": it names no camera; " + std::string(kFormats));
   if (file.camera.empty() && names.size() == 1) return names.front();
   if (std::find(names.begin(), names.end(), file.camera) != names.end()) return std::string(file.camera);
   constexpr size_t kMostListed = 8;

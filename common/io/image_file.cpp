@@ -40,6 +40,8 @@ Result<Decoded> decode(std::span<const uint8_t> bytes, int flags) {
   }
   if (pixels.empty())
     return fail(ErrorCode::kDamaged, "the image (" + size + ") cannot be decoded: cut short or damaged");
+  if (pixels.cols != header->width || pixels.rows != header->height)
+    return fail(ErrorCode::kDamaged, "the image is of another size than its header says (" + size + ")");
   return Decoded{pixels, header->orientation};
 }
 

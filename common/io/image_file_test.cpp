@@ -115,6 +115,36 @@ TEST(ImageHeader, AForgedSizeIsRefusedBeforeMemoryIsTaken) {
               HasSubstr(std::to_string(kMaxImageSide + 1) + "x2"));
 }
 
+/// What the header says and what a decoder would make must be one: else a few bytes take the machine's
+/// memory.
+TEST(ImageHeader, AGigapixelDoesNotHideBehindASmallPicture) {
+  const auto words = [](const Bytes& bytes) {
+    const auto decoded = decode_gray_image(bytes);
+    return decoded ? "decoded" : decoded.error().message;
+  };
+  const Bytes jpeg = encode(".jpg", noise_image(64, 48));
+  const Bytes small_frame = {0xFF, 0xC0, 0, 11, 8, 0, 16, 0, 16, 1, 1, 0x11, 0};
+  Bytes second_frame = jpeg;
+  second_frame.insert(second_frame.end() - 2, small_frame.begin(), small_frame.end());
+  EXPECT_THAT(words(second_frame), HasSubstr("two frames"));
+
+  const Bytes scan = {0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 63, 0};
+  Bytes many_scans = jpeg;
+  for (int i = 0; i < 200; ++i) many_scans.insert(many_scans.end() - 2, scan.begin(), scan.end());
+  EXPECT_THAT(words(many_scans), HasSubstr("more than 100 scans"));
+
+  const Bytes unknown_chunk = {0, 0, 0, 8, 'a', 'a', 'A', 'a', 0, 0, 0, 16, 0, 0, 0, 16, 0x7B, 0x2F, 0x4E, 0};
+  Bytes late_header = encode(".png", noise_image(64, 48));
+  late_header.insert(late_header.begin() + 8, unknown_chunk.begin(), unknown_chunk.end());
+  EXPECT_THAT(words(late_header), HasSubstr("does not begin with its header"));
+
+  for (const std::string pgm : {"P5 #\r30000 30000 255\n16 16\n255\n.", "P5\n16#262144 255\n16\n255\n.",
+                                "P5x16 16 255\n.", "P5\n16 -16 255\n."}) {
+    const Bytes bytes(pgm.begin(), pgm.end());
+    EXPECT_FALSE(decode_gray_image(bytes)) << pgm;
+  }
+}
+
 TEST(ImageFileErrors, NameTheFileAndTheTrouble) {
   const TestDirectory directory;
   const auto path = directory.path() / "a.png";

@@ -26,6 +26,10 @@ tl::unexpected<Error> cut_short() {
   return fail(ErrorCode::kDamaged, "the file ends within its header");
 }
 
+tl::unexpected<Error> malformed(const char* what) {
+  return fail(ErrorCode::kDamaged, what);
+}
+
 /// Of the chunk eXIf, which may lie anywhere between the first and the last (PNG specification, 11.3).
 int png_orientation(Bytes bytes) {
   constexpr std::array<uint8_t, 4> kExif = {'e', 'X', 'I', 'f'};
@@ -37,10 +41,13 @@ int png_orientation(Bytes bytes) {
   return kUpright;
 }
 
-/// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1); the last chunk is IEND.
+/// Signature (8), length (4), "IHDR", width, height (PNG specification, 11.2.1); the last chunk is IEND. A
+/// decoder passes over chunks in front of IHDR: their bytes must not pass for the size.
 Result<ImageHeader> read_png(Bytes bytes) {
+  constexpr std::array<uint8_t, 8> kIhdr = {0, 0, 0, 13, 'I', 'H', 'D', 'R'};
   constexpr std::array<uint8_t, 4> kIend = {'I', 'E', 'N', 'D'};
   if (bytes.size() < 24) return cut_short();
+  if (!starts_with(bytes.subspan(8), kIhdr)) return malformed("a PNG that does not begin with its header");
   const Bytes tail = bytes.last(std::min<size_t>(bytes.size(), 1024));
   const bool complete = std::search(tail.begin(), tail.end(), kIend.begin(), kIend.end()) != tail.end();
   const int bits = bytes.size() > 24 ? bytes[24] : 8;
@@ -64,13 +71,16 @@ bool is_start_of_frame(uint8_t marker) {
 }
 
 /// Walks the marker segments (ITU T.81, B.1). Thumbnails lie inside segments, so they are stepped over by
-/// their length.
+/// their length. A decoder takes the size of the first frame, so that a second one is none of this world; and
+/// each scan, which may have a few bytes only, costs it a walk over all pixels.
 Result<ImageHeader> read_jpeg(Bytes bytes) {
+  constexpr int kMostScans = 100;  // progressive pictures have some ten
   constexpr uint8_t kStartOfScan = 0xDA;
   constexpr uint8_t kEndOfImage = 0xD9;
   std::optional<ImageHeader> header;
   std::optional<int> orientation;
   bool in_scan = false;
+  int scans = 0;
   for (size_t at = 2; at + 1 < bytes.size();) {
     if (in_scan && bytes[at] != 0xFF) {
       at = static_cast<size_t>(std::find(bytes.begin() + static_cast<ptrdiff_t>(at), bytes.end(), 0xFF) -
@@ -97,6 +107,7 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     if (at + 4 > bytes.size()) break;
     if (is_start_of_frame(marker)) {
       if (at + 9 > bytes.size()) break;
+      if (header) return malformed("a JPEG of two frames");
       header = ImageHeader{ImageFormat::kJpeg,
                            big_endian_16(bytes, at + 7),
                            big_endian_16(bytes, at + 5),
@@ -106,29 +117,44 @@ Result<ImageHeader> read_jpeg(Bytes bytes) {
     }
     if (!orientation) orientation = jpeg_orientation(bytes.subspan(at));
     in_scan = marker == kStartOfScan;
+    if (in_scan && ++scans > kMostScans) return malformed("a JPEG of more than 100 scans");
     at += 2 + std::max<size_t>(2, big_endian_16(bytes, at + 2));
   }
   if (!header) return cut_short();
   return *header;
 }
 
-/// "P2".."P6", then width, height and the largest value in decimal; '#' comments up to the line's end
-/// (netpbm).
+bool is_blank(uint8_t byte) {
+  return byte == ' ' || (byte >= '\t' && byte <= '\r');
+}
+
+/// Behind blanks and '#' comments, each up to the end of its line.
+size_t skip_blanks(Bytes bytes, size_t at) {
+  while (at < bytes.size() && (is_blank(bytes[at]) || bytes[at] == '#')) {
+    if (bytes[at] == '#') {
+      while (at < bytes.size() && bytes[at] != '\n' && bytes[at] != '\r') ++at;
+    } else {
+      ++at;
+    }
+  }
+  return at;
+}
+
+/// "P2".."P6", then width, height and the largest value in decimal (netpbm), a blank behind each: a decoder
+/// passes over the byte that follows a number, whatever it is.
 Result<ImageHeader> read_pnm(Bytes bytes) {
+  constexpr const char* kNoNumbers = "a PGM or PPM whose header is not three numbers";
   std::array<int64_t, 3> numbers{};
   size_t at = 2;
+  if (!is_blank(bytes[at])) return malformed(kNoNumbers);
   for (auto& number : numbers) {
-    while (at < bytes.size() && (bytes[at] <= ' ' || bytes[at] == '#')) {
-      if (bytes[at] == '#') {
-        while (at < bytes.size() && bytes[at] != '\n') ++at;
-      } else {
-        ++at;
-      }
-    }
+    at = skip_blanks(bytes, at);
+    const size_t begin = at;
     for (; at < bytes.size() && bytes[at] >= '0' && bytes[at] <= '9'; ++at) {
       number = std::min<int64_t>(number * 10 + (bytes[at] - '0'), int64_t{1} << 32);
     }
     if (at == bytes.size()) return cut_short();
+    if (at == begin || !is_blank(bytes[at])) return malformed(kNoNumbers);
   }
   return ImageHeader{ImageFormat::kPnm, numbers[0], numbers[1], numbers[2] > 255 ? 16 : 8, kUpright, true};
 }

@@ -115,7 +115,8 @@ void print_label(const json& label) {
   gmtime_r(&seconds, &parts);
   char when[32];
   std::strftime(when, sizeof(when), "%Y-%m-%d %H:%M:%S", &parts);
-  const auto at = label.value("position", std::vector<double>(3));
+  auto at = label.value("position", std::vector<double>());
+  at.resize(3);
   std::printf("%s %4" PRIu64 "  %s by %s, %s UTC, at %.3f %.3f %.3f%s\n",
               column_of(text_of(label, "map"), kNameColumns).c_str(), label.value("id", uint64_t{0}),
               column_of(text_of(label, "text"), kTextColumns).c_str(), text_of(label, "author").c_str(), when,

@@ -554,6 +554,10 @@ int run(int argc, char** argv) {
 int main(int argc, char** argv) {
   try {
     return cairn::run(argc, argv);
+  } catch (const nlohmann::json::exception& error) {
+    cairn::say_error("cairnctl", std::string("the server's answer is not understood (") + error.what() +
+                                     "); is it of another version?");
+    return cairn::exit_code(cairn::ErrorCode::kDamaged);
   } catch (const std::exception& error) {
     cairn::say_error("cairnctl", std::string("internal error: ") + error.what());
     return 1;

@@ -46,7 +46,7 @@ PointVisibility visibility_of(const Centers& centers, const MapPoint& point) {
   for (const KeyframeId id : point.observers) {
     const Eigen::Vector3d d = centers[id.value - 1] - point.position;
     const double distance = d.norm();
-    sum += d / distance;
+    sum += d.normalized();  // of a point where a camera is, nothing
     nearest = std::min(nearest, distance);
     farthest = std::max(farthest, distance);
   }

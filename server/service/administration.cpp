@@ -10,44 +10,20 @@
 #include "common/base/version.h"
 #include "common/io/json_text.h"
 #include "server/service/admin_reply.h"
+#include "server/service/admin_request.h"
 #include "server/service/map_service.h"
 
 /// What operators ask for (idl/README.md, AdminRequest).
 namespace cairn {
 namespace {
 
+using asked::is_set;
+using asked::number_of;
+using asked::text_of;
 using nlohmann::json;
 
-constexpr int kMostNested = 8;             ///< of a request: what is written deeper would take the stack
 constexpr size_t kLoggedBytes = 200;       ///< of a request
 constexpr size_t kMostOverlapsTold = 100;  ///< of a map: it must fit into a page
-
-/// A member of a request that must be a text.
-std::string text_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
-
-uint64_t number_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_number_unsigned() ? it->get<uint64_t>() : 0;
-}
-
-bool is_set(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_boolean() && it->get<bool>();
-}
-
-/// Not an object (`null`) where the text is none, or is nested without end.
-json parse_request(const std::string& text) {
-  bool is_deep = false;
-  const auto keep = [&is_deep](int depth, json::parse_event_t, json&) {
-    is_deep = is_deep || depth > kMostNested;
-    return depth <= kMostNested;
-  };
-  json request = json::parse(text, keep, false);
-  return is_deep ? json() : request;
-}
 
 /// What it is to an operator that a label is not changed.
 ErrorCode error_of(wire::RequestDecision decision) {
@@ -168,7 +144,7 @@ void MapService::refuse_for_now(const std::string& operator_name, wire::CommandI
 
 void MapService::carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& tell) {
   const std::string& operator_name = who.name;
-  const json request = parse_request(message.request);
+  const json request = parse_admin_request(message.request);
   if (!request.is_object()) return tell(refusal(ErrorCode::kUsage, "a request that is no JSON object"));
   const std::string verb = text_of(request, "verb");
   if (verb.empty()) return tell(refusal(ErrorCode::kUsage, "a request without 'verb', a text"));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "server/service/fitting_words.h"
 #include "server/service/map_service.h"
 
 /// Seeds, offers and questions on their way from the wire to the queue of a map and back.
@@ -506,7 +507,7 @@ MapSet MapService::readable(const Client& client) const {
 Status MapService::tell(const Client& client, const ClientEvent& event) {
   // Its readers of maps may be there before and after those that it is told by.
   if (!client.connected && !std::holds_alternative<MapUnlisted>(event)) return {};
-  Status told = output_.tell(client.name, event);
+  Status told = output_.tell(client.name, with_fitting_words(event));
   if (!told && output_trouble_.due(clock_.now())) log_->error("{}: {}", client.name, told.error().message);
   return told;
 }

@@ -14,6 +14,9 @@ using wire::RequestDecision;
 
 constexpr double kNoticeableAngle = 4e-4;  ///< [rad] 0.2 px of a camera with f = 500 px
 constexpr double kNoticeableTurn = 0.01;   ///< [rad] of the label about itself
+/// [map unit] From the origin, along each axis. The wire and files end farther out, so that a label may move
+/// with its map.
+constexpr double kFarthest = 1e5;
 
 LabelBook::Judgement refusal(RequestDecision decision, std::string reason, LabelId label = {}) {
   return {decision, std::move(reason), label, {}};
@@ -92,9 +95,12 @@ LabelBook::Judgement LabelBook::judge_new(const wire::ClientRequest& request, co
                    "the map has changed since the place was pointed at; point at it again");
   }
   LabelRecord label;
-  label.id = ++last_id_;
   label.text = request.text;
   label.map_from_label = keyframe->camera_from_map.inverse() * request.reference_from_label;
+  const auto& place = label.map_from_label.translation();
+  if (!(place.cwiseAbs().maxCoeff() <= kFarthest))
+    return refusal(RequestDecision::kUnfit, "the place is too far away for a label");
+  label.id = ++last_id_;
   label.author = author;
   label.time = now;
   label.kind = request.kind;

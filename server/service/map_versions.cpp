@@ -11,6 +11,7 @@
 
 #include "common/base/utc.h"
 #include "server/service/admin_reply.h"
+#include "server/service/admin_request.h"
 #include "server/service/map_service.h"
 #include "server/store/drop_contributor.h"
 
@@ -19,12 +20,8 @@
 namespace cairn {
 namespace {
 
+using asked::text_of;
 using nlohmann::json;
-
-std::string text_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
 
 json describe(const MapTag& tag) {
   return {{"number", tag.number},       {"tag", tag.name},     {"time", to_utc(tag.time)}, {"by", tag.author},

@@ -268,7 +268,8 @@ bool changes_rights(const std::string& verb) {
 
 Result<RightsChange> change_rights(const Rights& rights, const json& request,
                                    const std::string& operator_name, const FindMap& find, Timestamp now) {
-  const std::string verb = request.value("verb", "");
+  const auto wanted = request.find("verb");
+  const std::string verb = wanted != request.end() && wanted->is_string() ? wanted->get<std::string>() : "";
   const Verb* known = find_verb(verb);
   if (known == nullptr) return fail(ErrorCode::kUsage, "no request about rights is called '" + verb + "'");
   RightsChange change{rights, {0, now, "operator " + operator_name, action_of(verb), {}, "done"}, {}};

@@ -4,6 +4,7 @@
 
 #include "server/access/rights_file.h"
 #include "server/service/admin_reply.h"
+#include "server/service/admin_request.h"
 #include "server/service/map_service.h"
 #include "server/store/backup.h"
 #include "server/store/store_check.h"
@@ -13,15 +14,11 @@
 namespace cairn {
 namespace {
 
+using asked::text_of;
 using nlohmann::json;
 
 constexpr size_t kMostBackingUp = 64;
 constexpr size_t kMostFaultsTold = 100;  ///< of a file
-
-std::string text_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
 
 json describe(const FileCheck& check) {
   json told{{"part", check.part},      {"name", check.name},     {"keyframes", check.keyframes},

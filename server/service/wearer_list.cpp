@@ -4,6 +4,7 @@
 #include <string>
 
 #include "common/base/yaml_file.h"
+#include "common/map/ids.h"
 
 namespace cairn {
 namespace {

@@ -11,6 +11,7 @@
 #include "common/map/ids.h"
 #include "common/map/place_answer.h"
 #include "server/relocalization/relocalizer.h"
+#include "server/service/wearer_list.h"
 
 namespace cairn {
 
@@ -23,9 +24,6 @@ enum class WearerPolicy : uint8_t {
   /// The other's map and no other: the paper's rule.
   kOnly = 1,
 };
-
-/// Whose camera each client is, by the clients' names.
-using WearerList = std::map<std::string, std::string>;
 
 struct WearerOptions {
   WearerPolicy policy = WearerPolicy::kFirst;

@@ -10,6 +10,8 @@ namespace {
 
 constexpr size_t kMaxKeyframes = kMaxKeyframeBlocks * kBlockSlots;
 constexpr size_t kMaxPoints = kMaxBlocks * kBlockSlots;
+constexpr size_t kMaxNameBytes = 128;   ///< of a map; on the wire, too
+constexpr size_t kMaxAuthorBytes = 32;  ///< of a label; likewise
 
 }  // namespace
 
@@ -29,7 +31,7 @@ std::optional<CountedHeader> decode_header(std::span<const uint8_t> row) {
   ByteReader in(row);
   CountedHeader header;
   in.get(std::span(header.header.id.bytes));
-  header.header.name = one_line(in.get_text());
+  header.header.name = cut_text(one_line(in.get_text()), kMaxNameBytes);
   header.header.epoch.value = in.get<uint64_t>();
   header.header.metric = in.get<uint8_t>() != 0;
   header.header.created.nanoseconds = in.get<int64_t>();
@@ -122,11 +124,11 @@ std::optional<LabelRecord> decode_label(int64_t id, std::span<const uint8_t> row
   // Of another program, or kept before texts were checked: nothing is lost for it.
   label.text = cut_text(one_line(text), kMaxLabelBytes);
   const auto map_from_label = get_pose(&in);
-  label.author = one_line(in.get_text());
+  label.author = cut_text(one_line(in.get_text()), kMaxAuthorBytes);
   label.time.nanoseconds = in.get<int64_t>();
   label.anchor.value = in.get<uint64_t>();
   const auto anchor_from_label = get_pose(&in);
-  const bool sound = in.finished() && id > 0 && map_from_label && anchor_from_label &&
+  const bool sound = in.finished() && id > 0 && is_time(label.time) && map_from_label && anchor_from_label &&
                      kind <= static_cast<uint8_t>(LabelKind::kModel) && text.size() <= kMaxLabelBytes;
   if (!sound) return std::nullopt;
   label.kind = static_cast<LabelKind>(kind);

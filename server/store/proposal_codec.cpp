@@ -62,7 +62,8 @@ bool get_summary(ByteReader* in, ProposalSummary* summary) {
   summary->expected = in->get<uint32_t>();
   summary->found = in->get<uint32_t>();
   summary->bytes = in->get<uint64_t>();
-  const bool is_sound = pose && is_valid_name(summary->client) && summary->found <= summary->expected &&
+  const bool is_sound = pose && is_valid_name(summary->client) && is_time(summary->received) &&
+                        is_time(summary->time) && summary->found <= summary->expected &&
                         std::abs(summary->mean_depth) <= kMaxLength;  // false for NaN
   if (is_sound) summary->camera_from_map = *pose;
   return is_sound;
@@ -92,7 +93,8 @@ bool get_candidates(ByteReader* in, std::vector<PointCandidate>* candidates) {
     if (!get_seen(in, &c)) return false;
     c.inverse_depth = in->get<float>();
     c.sigma = in->get<float>();
-    if (!std::isfinite(c.inverse_depth) || !std::isfinite(c.sigma)) return false;
+    const bool has_depth = c.inverse_depth > 0 && c.sigma > 0;  // false for NaN
+    if (!has_depth || !std::isfinite(c.inverse_depth) || !std::isfinite(c.sigma)) return false;
   }
   return true;
 }

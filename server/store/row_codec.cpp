@@ -6,6 +6,7 @@
 #include <opencv2/imgcodecs.hpp>
 
 #include "common/geometry/camera_guess.h"
+#include "common/image/limits.h"
 #include "common/io/image_file.h"
 #include "server/store/bytes.h"
 
@@ -13,11 +14,29 @@ namespace cairn {
 namespace {
 
 constexpr double kUnitTolerance = 1e-6;
-constexpr double kMaxLength = 1e6;  ///< [map unit] of coordinates and distances
+constexpr double kMaxLength = 1e6;              ///< [map unit] of coordinates and distances
+constexpr float kUnitToleranceFloat = 1e-3F;    ///< of a direction's norm
+constexpr float kMaxPixel = 4 * kMaxImageSide;  ///< measurements may lie outside the image
 constexpr size_t kIdBytes = sizeof(uint64_t);
 
 bool is_length(double value) {
   return std::abs(value) <= kMaxLength;  // false for NaN
+}
+
+bool is_distance(double value) {
+  return value >= 0 && value <= kMaxLength;
+}
+
+bool is_direction(const Eigen::Vector3f& vector) {
+  return std::abs(vector.norm() - 1) <= kUnitToleranceFloat;
+}
+
+bool is_pixel(const Eigen::Vector2f& pixel) {
+  return std::abs(pixel.x()) <= kMaxPixel && std::abs(pixel.y()) <= kMaxPixel;
+}
+
+bool is_corner(const Corner& corner) {
+  return corner.x >= 0 && corner.x < kMaxImageSide && corner.y >= 0 && corner.y < kMaxImageSide;
 }
 
 template <typename Id>
@@ -34,6 +53,11 @@ std::vector<Id> get_ids(ByteReader* in) {
 }
 
 }  // namespace
+
+bool is_time(Timestamp time) {
+  constexpr int64_t kMost = int64_t{1} << 62;
+  return time.nanoseconds > -kMost && time.nanoseconds < kMost;
+}
 
 void put_pose(const SE3& pose, ByteWriter* out) {
   out->put(Eigen::Vector4d(pose.rotation().coeffs()));
@@ -189,9 +213,9 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
   const bool has_sound_up = get_up(flags, &in, &keyframe.up);
   std::vector<uint8_t> still(in.left());  // none before schema 4, and of most cameras
   in.get(still);
-  const bool sound = in.good() && pose && camera != cameras.end() && has_sound_up &&
-                     is_length(keyframe.mean_depth) && is_length(keyframe.near_depth) &&
-                     is_length(keyframe.far_depth);
+  const bool sound = in.good() && pose && camera != cameras.end() && has_sound_up && is_time(keyframe.time) &&
+                     is_distance(keyframe.mean_depth) && is_distance(keyframe.near_depth) &&
+                     is_distance(keyframe.far_depth);
   if (!sound) return std::nullopt;
   keyframe.camera = camera->second;
   if (!still.empty()) {
@@ -229,7 +253,7 @@ std::optional<MeasurementsRecord> decode_measurements(KeyframeId id, std::span<c
     m.point.value = in.get<uint64_t>();
     m.level = in.get<uint8_t>();
     m.pixel = in.get_vector<Eigen::Vector2f>();
-    sound = sound && m.point > last && m.level < kPyramidLevels && m.pixel.allFinite();
+    sound = sound && m.point > last && m.level < kPyramidLevels && is_pixel(m.pixel);
     last = m.point;
   }
   record.given_up = get_ids<PointId>(&in);
@@ -275,8 +299,8 @@ std::optional<SourcesRecord> decode_sources(uint32_t block, std::span<const uint
     p.ray_down = in.get_vector<Eigen::Vector3f>();
     p.normal = in.get_vector<Eigen::Vector3f>();
     in.get(std::span(p.pixels));
-    sound = sound && p.level < kPyramidLevels && p.ray_center.allFinite() && p.ray_right.allFinite() &&
-            p.ray_down.allFinite() && p.normal.allFinite();
+    sound = sound && p.level < kPyramidLevels && is_corner(p.corner) && is_direction(p.ray_center) &&
+            is_direction(p.ray_right) && is_direction(p.ray_down) && is_direction(p.normal);
   }
   if (!in.finished() || !sound) return std::nullopt;
   return record;

@@ -25,6 +25,9 @@ void put_pose(const SE3& pose, ByteWriter* out);
 [[nodiscard]] Blob encode_camera(const CameraParameters& camera);
 [[nodiscard]] std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row);
 
+/// Such that differences of two never overflow: within 146 years of the epoch, as on the wire.
+[[nodiscard]] bool is_time(Timestamp time);
+
 /// Cameras by their row in the file. Exact ones have rows from 1 on; one that is found out, whose values
 /// change with the map, has a row below 0.
 using CameraRows = std::map<int64_t, CameraPtr>;

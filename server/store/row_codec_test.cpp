@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <random>
 
 #include "common/base/utf8.h"
@@ -80,9 +81,9 @@ class RowCodecTest : public ::testing::Test {
       p.id = PointId{3 * kBlockSlots + static_cast<uint64_t>(i) + 1};
       p.keyframe = KeyframeId{id()};
       p.level = static_cast<uint8_t>(random_() % 4);
-      p.corner = {static_cast<int16_t>(random_()), static_cast<int16_t>(random_())};
+      p.corner = {static_cast<int16_t>(random_() % 4096), static_cast<int16_t>(random_() % 4096)};
       for (auto* vector : {&p.ray_center, &p.ray_right, &p.ray_down, &p.normal})
-        *vector = {small(), small(), small()};
+        *vector = Eigen::Vector3f(small(), small(), 4 + small()).normalized();
       for (uint8_t& pixel : p.pixels) pixel = static_cast<uint8_t>(random_());
     }
     return record;
@@ -151,6 +152,45 @@ TEST_F(RowCodecTest, AFoundationWithAnchorsIsReadWithoutThem) {
   const auto read = decode_foundation(before);
   ASSERT_TRUE(read);
   EXPECT_EQ(encode_foundation(*read), now);
+}
+
+/// Nobody who receives a map would take it.
+TEST_F(RowCodecTest, WhatCannotBeSentIsNotRead) {
+  const auto of_keyframe = [this](const std::function<void(KeyframeRecord&)>& spoil) {
+    KeyframeRecord record = keyframe();
+    spoil(record);
+    return decode_keyframe(KeyframeId{9}, encode_keyframe(record, 8), cameras_).has_value();
+  };
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(of_keyframe([](KeyframeRecord&) {}));
+  EXPECT_FALSE(
+      of_keyframe([](KeyframeRecord& k) { k.time.nanoseconds = std::numeric_limits<int64_t>::min(); }));
+  EXPECT_FALSE(of_keyframe([](KeyframeRecord& k) { k.mean_depth = -1; }));
+  EXPECT_FALSE(of_keyframe([](KeyframeRecord& k) { k.near_depth = kNan; }));
+  EXPECT_FALSE(of_keyframe([](KeyframeRecord& k) {
+    k.camera_from_map = SE3(Eigen::Quaterniond::Identity(), {1e7, 0, 0});
+  }));
+
+  const auto of_source = [this](const std::function<void(PointSource&)>& spoil) {
+    SourcesRecord record = sources();
+    spoil(record.points[7]);
+    return decode_sources(3, encode_sources(record)).has_value();
+  };
+  EXPECT_TRUE(of_source([](PointSource&) {}));
+  EXPECT_FALSE(of_source([](PointSource& p) { p.ray_down *= 1.1F; }));
+  EXPECT_FALSE(of_source([](PointSource& p) { p.normal.setZero(); }));
+  EXPECT_FALSE(of_source([](PointSource& p) { p.corner.x = -1; }));
+
+  MeasurementsRecord seen = measurements();
+  seen.measurements[3].pixel.x() = 1e30F;
+  EXPECT_FALSE(decode_measurements(KeyframeId{9}, encode_measurements(seen)));
+
+  LabelRecord label;
+  label.id = 1;
+  label.text = "kettle";
+  EXPECT_TRUE(decode_label(1, encode_label(label)));
+  label.time.nanoseconds = std::numeric_limits<int64_t>::max();
+  EXPECT_FALSE(decode_label(1, encode_label(label)));
 }
 
 TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {

@@ -7,13 +7,20 @@
 #include <utility>
 
 #include "common/base/utc.h"
+#include "common/base/utf8.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
 
 namespace cairn {
 namespace {
 
-constexpr int64_t kOnlyRow = 1;  // of the tables that hold one value
+constexpr int64_t kOnlyRow = 1;      // of the tables that hold one value
+constexpr size_t kMostWords = 1000;  ///< [bytes] of a part of an entry: a page of the audit log holds some
+
+/// Whatever an operator has asked for, one line of it.
+std::string kept_words(std::string_view text) {
+  return std::string(cut_text(one_line(text), kMostWords));
+}
 
 /// So that what is looked for stands for itself in LIKE ... ESCAPE '\'.
 std::string escaped(std::string_view text) {
@@ -110,8 +117,9 @@ Status SiteFile::insert(std::span<const AuditEntry> entries) {
   auto row = database_.prepare("INSERT INTO audit(time, who, action, object, outcome) VALUES(?, ?, ?, ?, ?)");
   if (!row) return tl::unexpected(row.error());
   for (const AuditEntry& entry : entries) {
-    row->bind(0, entry.time.nanoseconds).bind(1, entry.who).bind(2, entry.action);
-    if (Status done = row->bind(3, entry.object).bind(4, entry.outcome).run(); !done) return done;
+    row->bind(0, entry.time.nanoseconds).bind(1, kept_words(entry.who)).bind(2, kept_words(entry.action));
+    row->bind(3, kept_words(entry.object)).bind(4, kept_words(entry.outcome));
+    if (Status done = row->run(); !done) return done;
   }
   return {};
 }

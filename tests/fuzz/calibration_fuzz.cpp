@@ -36,7 +36,7 @@ constexpr const char* kFiles[] = {
 
 }  // namespace
 
-void decode(std::span<const uint8_t> bytes) {
+void decode(Bytes bytes) {
   const MemoryFile file(bytes);
   const auto camera = read_calibration(file.path(), PictureSize{640, 480});
   if (!camera) return;
@@ -44,8 +44,8 @@ void decode(std::span<const uint8_t> bytes) {
   demand(!describe_camera(*camera).empty(), "a camera can be described");
 }
 
-std::vector<std::vector<uint8_t>> seeds() {
-  std::vector<std::vector<uint8_t>> files;
+std::vector<Input> seeds() {
+  std::vector<Input> files;
   for (const char* file : kFiles) {
     const MemoryFile in_memory(bytes_of(file));
     const auto camera = read_calibration(in_memory.path(), PictureSize{640, 480});

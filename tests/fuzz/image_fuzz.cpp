@@ -7,7 +7,7 @@
 
 namespace cairn::fuzz {
 
-void decode(std::span<const uint8_t> bytes) {
+void decode(Bytes bytes) {
   const auto image = decode_gray_image(bytes);
   if (image) {
     demand(image->width() > 0 && image->width() <= kMaxImageSide, "an image is no wider than kMaxImageSide");
@@ -21,8 +21,8 @@ void decode(std::span<const uint8_t> bytes) {
   }
 }
 
-std::vector<std::vector<uint8_t>> seeds() {
-  std::vector<std::vector<uint8_t>> files;
+std::vector<Input> seeds() {
+  std::vector<Input> files;
   for (const int type : {CV_8UC1, CV_8UC3, CV_16UC1}) {
     cv::Mat picture(24, 32, type);
     cv::randu(picture, 0, 255);

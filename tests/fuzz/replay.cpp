@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<uint8_t> read_bytes(const fs::path& path) {
+cairn::fuzz::Input read_bytes(const fs::path& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
@@ -39,7 +39,7 @@ size_t show_damaged_seeds(unsigned random_seed) {
   for (const auto& seed : cairn::fuzz::seeds()) {
     cairn::fuzz::decode(seed);
     for (int i = 0; i < 20; ++i) {
-      std::vector<uint8_t> bytes = seed;
+      cairn::fuzz::Input bytes = seed;
       if (i % 4 == 0 && !bytes.empty()) bytes.resize(random() % bytes.size());
       for (size_t changes = random() % 8; changes > 0 && !bytes.empty(); --changes)
         bytes[random() % bytes.size()] = static_cast<uint8_t>(random());

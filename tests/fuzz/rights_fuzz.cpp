@@ -4,14 +4,14 @@
 
 namespace cairn::fuzz {
 
-void decode(std::span<const uint8_t> bytes) {
-  const auto rights = read_rights({reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+void decode(Bytes bytes) {
+  const auto rights = read_rights(text_of(bytes));
   if (!rights) return;
   const auto again = read_rights(to_text(*rights));
   demand(again && again->table() == rights->table(), "rights that are read are written and read back");
 }
 
-std::vector<std::vector<uint8_t>> seeds() {
+std::vector<Input> seeds() {
   constexpr Timestamp kNow{1'800'000'000'000'000'000};
   MapId map;
   map.bytes.fill(0x3e);

@@ -2,31 +2,17 @@
 #pragma once
 
 #include <deque>
-#include <filesystem>
 #include <opencv2/core/types.hpp>
 #include <string>
 #include <vector>
 
 #include "client/app/frame_observer.h"
+#include "client/app/viewer/label_file.h"
 #include "client/app/viewer/viewer.h"
 #include "common/base/log.h"
 #include "common/base/result.h"
-#include "common/base/time.h"
 
 namespace cairn {
-
-/// A label that somebody would put at a pixel of the frame of that time.
-struct TimedLabel {
-  Timestamp time;
-  cv::Point pixel;
-  std::string text;
-};
-
-/// Rows `timestamp x y text` (the text is the rest of the row), '#' begins a comment; in order of time.
-/// Errors name file and line: kNotFound, kIo, kDamaged (also a pixel outside a picture of this size, and a
-/// text that nobody could type).
-[[nodiscard]] Result<std::vector<TimedLabel>> read_timed_labels(const std::filesystem::path& path,
-                                                                cv::Size picture);
 
 /// What somebody would ask for who points at a pixel of the frame in the window, types the text and presses
 /// Enter. Error kRefused: why there is no label there, in the window's words. Pure.

@@ -10,6 +10,7 @@
 #include "common/base/result.h"
 #include "common/image/limits.h"
 #include "common/map/limits.h"
+#include "common/wire/limits.h"
 #include "common/wire/messages.h"
 #include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"
@@ -19,10 +20,9 @@
 /// within bounds, printable texts, and lists that agree with each other. Pure; thread-safe.
 namespace cairn::wire::internal {
 
-constexpr double kMaxLength = 1e6;     ///< [map unit] of coordinates and distances
-constexpr double kMaxTime = 0x1p62;    ///< [ns] before and after the epoch
-constexpr size_t kMaxNameBytes = 128;  ///< of a map's name
-constexpr size_t kMaxReasonBytes = 1024;
+constexpr double kMaxLength = 1e6;         ///< [map unit] of coordinates and distances
+constexpr double kMaxTime = 0x1p62;        ///< [ns] before and after the epoch
+constexpr size_t kMaxNameBytes = 128;      ///< of a map's name
 constexpr size_t kMaxMeasurements = 8192;  ///< of a frame
 
 /// Memory for the array elements of one encoded sample; keeps it while the sample is written.

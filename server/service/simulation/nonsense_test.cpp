@@ -1,0 +1,542 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What is well formed and means nothing. Each message goes by the wire to a whole server; it is refused by
+// one of the two, in words that say what is wrong, and the server goes on as before. What the server says
+// meanwhile is taken by who hears it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/utf8.h"
+#include "common/io/test_directory.h"
+#include "common/wire/internal/convert.h"
+#include "server/service/simulation/server_run.h"
+#include "server/service/simulation/views.h"
+
+namespace cairn::simulation {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+constexpr const char* kClient = "anna";
+constexpr const char* kOperator = "olga";
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr Timestamp kYear3000{std::numeric_limits<int64_t>::max()};  // as near as a clock gets
+constexpr double kFar = 9e5;
+
+/// As a peer has it.
+template <typename Message>
+Result<Message> by_wire(const Message& message) {
+  wire::internal::Scratch scratch;
+  return wire::internal::decode<Message>(wire::internal::encode(message, &scratch));
+}
+
+template <typename Message>
+void expect_taken(const Message& message) {
+  const auto heard = by_wire(message);
+  EXPECT_TRUE(heard.has_value()) << "who hears the server does not take it: " << heard.error().message;
+}
+
+/// A way to spoil a message, and words of the refusal. Without words, it only must not be accepted.
+template <typename Message>
+struct Case {
+  const char* what;
+  std::function<void(Message&)> spoil;
+  const char* words;
+};
+
+// ---- pictures
+
+void put_16(uint32_t value, std::vector<uint8_t>* out) {
+  out->push_back(static_cast<uint8_t>(value >> 8));
+  out->push_back(static_cast<uint8_t>(value));
+}
+
+void put_frame(uint32_t side, std::vector<uint8_t>* out) {
+  out->insert(out->end(), {0xFF, 0xC0, 0, 11, 8});
+  put_16(side, out);
+  put_16(side, out);
+  out->insert(out->end(), {1, 1, 0x11, 0});
+}
+
+constexpr std::array<uint8_t, 10> kScan{0xFF, 0xDA, 0, 8, 1, 1, 0, 0, 63, 0};
+
+/// A few bytes that say to be so large. `later`: what a second header says.
+wire::ImageMessage tiny_jpeg(uint32_t side, uint32_t later = 0, int scans = 1) {
+  wire::ImageMessage picture{wire::ImageEncoding::kJpeg, 160, 120, {0xFF, 0xD8}};
+  put_frame(side, &picture.bytes);
+  for (int i = 0; i < scans; ++i) picture.bytes.insert(picture.bytes.end(), kScan.begin(), kScan.end());
+  if (later > 0) put_frame(later, &picture.bytes);
+  picture.bytes.insert(picture.bytes.end(), {0xFF, 0xD9});
+  return picture;
+}
+
+/// Whose first chunk, unknown to a decoder, has a small size where the header's would be.
+wire::ImageMessage tiny_png() {
+  wire::ImageMessage picture{
+      wire::ImageEncoding::kJpeg, 160, 120, {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'}};
+  const std::vector<uint8_t> small{0, 0, 0, 13, 'a', 'a', 'A', 'a', 0, 0, 0, 160, 0, 0, 0, 120};
+  const std::vector<uint8_t> large{8,   0,   0,   0, 0, 0,   0,   0,   0,   0,   0,    0,    13,   'I',
+                                   'H', 'D', 'R', 0, 0, 128, 0,   0,   0,   128, 0,    8,    0,    0,
+                                   0,   0,   0,   0, 0, 0,   'I', 'E', 'N', 'D', 0xAE, 0x42, 0x60, 0x82};
+  for (const auto& chunk : {small, large})
+    picture.bytes.insert(picture.bytes.end(), chunk.begin(), chunk.end());
+  return picture;
+}
+
+wire::ImageMessage of_text(const std::string& text) {
+  return {wire::ImageEncoding::kJpeg, 160, 120, {text.begin(), text.end()}};
+}
+
+struct PictureCase {
+  const char* what;
+  wire::ImageMessage picture;
+  const char* words;
+};
+const std::vector<PictureCase>& pictures() {
+  static const std::vector<PictureCase> kAll{
+      {"four gigapixels", tiny_jpeg(65535), "sides from 1 to 4096"},
+      {"a gigapixel that hides behind a small frame", tiny_jpeg(32767, 120), "two frames"},
+      {"a thousand walks over all pixels", tiny_jpeg(4096, 0, 1000), "more than 100 scans"},
+      {"a gigapixel behind a chunk in front", tiny_png(), "does not begin with its header"},
+      {"a comment that ends for some", of_text("P5 #\r30000 30000 255\n160 120\n255\n."),
+       "sides from 1 to 4096"},
+      {"a comment that is none", of_text("P5\n4096#262144 255\n160\n255\n."), "not three numbers"},
+      {"another size than is said", tiny_jpeg(64), "not "},
+      {"no picture", of_text("kettle"), "not an image"},
+      {"another size than the camera's",
+       {wire::ImageEncoding::kRaw, 8, 8, std::vector<uint8_t>(64)},
+       "camera"}};
+  return kAll;
+}
+
+/// A server with a map that `anna` has made.
+class Nonsense : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    InProcess::Listener listener{[this](const std::string&, const Delivery& delivery) { hear(delivery); },
+                                 [this](const std::string&, const wire::AdminReply& reply) {
+                                   expect_taken(reply);
+                                   reply_ = reply;
+                                 },
+                                 [](MapId, const MapSnapshotPtr&) {}};
+    auto server = ServerRun::start(
+        {directory_.path(), clock_, &random_, std::chrono::seconds(0), std::move(listener), null_logger()});
+    ASSERT_TRUE(server) << server.error().message;
+    server_ = std::move(*server);
+    server_->peers().connect(kClient);
+    speak();
+    wire::CameraMessage camera;
+    camera.client = id_;
+    camera.parameters = views_.camera()->parameters();
+    server_->service().take(client_principal(kClient), process_, camera);
+    wire::MapSeed seed = views_.seed();
+    seed.map_name = "desk";
+    EXPECT_EQ(judge(seed), "");
+    ASSERT_TRUE(verdict_ && verdict_->accepted);
+    map_ = verdict_->map;
+    server_->peers().want(kClient, map_);
+    settle();
+    ASSERT_TRUE(snapshot_);
+  }
+
+  /// Its process is there.
+  void speak() {
+    wire::TrackerStateMessage state;
+    state.client = id_;
+    state.session = session_;
+    (void)server_->service().take(client_principal(kClient), publication_, process_, state);
+  }
+  /// All that is to be done now.
+  void settle() {
+    for (int i = 0; i < 40; ++i) {
+      clock_->advance(std::chrono::milliseconds(50));
+      server_->tick_if_due();
+      while (server_->run_something()) continue;
+    }
+  }
+  void hear(const Delivery& delivery) {
+    if (const auto* event = std::get_if<ClientEvent>(&delivery))
+      return std::visit([this](const auto& e) { hear(e); }, *event);
+    if (const auto* label = std::get_if<wire::LabelMessage>(&delivery)) return expect_taken(*label);
+    const auto* snapshot = std::get_if<MapSnapshotPtr>(&delivery);
+    if (snapshot == nullptr) return;
+    snapshot_ = *snapshot;
+    for (const auto& block : snapshot_->point_blocks) {
+      expect_taken(wire::PointPatches{snapshot_->map, snapshot_->epoch, *block->patches});
+      expect_taken(wire::PointPositions{snapshot_->map, snapshot_->epoch, *block->positions});
+    }
+    for (const auto& block : snapshot_->keyframe_blocks)
+      expect_taken(wire::KeyframePoses{snapshot_->map, snapshot_->epoch, *block});
+  }
+  template <typename Event>
+  void hear(const Event& event) {
+    if constexpr (requires { typename wire::internal::DdsTypeOf<Event>::type; }) expect_taken(event);
+    if constexpr (std::is_same_v<Event, wire::SeedVerdict>) verdict_ = event;
+    if constexpr (std::is_same_v<Event, wire::OfferVerdict>) offers_ = event;
+    if constexpr (std::is_same_v<Event, wire::ClientReply>) requests_ = event;
+    if constexpr (std::is_same_v<Event, wire::RelocAnswer>) answer_ = event;
+  }
+
+  /// Sends a command until it is decided, as trackers do; why it is refused, by whomever.
+  template <typename Command>
+  std::string judge(Command command) {
+    command.client = id_;
+    if (command.command.seq == 0) command.command.seq = next_of(command);
+    command.command.session = session_;
+    const auto heard = by_wire(command);
+    if (!heard) return heard.error().message;
+    next_of(command) = command.command.seq + 1;
+    for (int i = 0; i < 4; ++i) {
+      speak();
+      server_->service().take(client_principal(kClient), *heard);
+      settle();
+      if (const auto reason = reason_of(command)) return *reason;
+    }
+    return "nothing is said of it";
+  }
+  std::string ask(const std::string& request, std::vector<uint8_t> data = {}) {
+    reply_.reset();
+    const auto heard = by_wire(
+        wire::AdminRequest{client_id_from_name(kOperator), {session_, ++asked_}, request, std::move(data)});
+    if (!heard) return heard.error().message;
+    server_->service().take(operator_principal(kOperator, Principal::Proof::kClaimed, Duty::kAdminister),
+                            *heard);
+    settle();
+    if (!reply_) return "nothing is said of it";
+    return reply_->result == 0 ? "" : reply_->text;
+  }
+
+  template <typename Command>
+  void refuse(const std::vector<Case<Command>>& cases, const Command& sound) {
+    for (const auto& [what, spoil, words] : cases) {
+      SCOPED_TRACE(what);
+      Command bad = sound;
+      spoil(bad);
+      const std::string reason = judge(bad);
+      EXPECT_NE(reason, "") << "it was taken";
+      EXPECT_THAT(reason, HasSubstr(words));
+      EXPECT_FALSE(fault_of_text(reason)) << "a reason can be shown";
+    }
+  }
+
+  uint64_t& next_of(const wire::MapSeed&) { return next_seed_; }
+  uint64_t& next_of(const wire::KeyframeOffer&) { return next_offer_; }
+  uint64_t& next_of(const wire::ClientRequest&) { return next_request_; }
+  uint64_t& next_of(const wire::RelocQuery&) { return next_query_; }
+
+  std::optional<std::string> reason_of(const wire::MapSeed& seed) const {
+    if (!verdict_ || verdict_->command != seed.command) return std::nullopt;
+    return verdict_->accepted ? "" : verdict_->reason;
+  }
+  template <typename Verdict>
+  static std::optional<std::string> reason_in(const Verdict& verdict, uint64_t seq) {
+    for (const auto& outcome : verdict.recent) {
+      if (outcome.seq == seq) return outcome.decision == decltype(outcome.decision){} ? "" : outcome.reason;
+    }
+    return std::nullopt;
+  }
+  std::optional<std::string> reason_of(const wire::KeyframeOffer& offer) const {
+    return reason_in(offers_, offer.command.seq);
+  }
+  std::optional<std::string> reason_of(const wire::ClientRequest& request) const {
+    return reason_in(requests_, request.command.seq);
+  }
+  std::optional<std::string> reason_of(const wire::RelocQuery& query) const {
+    if (!answer_ || answer_->command != query.command) return std::nullopt;
+    return has_place(answer_->answer.verdict) ? "" : answer_->answer.reason;
+  }
+
+  [[nodiscard]] wire::KeyframeOffer sound_offer(int step) const {
+    return views_.offer(*snapshot_, step).value();
+  }
+
+  const ClientId id_ = client_id_from_name(kClient);
+  const SessionId session_{42};
+  const wire::PeerId process_{{1, 2, 3}};
+  const wire::PublicationHandle publication_{7};
+  const Views& views_ = Views::of_place(0);
+  const TestDirectory directory_;
+  std::shared_ptr<FakeClock> clock_ = std::make_shared<FakeClock>();
+  Random random_{1};
+  std::unique_ptr<ServerRun> server_;
+  MapId map_;
+  MapSnapshotPtr snapshot_;
+  std::optional<wire::SeedVerdict> verdict_;
+  wire::OfferVerdict offers_;
+  wire::ClientReply requests_;
+  std::optional<wire::RelocAnswer> answer_;
+  std::optional<wire::AdminReply> reply_;
+  uint64_t next_seed_ = 1;
+  uint64_t next_offer_ = 1;
+  uint64_t next_request_ = 1;
+  uint64_t next_query_ = 1;
+  uint64_t asked_ = 0;
+};
+
+TEST_F(Nonsense, OffersAreRefusedByName) {
+  using Offer = wire::KeyframeOffer;
+  const std::vector<Case<Offer>> cases{
+      {"of a map that nobody knows", [](Offer& o) { o.map.bytes.fill(9); }, "does not know the map"},
+      {"on an offer that came to nothing", [](Offer& o) { o.reference_command = 1; }, "is not in this map"},
+      {"of the last epoch of all", [](Offer& o) { o.epoch = {~uint64_t{0}}; }, "another epoch"},
+      {"of no epoch", [](Offer& o) { o.epoch = {}; }, "another epoch"},
+      {"on a keyframe that never was", [](Offer& o) { o.reference = {1'000'000}; }, "keyframe is gone"},
+      {"on no keyframe", [](Offer& o) { o.reference = {}; }, "keyframe is gone"},
+      {"of points that never were",
+       [](Offer& o) {
+         for (PointMeasurement& m : o.measurements) m.id.value += ~uint64_t{0} / 2;
+       },
+       "0 good measurements"},
+      {"of one point 8192 times", [](Offer& o) { o.measurements.assign(8192, o.measurements[0]); },
+       "good measurements"},
+      {"of points far outside",
+       [](Offer& o) {
+         for (PointMeasurement& m : o.measurements) m.pixel = {16000, -16000};
+       },
+       "0 good measurements"},
+      {"from far away",
+       [](Offer& o) {
+         o.camera_from_reference = SE3(Eigen::Quaterniond::Identity(), {kFar, -kFar, kFar});
+       },
+       "good measurements"},
+      {"from nowhere",
+       [](Offer& o) {
+         o.camera_from_reference = SE3(Eigen::Quaterniond::Identity(), {kNan, 0, 0});
+       },
+       "length out of range"},
+      {"by a camera that was never announced", [](Offer& o) { o.camera = 77; }, "camera 77 in version 1"},
+      {"by another version of the camera", [](Offer& o) { o.camera_version = ~0U; },
+       "camera 0 in version 4294967295"},
+      {"in the year 3000", [](Offer& o) { o.time = kYear3000; }, "time out of range"},
+      {"of 8193 measurements", [](Offer& o) { o.measurements.resize(8193, o.measurements[0]); },
+       "count out of range"},
+      {"that was masked by another camera", [](Offer& o) { o.still_mask.assign(7, 1); },
+       "mask of the wrong size"},
+      {"of no camera that looks up",
+       [](Offer& o) {
+         o.up = UpDirection{{0, 0, kNan}, 0.1};
+       },
+       "up is not"}};
+  refuse(cases, sound_offer(6));
+  for (const PictureCase& c : pictures()) {
+    refuse<Offer>({{c.what, [&](Offer& o) { o.image = c.picture; }, c.words}}, sound_offer(6));
+  }
+  EXPECT_EQ(judge(sound_offer(6)), "") << "a sound one is taken as before";
+}
+
+TEST_F(Nonsense, SeedsAreRefusedByName) {
+  using Seed = wire::MapSeed;
+  const std::vector<Case<Seed>> cases{
+      {"no trails", [](Seed& s) { s.trails.clear(); }, "trails"},
+      {"one trail 4000 times", [](Seed& s) { s.trails.assign(kMaxTrails, s.trails[0]); }, ""},
+      {"trails far outside",
+       [](Seed& s) {
+         for (Trail& t : s.trails) t.second = {-16000, 16000};
+       },
+       "trails"},
+      {"a camera that has not moved", [](Seed& s) { s.second_from_first = SE3(); }, ""},
+      {"a camera that has moved far",
+       [](Seed& s) {
+         s.second_from_first = SE3(Eigen::Quaterniond::Identity(), {kFar, kFar, -kFar});
+       },
+       ""},
+      {"not a number",
+       [](Seed& s) {
+         s.second_from_first = SE3(Eigen::Quaterniond::Identity(), {0, kNan, 0});
+       },
+       "length out of range"},
+      {"a camera that was never announced", [](Seed& s) { s.camera = 77; }, "camera 77 in version 1"},
+      {"in the year 3000", [](Seed& s) { s.second_time = kYear3000; }, "time out of range"},
+      {"a name that moves the cursor",
+       [](Seed& s) {
+         s.map_name =
+             "desk\xc2\x9b"
+             "2J";
+       },
+       "cannot be seen"},
+      {"a name that is no UTF-8",
+       [](Seed& s) {
+         s.map_name =
+             "K\xfc"
+             "che";
+       },
+       "no UTF-8"},
+      {"4001 trails", [](Seed& s) { s.trails.resize(kMaxTrails + 1, s.trails[0]); }, "count out of range"}};
+  refuse(cases, views_.seed());
+  for (const PictureCase& c : pictures()) {
+    const auto spoil = [&](Seed& s) { s.first_image = s.second_image = c.picture; };
+    refuse<Seed>({{c.what, spoil, c.words}}, views_.seed());
+  }
+  EXPECT_EQ(judge(views_.seed()), "") << "a sound one makes a map as before";
+}
+
+TEST_F(Nonsense, QuestionsAreRefusedByName) {
+  using Query = wire::RelocQuery;
+  const std::vector<Case<Query>> cases{
+      {"by a camera that was never announced", [](Query& q) { q.camera = 77; }, "camera 77 in version 1"},
+      {"a picture of another size",
+       [](Query& q) {
+         q.small_image = {wire::ImageEncoding::kRaw, 512, 512, std::vector<uint8_t>(512 * 512)};
+       },
+       ""},
+      {"a picture larger than small",
+       [](Query& q) {
+         q.small_image = {wire::ImageEncoding::kRaw, 513, 1, std::vector<uint8_t>(513)};
+       },
+       "not a small raw image"},
+      {"a packed picture", [](Query& q) { q.small_image = tiny_jpeg(65535); }, "not a small raw image"},
+      {"nothing in sight",
+       [](Query& q) {
+         q.corners.clear();
+         q.small_image.bytes.assign(q.small_image.bytes.size(), 0);
+       },
+       ""},
+      {"corners far outside",
+       [](Query& q) {
+         for (PlaceCorner& c : q.corners) c.pixel = {16000, -16000};
+       },
+       ""},
+      {"one corner 1024 times", [](Query& q) { q.corners.assign(1024, q.corners[0]); }, ""},
+      {"1025 corners", [](Query& q) { q.corners.resize(1025, q.corners[0]); }, "count out of range"},
+      {"in the year 3000", [](Query& q) { q.time = kYear3000; }, "time out of range"}};
+  refuse(cases, views_.query(3));
+}
+
+TEST_F(Nonsense, RequestsForLabelsAreRefusedByName) {
+  using Request = wire::ClientRequest;
+  Request sound;
+  sound.map = map_;
+  sound.text = "kettle";
+  sound.epoch = snapshot_->epoch;
+  sound.reference = KeyframeId{1};
+  sound.reference_from_label = SE3(Eigen::Quaterniond::Identity(), {0, 0, 1});
+  const std::vector<Case<Request>> cases{
+      {"in a map that nobody knows", [](Request& r) { r.map.bytes.fill(9); }, "does not know the map"},
+      {"another name for a label that never was",
+       [](Request& r) {
+         r.action = wire::RequestAction::kRenameLabel;
+         r.label = {~uint64_t{0}};
+       },
+       "no such label"},
+      {"without a label that never was", [](Request& r) { r.action = wire::RequestAction::kRemoveLabel; },
+       "no such label"},
+      {"at a keyframe that never was", [](Request& r) { r.reference = {1'000'000}; }, "point at it again"},
+      {"in the last epoch of all", [](Request& r) { r.epoch = {~uint64_t{0}}; }, "point at it again"},
+      {"as far as can be said",
+       [](Request& r) {
+         r.reference_from_label = SE3(Eigen::Quaterniond::Identity(), {1e6, -1e6, 1e6});
+       },
+       "too far"},
+      {"nowhere",
+       [](Request& r) {
+         r.reference_from_label = SE3(Eigen::Quaterniond::Identity(), {kNan, 0, 0});
+       },
+       "length out of range"},
+      {"of nothing that can be seen", [](Request& r) { r.text = "\xe3\x80\x80"; }, "needs a text"},
+      {"that moves the cursor",
+       [](Request& r) {
+         r.text =
+             "a\xc2\x9b"
+             "2J";
+       },
+       "cannot be seen"},
+      {"that turns the line around",
+       [](Request& r) {
+         r.text =
+             "a\xe2\x80\xae"
+             "b";
+       },
+       "cannot be seen"},
+      {"that is no UTF-8", [](Request& r) { r.text = "\xff\xfe"; }, "no UTF-8"},
+      {"of a megabyte", [](Request& r) { r.text.assign(1'000'000, 'x'); }, "too long"},
+      {"of no kind", [](Request& r) { r.kind = static_cast<LabelKind>(200); }, "kind of label"},
+      {"of no action", [](Request& r) { r.action = static_cast<wire::RequestAction>(200); },
+       "unknown action"}};
+  refuse(cases, sound);
+  EXPECT_EQ(judge(sound), "") << "a sound one is taken as before";
+}
+
+struct AdminCase {
+  std::string request;
+  const char* words;
+};
+
+TEST_F(Nonsense, OperatorsAreRefusedByName) {
+  const std::string deep = std::string(20'000, '[') + std::string(20'000, ']');
+  const auto granted = [](const std::string& within, const std::string& more = "") {
+    return R"({"verb":"rights-grant","to":"ann","map":"desk","right":"write","within":)" + within + more +
+           "}";
+  };
+  const std::vector<AdminCase> cases{
+      {"kettle", "no JSON object"},
+      {"[1, 2]", "no JSON object"},
+      {R"({"verb": )" + deep + "}", "no JSON object"},
+      {R"({"verb": 5})", "without 'verb'"},
+      {R"({"verb": "explode", "map": "desk"})", "does not know 'explode'"},
+      {R"({"verb": "explode\u009b2J", "map": "desk"})", "does not know"},
+      {R"({"verb": "show", "map": "\u202emap"})", "no map"},
+      {R"({"verb": "show", "map": 5})", "no map"},
+      {R"({"verb": "rename", "map": "desk", "name": "a\u009b2J"})", "a-z"},
+      {R"({"verb": "rename", "map": "desk", "name": ")" + std::string(40'000, 'x') + "\"}", "a-z"},
+      {R"({"verb": "copy", "map": "desk", "name": "../desk"})", "a-z"},
+      {R"({"verb": "tag", "map": "desk", "tag": "../../v1"})", "a-z"},
+      {R"({"verb": "roll-back", "map": "desk", "tag": "never"})", "never"},
+      {R"({"verb": "untag", "map": "desk", "tag": "never"})", "never"},
+      {R"({"verb": "undelete", "map": "00112233445566778899aabbccddeeff"})", "no "},
+      {R"({"verb": "purge", "map": "../../etc"})", "no "},
+      {R"({"verb": "label-remove", "map": "desk", "label": 18446744073709551615})", "no label"},
+      {R"({"verb": "label-rename", "map": "desk", "label": -1, "text": "x"})", "no label"},
+      {R"({"verb": "import-begin", "token": "../../etc/passwd"})", "transfer"},
+      {R"({"verb": "import-write", "token": "import-1", "offset": 18446744073709551615})", "transfer"},
+      {R"({"verb": "import", "token": "never"})", "transfer"},
+      {R"({"verb": "export-read", "token": "never", "offset": 0})", "transfer"},
+      {R"({"verb": "backup-part", "part": "../../etc/passwd"})", "no backup"},
+      {R"({"verb": "rights-grant", "to": "Anna B.", "map": "desk", "right": "read"})", "a-z"},
+      {R"({"verb": "rights-grant", "to": "ann", "map": "never", "right": "read"})", "no map"},
+      {R"({"verb": "rights-grant", "to": "ann", "map": "desk", "right": "all\u009b"})", "no right is called"},
+      {granted(R"({"box": [[0, 0, 0], [1e999, 1, 1]]})"), "no JSON object"},
+      {granted(R"({"box": [[0, 0, 0], [-1, 1, 1]]})"), "no inside"},
+      {granted(R"({"box": [[0, 0], [1, 1]]})"), "three numbers"},
+      {granted(R"({"center": [0, 0, 0], "radius": -1})"), "not positive"},
+      {granted(R"({"center": [0, 0, 0], "radius": "wide"})"), "no number"},
+      {granted(R"({"margin": -1})"), "negative"},
+      {granted(R"({"margin": 1})", R"(, "until": "3000-01-01")"), "is no time"},
+      {granted(R"({"margin": 1})", R"(, "until": "1999-01-01")"), "is over already"},
+      {R"({"verb": "rights-group", "group": "crew", "members": [1, 2]})", "a name"},
+      {R"({"verb": "map-freeze", "map": "desk", "why": ")" + std::string(5000, 'x') + "\"}",
+       "1000 bytes at most"},
+      {R"({"verb": "map-freeze", "map": "desk", "why": "a\u001b[2J"})", "the reason"},
+      {R"({"verb": "client-block", "client": "*"})", "a-z"},
+      {R"({"verb": "rights-explain", "client": "group crew", "map": "desk"})", "one client"},
+      {R"({"verb": "audit", "from": "3000-01-01"})", "is no time"}};
+  for (const AdminCase& c : cases) {
+    SCOPED_TRACE(c.request.substr(0, 120));
+    const std::string reason = ask(c.request);
+    EXPECT_NE(reason, "") << "it was done";
+    EXPECT_THAT(reason, HasSubstr(c.words));
+    EXPECT_FALSE(fault_of_text(reason)) << "a reason can be shown";
+  }
+  EXPECT_THAT(ask(std::string(wire::kMaxAdminText + 1, ' ')), HasSubstr("too long"));
+  EXPECT_THAT(ask("{}", std::vector<uint8_t>(wire::kMaxAdminData + 1)), HasSubstr("count out of range"));
+  EXPECT_EQ(ask(R"({"verb": "show", "map": "desk"})"), "") << "it is there as before";
+  EXPECT_FALSE(json::parse(reply_->text).contains("frozen"));
+  EXPECT_EQ(ask(R"({"verb": "audit"})"), "") << "the log of it can be read";
+}
+
+/// A refusal names what others have written, which may be long: it arrives all the same.
+TEST_F(Nonsense, LongReasonsArrive) {
+  const std::string why(1000, 'x');
+  ASSERT_EQ(ask(R"({"verb": "map-freeze", "map": "desk", "why": ")" + why + "\"}"), "");
+  EXPECT_THAT(judge(sound_offer(6)), HasSubstr("the map is frozen"));
+}
+
+}  // namespace
+}  // namespace cairn::simulation

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What operators ask a server for, about rights above all, and what a server answers to cairnctl. The first
+// byte says which.
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "common/base/utf8.h"
+#include "common/io/json_text.h"
+#include "server/access/rights_file.h"
+#include "server/admin/listing.h"
+#include "server/service/admin_request.h"
+#include "server/service/rights_verbs.h"
+#include "tests/fuzz/fuzz_target.h"
+
+namespace cairn::fuzz {
+namespace {
+
+using nlohmann::json;
+
+constexpr Timestamp kNow{1'800'000'000'000'000'000};
+
+std::optional<NamedMap> find_map(const std::string& name) {
+  if (name != "desk") return std::nullopt;
+  NamedMap desk{{}, name, {{-1, -1, -1}, {1, 1, 1}}};
+  desk.id.bytes.fill(7);
+  return desk;
+}
+
+const Rights& rights() {
+  static const Rights made = [] {
+    Rights some(Right::kRead, true);
+    demand(some.put_group("crew", {"ann", "bob"}).has_value(), "there is a group");
+    demand(
+        some.grant(
+                {{Subject::Kind::kGroup, "crew"}, find_map("desk")->id, Right::kWrite, {}, {}, "ops", kNow})
+            .has_value(),
+        "there is a grant");
+    return some;
+  }();
+  return made;
+}
+
+void ask(Bytes bytes) {
+  const json request = parse_admin_request(std::string(text_of(bytes)));
+  if (!request.is_object()) return;
+  static_cast<void>(asked::text_of(request, "verb") + asked::text_of(request, "map"));
+  static_cast<void>(asked::number_of(request, "offset"));
+  static_cast<void>(asked::is_set(request, "for_good"));
+  const std::string verb = asked::text_of(request, "verb");
+  if (changes_rights(verb)) {
+    const auto change = change_rights(rights(), request, "ann", find_map, kNow);
+    if (!change) return demand(!change.error().message.empty(), "a refusal has a reason");
+    const auto again = read_rights(to_text(change->rights));
+    demand(again && again->table() == change->rights.table(), "rights that are changed are kept as they are");
+    demand(!fault_of_text(change->entry.object), "what the audit log says can be shown");
+    static_cast<void>(json_ascii(change->answer));
+    static_cast<void>(json_ascii(describe_rights(
+        change->rights, [](const MapId&) { return std::string("desk"); }, kNow)));
+  }
+  static_cast<void>(explain_rights(rights(), request, find_map, kNow));
+  if (const auto query = audit_query_of(request))
+    demand(query->limit <= 500, "a page of the audit log is short");
+}
+
+/// Printed to nowhere. What is not as a server says it may end in an exception of the JSON library, which
+/// cairnctl turns into a word about the server.
+void answer(Bytes bytes) {
+  const json content = json::parse(text_of(bytes), nullptr, false);
+  if (!content.is_object()) return;
+  for (const auto print :
+       {print_map, print_whole_map, print_deleted, print_damaged, print_unloaded, print_rig, print_label}) {
+    try {
+      print(content);
+    } catch (const json::exception&) {
+      continue;
+    }
+  }
+}
+
+}  // namespace
+
+void decode(Bytes bytes) {
+  static const bool is_quiet = std::freopen("/dev/null", "w", stdout) != nullptr;
+  demand(is_quiet, "there is /dev/null");
+  if (bytes.empty()) return;
+  bytes[0] % 2 == 0 ? ask(bytes.subspan(1)) : answer(bytes.subspan(1));
+}
+
+std::vector<Input> seeds() {
+  constexpr const char* kRequests[] = {
+      R"({"verb": "maps", "after": "00ff", "deleted_from": 3, "damaged_from": 0, "unloaded_from": 1})",
+      R"({"verb": "delete", "map": "desk", "for_good": true})",
+      R"({"verb": "rights-grant", "to": "group crew", "map": "desk", "right": "add", "within": {"box": [[0, 0, 0],)"
+      R"( [1, 2.5, 1e2]]}, "until": "2199-12-31"})",
+      R"({"verb": "rights-grant", "to": "phone-1", "map": "desk", "right": "write", "within": {"margin": 0.5}})",
+      R"({"verb": "rights-grant", "to": "everyone", "map": "desk", "right": "write", "within": {"center": [1, 2,)"
+      R"( 3], "radius": 4}})",
+      R"({"verb": "rights-revoke", "to": "group crew", "map": "desk"})",
+      R"({"verb": "rights-default", "right": "none", "create": false})",
+      R"({"verb": "rights-create", "to": "phone-1", "may": true})",
+      R"({"verb": "rights-group", "group": "crew", "members": ["ann", "eve"]})",
+      R"({"verb": "map-freeze", "map": "desk", "why": "an exhibition"})",
+      R"({"verb": "client-block", "client": "eve", "why": "lost"})",
+      R"({"verb": "rights-explain", "client": "ann", "map": "desk"})",
+      R"({"verb": "audit", "who": "ann", "from": "2026-12-01T12:00:00Z", "before": 12, "limit": 50})"};
+  constexpr const char* kAnswers[] = {
+      R"({"name": "desk", "id": "00ff", "keyframes": 12, "points": 345, "memory_bytes": 1e7, "at_rest": true,)"
+      R"( "overlaps": [{"map": "bench", "keyframes": 3, "its_keyframes": 4}], "epoch": 3, "revision": 9,)"
+      R"( "cameras": [{"model": "FOV", "width": 640, "height": 480, "focal_px": 525.0, "keyframes": 3}]})",
+      R"({"rig": "shoulder", "mode": "fixate", "commander": "ann", "stopped": true, "last_order": {"mode":)"
+      R"( "home", "by": "ann", "refusal": "no"}, "trouble": "silent"})",
+      R"({"map": "desk", "id": 3, "text": "kettle", "author": "ann", "time": 1800000000000000000, "position":)"
+      R"( [1, 2, 3], "kind": "model", "file": "x", "reasons": ["cut"], "served": true, "damaged": "cut"})"};
+  std::vector<Input> all;
+  for (const char* request : kRequests) {
+    demand(parse_admin_request(request).is_object(), request);
+    all.push_back(input_of(0, request));
+  }
+  for (const char* said : kAnswers) {
+    demand(json::parse(said, nullptr, false).is_object(), said);
+    all.push_back(input_of(1, said));
+  }
+  return all;
+}
+
+}  // namespace cairn::fuzz
