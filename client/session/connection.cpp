@@ -15,12 +15,12 @@ constexpr std::chrono::milliseconds kLookInterval{1000};
 
 }  // namespace
 
-Result<std::unique_ptr<Connection>> Connection::open(SessionState& state,
+Result<std::unique_ptr<Connection>> Connection::open(SharedCore& core,
                                                      const wire::ParticipantOptions& options,
                                                      wire::ImageEncoding encoding, FindPath find_path,
                                                      Logger log) {
   std::unique_ptr<Connection> made(
-      new Connection(state, options, encoding, std::move(find_path), std::move(log)));
+      new Connection(core, options, encoding, std::move(find_path), std::move(log)));
   auto link = made->make_link();
   if (!link) return tl::unexpected(link.error());
   made->link_ = std::move(*link);
@@ -30,9 +30,9 @@ Result<std::unique_ptr<Connection>> Connection::open(SessionState& state,
   return made;
 }
 
-Connection::Connection(SessionState& state, wire::ParticipantOptions options, wire::ImageEncoding encoding,
+Connection::Connection(SharedCore& core, wire::ParticipantOptions options, wire::ImageEncoding encoding,
                        FindPath find_path, Logger log)
-    : state_(state),
+    : core_(core),
       options_(std::move(options)),
       encoding_(encoding),
       find_path_(std::move(find_path)),
@@ -71,36 +71,24 @@ wire::NetworkPath Connection::path() const {
 Result<std::unique_ptr<Connection::Link>> Connection::make_link() {
   auto participant = wire::Participant::create(options_);
   if (!participant) return tl::unexpected(participant.error());
-  {
-    const std::scoped_lock lock(state_.mutex);
-    state_.stopping = false;
-    state_.camera_due = true;  // the one before is forgotten with its writer
-  }
+  core_.stop(false);
+  core_.apply([](SessionCore& core) { core.joined_anew(); });
   auto link = std::make_unique<Link>(Link{*std::move(participant), nullptr, nullptr});
-  const std::string& name = state_.options.name;
-  auto receiver = Receiver::start(state_, memory_, link->participant, name, log_);
+  const std::string name = core_.look([](const SessionCore& core) { return core.options().name; });
+  auto receiver = Receiver::start(core_, memory_, link->participant, name, log_);
   if (!receiver) return tl::unexpected(receiver.error());
   link->receiver = std::move(*receiver);
-  auto sender = Sender::start(state_, link->participant, wire::client_partition(name), encoding_, log_);
+  auto sender = Sender::start(core_, link->participant, wire::client_partition(name), encoding_, log_);
   if (!sender) {
-    end_pumps();
+    core_.stop(true);
     return tl::unexpected(sender.error());
   }
   link->sender = std::move(*sender);
   return link;
 }
 
-void Connection::end_pumps() {
-  {
-    const std::scoped_lock lock(state_.mutex);
-    state_.stopping = true;
-  }
-  state_.for_sender.notify_all();
-  state_.for_waiters.notify_all();
-}
-
 void Connection::take_down() {
-  end_pumps();
+  core_.stop(true);
   std::unique_ptr<Link> old;
   {
     const std::scoped_lock lock(mutex_);
@@ -129,8 +117,7 @@ void Connection::join_anew() {
 }
 
 bool Connection::is_silent() const {
-  const std::scoped_lock lock(state_.mutex);
-  return state_.monitor.link() != ServerLink::kConnected;
+  return core_.look([](const SessionCore& core) { return core.link() != ServerLink::kConnected; });
 }
 
 bool Connection::has_newer_keys() {

@@ -11,7 +11,7 @@
 #include "client/session/path_watch.h"
 #include "client/session/receiver.h"
 #include "client/session/sender.h"
-#include "client/session/session_state.h"
+#include "client/session/shared_core.h"
 #include "common/base/log.h"
 #include "common/wire/participant.h"
 
@@ -19,14 +19,14 @@ namespace cairn {
 
 /// A session's place in the DDS domain: participant, receiver and sender. A thread of its own watches, while
 /// the server is silent, whether the way to it is another one now, and then makes all three anew; what the
-/// session has and knows stays in SessionState and ReceiverMemory. Thread-safe.
+/// session has and knows stays in SessionCore and ReceiverMemory. Thread-safe.
 class Connection {
  public:
   /// Where a participant with these options would stand (wire::find_path()), or stands in for it in tests.
   using FindPath = std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)>;
 
-  /// Joins; does not wait for the server. `state` outlives it.
-  [[nodiscard]] static Result<std::unique_ptr<Connection>> open(SessionState& state,
+  /// Joins; does not wait for the server. `core` outlives it.
+  [[nodiscard]] static Result<std::unique_ptr<Connection>> open(SharedCore& core,
                                                                 const wire::ParticipantOptions& options,
                                                                 wire::ImageEncoding encoding,
                                                                 FindPath find_path, Logger log);
@@ -48,11 +48,10 @@ class Connection {
     std::unique_ptr<Sender> sender;
   };
 
-  Connection(SessionState& state, wire::ParticipantOptions options, wire::ImageEncoding encoding,
+  Connection(SharedCore& core, wire::ParticipantOptions options, wire::ImageEncoding encoding,
              FindPath find_path, Logger log);
 
   [[nodiscard]] Result<std::unique_ptr<Link>> make_link();
-  void end_pumps();
   void take_down();
   void join_anew();
   void watch();
@@ -60,7 +59,7 @@ class Connection {
   /// Of a secured site: whether its folder has keys that are good for longer than those we joined with.
   [[nodiscard]] bool has_newer_keys();
 
-  SessionState& state_;
+  SharedCore& core_;
   const wire::ParticipantOptions options_;
   std::string keys_trouble_;  ///< as told; of the thread that watches
   const wire::ImageEncoding encoding_;

@@ -3,7 +3,7 @@
 
 #include <map>
 
-#include "client/session/session.h"
+#include "client/session/session_types.h"
 #include "common/map/ids.h"
 
 namespace cairn {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "client/session/receiver.h"
 
-/// Labels, and the server's word on what was asked about them.
+/// Labels of a map.
 namespace cairn {
 
 void Receiver::take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy) {
@@ -19,18 +19,7 @@ void Receiver::take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy) {
   const MapSnapshotPtr& snapshot = copy.replica.snapshot();
   if (snapshot == nullptr) return;
   const LabelListPtr& list = copy.labels.list(snapshot->epoch);
-  const std::scoped_lock lock(state_.mutex);
-  if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), snapshot->map) !=
-      state_.recent_maps.end())
-    state_.labels[snapshot->map] = list;
-}
-
-void Receiver::act_on(const wire::ClientReply& reply) {
-  const std::scoped_lock lock(state_.mutex);
-  for (RequestReply& decided : state_.requests.apply(reply))
-    state_.request_replies.push_back(std::move(decided));
-  state_.for_sender.notify_one();  // there may be credit again
-  state_.for_waiters.notify_all();
+  core_.apply([&](SessionCore& core) { core.take_labels(snapshot->map, list); });
 }
 
 }  // namespace cairn

@@ -2,11 +2,9 @@
 #include "client/session/receiver.h"
 
 #include <algorithm>
-#include <random>
-#include <tuple>
+#include <deque>
 #include <utility>
 
-#include "common/geometry/camera_guess.h"
 #include "common/wire/partition.h"
 
 namespace cairn {
@@ -18,13 +16,7 @@ constexpr milliseconds kPollInterval{100};  // liveliness is polled: it has no m
 
 }  // namespace
 
-SessionId random_session() {
-  std::random_device device;
-  const uint64_t high = device();
-  return {(high << 32 | device()) | 1};
-}
-
-Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, ReceiverMemory& memory,
+Result<std::unique_ptr<Receiver>> Receiver::start(SharedCore& core, ReceiverMemory& memory,
                                                   const wire::Participant& participant,
                                                   const std::string& client_name, Logger log) {
   auto readers =
@@ -40,15 +32,15 @@ Result<std::unique_ptr<Receiver>> Receiver::start(SessionState& state, ReceiverM
     return tl::unexpected(attached.error());
   }
   return std::unique_ptr<Receiver>(
-      new Receiver(state, memory, participant, client_name,
+      new Receiver(core, memory, participant, client_name,
                    {std::move(status), std::move(maps), std::move(seeds), std::move(offers),
                     std::move(places), std::move(cameras), std::move(replies)},
                    std::move(*waiter), std::move(log)));
 }
 
-Receiver::Receiver(SessionState& state, ReceiverMemory& memory, wire::Participant participant,
+Receiver::Receiver(SharedCore& core, ReceiverMemory& memory, wire::Participant participant,
                    std::string client_name, ServerReaders readers, wire::Waiter waiter, Logger log)
-    : state_(state),
+    : core_(core),
       memory_(memory),
       participant_(std::move(participant)),
       client_name_(std::move(client_name)),
@@ -65,10 +57,7 @@ Receiver::~Receiver() {
 void Receiver::run() {
   while (true) {
     waiter_.wait(time_to_wait());
-    {
-      const std::scoped_lock lock(state_.mutex);
-      if (state_.stopping) return;
-    }
+    if (core_.is_stopping()) return;
     try {
       take_server_messages();
       follow_recent_maps();
@@ -93,181 +82,43 @@ milliseconds Receiver::time_to_wait() const {
   return wait;
 }
 
+template <typename Message>
+void Receiver::pass_on(wire::Reader<Message>& reader) {
+  wire::take_all(reader, [this](wire::Sample<Message>& sample) {
+    if (sample.message) core_.apply([&](SessionCore& core) { core.take(std::move(*sample.message)); });
+  });
+}
+
 void Receiver::take_server_messages() {
-  wire::take_all(server_.status, [this](const wire::Sample<wire::ServerStatus>& sample) {
-    if (!sample.message) return;
-    const std::scoped_lock lock(state_.mutex);
-    act_on(state_.monitor.heard(sample.message->server, sample.message->start_count));
-  });
+  pass_on(server_.status);
   wire::take_all(server_.maps, [this](const wire::Sample<wire::MapInfo>& sample) {
-    const std::scoped_lock lock(state_.mutex);
-    if (sample.message) {
-      state_.monitor.map_listed(sample.message->map, sample.message->server);
-      memory_.directory.listed(sample.message->map, sample.message->name);
-      state_.terms[sample.message->map] = {sample.message->right, sample.message->takes_proposals};
-    } else if (sample.gone == wire::Gone::kDisposed) {
-      state_.monitor.map_removed(sample.key.map);
-      memory_.directory.removed(sample.key.map);
-      state_.terms.erase(sample.key.map);
-    }
+    core_.apply([&](SessionCore& core) {
+      if (sample.message) {
+        core.take(*sample.message);
+      } else if (sample.gone == wire::Gone::kDisposed) {
+        core.take_unlisted(sample.key.map);
+      }
+    });
   });
-  wire::take_all(server_.seeds, [this](const wire::Sample<wire::SeedVerdict>& sample) {
-    if (sample.message) act_on(*sample.message);
-  });
-  wire::take_all(server_.offers, [this](const wire::Sample<wire::OfferVerdict>& sample) {
-    if (sample.message) act_on(*sample.message);
-  });
-  wire::take_all(server_.places, [this](wire::Sample<wire::RelocAnswer>& sample) {
-    if (sample.message) act_on(std::move(*sample.message));
-  });
+  pass_on(server_.seeds);
+  pass_on(server_.offers);
+  pass_on(server_.places);
   wire::take_all(server_.cameras, [this](const wire::Sample<wire::CameraEstimate>& sample) {
-    if (sample.message) {
-      act_on(*sample.message);
-    } else if (sample.gone == wire::Gone::kDisposed) {
-      forget_camera(sample.key);
-    }
+    core_.apply([&](SessionCore& core) {
+      if (sample.message) {
+        core.take(*sample.message);
+      } else if (sample.gone == wire::Gone::kDisposed) {
+        core.take_forgotten(sample.key);
+      }
+    });
   });
-  wire::take_all(server_.replies, [this](const wire::Sample<wire::ClientReply>& sample) {
-    if (sample.message) act_on(*sample.message);
-  });
+  pass_on(server_.replies);
   const bool is_alive = server_.status.alive_writers() > 0;
-  const std::scoped_lock lock(state_.mutex);
-  act_on(state_.monitor.alive(is_alive));
-  if (!state_.options.only_map.empty() && !state_.map_in_use) {
-    state_.choose_map(memory_.directory.find(state_.options.only_map, state_.monitor));
-  }
-}
-
-void Receiver::act_on(LinkMonitor::Event event) {
-  using Event = LinkMonitor::Event;
-  if (event == Event::kNone) return;
-  if (event == Event::kRestarted) {
-    log_->warn("the server has been started anew");
-    state_.restarted = true;
-    state_.session_id = random_session();
-    state_.commands.clear();
-    state_.seed.restart(state_.session_id);
-    state_.question.restart(state_.session_id);
-    for (RequestReply& reply : state_.requests.restart(state_.session_id, kRestartedText)) {
-      state_.request_replies.push_back(std::move(reply));
-    }
-    for (OfferReply& reply : state_.spool.restart(state_.session_id, kRestartedText)) {
-      state_.offer_replies.push_back(std::move(reply));
-    }
-  } else if (event == Event::kGone) {
-    log_->debug("the server is gone");  // status() says so, and what it means for the tracker
-    state_.question.restart(state_.session_id);
-  } else {
-    log_->info("connected to {}", state_.options.server);
-    state_.spool.resend_all();
-    state_.requests.resend_all();
-    state_.seed.resend();
-  }
-  state_.tracker_changed = true;
-  state_.for_sender.notify_one();
-  state_.for_waiters.notify_all();
-}
-
-void Receiver::act_on(const wire::SeedVerdict& verdict) {
-  const std::scoped_lock lock(state_.mutex);
-  if (!state_.seed.apply(verdict)) return;
-  if (verdict.accepted) {
-    state_.seed_reply = SeedReply{
-        SeedAnswer{verdict.map, verdict.epoch, verdict.revision, verdict.second_keyframe, verdict.points},
-        {}};
-    state_.choose_map(verdict.map);
-    state_.own_map = verdict.map;
-    state_.monitor.map_listed(verdict.map, state_.monitor.server());
-    state_.require({verdict.map, verdict.epoch, verdict.revision});
-  } else {
-    state_.seed_reply = SeedReply{std::nullopt, verdict.reason};
-  }
-  state_.for_waiters.notify_all();
-}
-
-void Receiver::act_on(const wire::OfferVerdict& verdict) {
-  const std::scoped_lock lock(state_.mutex);
-  if (verdict.session != state_.session_id) return;
-  // Sequence 0 is no offer: the server tells why it does not serve this process at all.
-  const auto notice = std::find_if(verdict.recent.begin(), verdict.recent.end(),
-                                   [](const wire::OfferOutcome& outcome) { return outcome.seq == 0; });
-  const std::string refusal = notice == verdict.recent.end() ? "" : notice->reason;
-  if (refusal != state_.refusal) {
-    if (!refusal.empty()) log_->warn("the server does not serve us: {}", refusal);
-    state_.refusal = refusal;
-    state_.seed.resend();  // what went unheard while we were refused
-    state_.spool.resend_all();
-    state_.requests.resend_all();
-  }
-  state_.name_held = refusal.empty();
-  for (OfferReply& reply : state_.spool.apply(verdict)) state_.offer_replies.push_back(std::move(reply));
-  if (!verdict.recent.empty() && verdict.recent.back().revision) {
-    const wire::OfferOutcome& newest = verdict.recent.back();
-    state_.require({newest.map, newest.epoch, newest.revision});
-  }
-  state_.for_sender.notify_one();  // there may be credit again
-  state_.for_waiters.notify_all();
-}
-
-void Receiver::act_on(wire::RelocAnswer&& answer) {
-  const std::scoped_lock lock(state_.mutex);
-  if (!state_.question.apply(answer)) return;
-  PlaceAnswer& place = state_.place_answer.emplace(std::move(answer.answer));
-  if (!state_.options.only_map.empty()) {
-    std::erase_if(place.candidates, [&](const PlaceCandidate& c) { return c.map != state_.map_in_use; });
-    if (place.candidates.empty()) place.verdict = PlaceVerdict::kNotKnown;
-  }
-  state_.for_waiters.notify_all();
-}
-
-/// Of a camera whose values we take for exact nobody needs to tell us.
-void Receiver::act_on(const wire::CameraEstimate& estimate) {
-  const std::scoped_lock lock(state_.mutex);
-  if (state_.options.camera_sigma.empty() || estimate.client != state_.client ||
-      estimate.camera != state_.camera.camera)
-    return;
-  const CameraParameters& ours = state_.camera.parameters;
-  const CameraParameters& theirs = estimate.parameters;
-  const auto doubt = doubtful_camera(theirs, estimate.sigma);
-  const auto camera = make_camera(theirs);
-  if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
-    state_.unsound_cameras.insert(estimate.map);
-    if (warning_.due()) log_->warn("what a map says of the camera cannot be: it is not used");
-    return;
-  }
-  state_.unsound_cameras.erase(estimate.map);
-  auto& kept = state_.found_out[estimate.map];
-  if (!kept.empty() &&
-      std::tie(estimate.epoch, estimate.version) <= std::tie(kept.back().epoch, kept.back().news.version))
-    return;  // a repetition, or a late word of a server that has died
-  if (kept.size() == SessionState::kEstimatesKept) kept.pop_front();
-  kept.push_back({estimate.epoch,
-                  {estimate.version, *camera, doubt->focal_sigma, doubt->k1_sigma, estimate.frozen,
-                   estimate.cannot_be_known}});
-}
-
-void Receiver::forget_camera(const wire::CameraEstimate& key) {
-  const std::scoped_lock lock(state_.mutex);
-  if (key.client != state_.client || key.camera != state_.camera.camera) return;
-  state_.found_out.erase(key.map);
-  state_.unsound_cameras.erase(key.map);
-}
-
-/// A server of before cameras were found out ignores that ours is a guess.
-void Receiver::check_that_camera_is_found_out(const MapSnapshot& first) {
-  state_.own_map = {};
-  if (state_.camera.frozen || state_.our_camera_in(first) != nullptr) return;
-  log_->warn(
-      "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
-      "--calibration FILE, exact:FILE where it has no distortion");
+  core_.apply([&](SessionCore& core) { core.take_presence(is_alive); });
 }
 
 void Receiver::follow_recent_maps() {
-  std::vector<MapId> wanted;
-  {
-    const std::scoped_lock lock(state_.mutex);
-    wanted.assign(state_.recent_maps.begin(), state_.recent_maps.end());
-  }
+  const std::deque<MapId> wanted = core_.look([](const SessionCore& core) { return core.maps().recent(); });
   const auto is_unwanted = [&](const auto& entry) {
     return std::find(wanted.begin(), wanted.end(), entry.first) == wanted.end();
   };
@@ -310,19 +161,7 @@ void Receiver::take_map_messages(MapChannel& channel, ReceiverMemory::MapCopy& c
   wire::take_all(channel.commits, receive);
   copy.snapshot_due |= replica.update(std::chrono::steady_clock::now());
   if (!copy.snapshot_due) return;
-  const std::scoped_lock lock(state_.mutex);
-  if (std::find(state_.recent_maps.begin(), state_.recent_maps.end(), replica.map()) ==
-      state_.recent_maps.end())
-    return;
-  if (!state_.has_camera_of(*replica.snapshot())) return;
-  copy.snapshot_due = false;
-  state_.replicas[replica.map()] = replica.snapshot();
-  if (replica.map() == state_.own_map) check_that_camera_is_found_out(*replica.snapshot());
-  if (replica.map() != state_.map_in_use) return;
-  state_.snapshot = replica.snapshot();
-  state_.tracker_changed = true;  // the server waits to hear that this revision is in use
-  state_.for_sender.notify_one();
-  state_.for_waiters.notify_all();
+  copy.snapshot_due = !core_.apply([&](SessionCore& core) { return core.take(replica.snapshot()); });
 }
 
 }  // namespace cairn

@@ -10,9 +10,8 @@
 #include <thread>
 
 #include "client/session/label_replica.h"
-#include "client/session/map_directory.h"
 #include "client/session/replica.h"
-#include "client/session/session_state.h"
+#include "client/session/shared_core.h"
 #include "common/base/log.h"
 #include "common/base/rate_limit.h"
 #include "common/wire/participant.h"
@@ -29,7 +28,6 @@ struct ReceiverMemory {
     bool snapshot_due = false;  ///< it waits for the values of our camera that it was made with
     LabelReplica labels;
   };
-  MapDirectory directory;
   std::map<MapId, MapCopy> maps;  ///< that were in use of late
 };
 
@@ -38,10 +36,10 @@ struct ReceiverMemory {
 class Receiver {
  public:
   /// `memory` outlives it.
-  [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SessionState& state, ReceiverMemory& memory,
+  [[nodiscard]] static Result<std::unique_ptr<Receiver>> start(SharedCore& core, ReceiverMemory& memory,
                                                                const wire::Participant& participant,
                                                                const std::string& client_name, Logger log);
-  /// Set state.stopping before.
+  /// Stop the core before.
   ~Receiver();
   Receiver(const Receiver&) = delete;
   Receiver& operator=(const Receiver&) = delete;
@@ -68,8 +66,8 @@ class Receiver {
     wire::Reader<wire::LabelMessage> labels;
   };
 
-  Receiver(SessionState& state, ReceiverMemory& memory, wire::Participant participant,
-           std::string client_name, ServerReaders readers, wire::Waiter waiter, Logger log);
+  Receiver(SharedCore& core, ReceiverMemory& memory, wire::Participant participant, std::string client_name,
+           ServerReaders readers, wire::Waiter waiter, Logger log);
 
   void run();
   [[nodiscard]] std::chrono::milliseconds time_to_wait() const;
@@ -78,18 +76,11 @@ class Receiver {
   void take_server_messages();
   void take_map_messages(MapChannel& channel, ReceiverMemory::MapCopy& copy);
   void take_labels(MapChannel& channel, ReceiverMemory::MapCopy& copy);
-  void act_on(const wire::ClientReply& reply);
-  void act_on(LinkMonitor::Event event);
-  void act_on(const wire::SeedVerdict& verdict);
-  void act_on(const wire::OfferVerdict& verdict);
-  void act_on(wire::RelocAnswer&& answer);
-  void act_on(const wire::CameraEstimate& estimate);
-  /// `key`: of an estimate that is no more.
-  void forget_camera(const wire::CameraEstimate& key);
-  /// In the first revision of a map made from our seed.
-  void check_that_camera_is_found_out(const MapSnapshot& first);
+  /// What came on a topic of the server's is an event of the core.
+  template <typename Message>
+  void pass_on(wire::Reader<Message>& reader);
 
-  SessionState& state_;
+  SharedCore& core_;
   ReceiverMemory& memory_;
   wire::Participant participant_;
   std::string client_name_;
@@ -100,8 +91,5 @@ class Receiver {
   Logger log_;
   std::thread thread_;
 };
-
-/// Never 0, different for every run and process.
-[[nodiscard]] SessionId random_session();
 
 }  // namespace cairn

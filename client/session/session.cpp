@@ -3,10 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <random>
 #include <utility>
 
 #include "client/session/connection.h"
-#include "client/session/session_state.h"
+#include "client/session/shared_core.h"
 #include "common/geometry/camera_guess.h"
 #include "common/wire/network_path.h"
 
@@ -29,10 +30,11 @@ Result<wire::ParticipantOptions> joining(const SessionOptions& options, const Lo
   return participant;
 }
 
-/// A camera that is found out is known to the maps by the client's name and this number. Pictures of another
-/// size come from another camera.
-uint32_t number_by_size(const Camera& camera) {
-  return static_cast<uint32_t>(camera.width()) << 16 | static_cast<uint32_t>(camera.height());
+/// Different for every run and process.
+SessionId random_session() {
+  std::random_device device;
+  const uint64_t high = device();
+  return {(high << 32 | device()) | 1};
 }
 
 }  // namespace
@@ -47,10 +49,9 @@ std::string describe(const CameraNews& news) {
 }
 
 struct Session::State {
-  explicit State(const SessionOptions& options)
-      : shared(options, client_id_from_name(options.name), random_session()) {}
+  State(SessionCore session, const Logger& log) : core(std::move(session), log) {}
 
-  SessionState shared;
+  SharedCore core;
   std::unique_ptr<Connection> connection;
 };
 
@@ -67,20 +68,10 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
                 "a camera that is found out is pinhole-radtan with all its values");
   const auto participant = joining(options, log);
   if (!participant) return tl::unexpected(participant.error());
-  auto state = std::make_unique<State>(options);
-  wire::CameraMessage& announced = state->shared.camera;
-  announced.parameters = camera->parameters();
-  if (!options.camera_sigma.empty()) {
-    announced.camera = number_by_size(*camera);
-    state->shared.first_focal_sigma = options.camera_sigma.at(0) / announced.parameters.values.at(0);
-    state->shared.first_k1_sigma = options.camera_sigma.at(4);
-    state->shared.first_camera = camera;
-  }
-  announced.sigma = options.camera_sigma;
-  announced.frozen = options.camera_sigma.empty();
+  auto state = std::make_unique<State>(SessionCore(options, camera, random_session), log);
   const auto encoding =
       participant->profile == "loopback" ? wire::ImageEncoding::kRaw : wire::ImageEncoding::kJpeg;
-  auto connection = Connection::open(state->shared, *participant, encoding,
+  auto connection = Connection::open(state->core, *participant, encoding,
                                      options.find_path ? options.find_path : wire::find_path, std::move(log));
   if (!connection) return tl::unexpected(connection.error());
   state->connection = std::move(*connection);
@@ -91,200 +82,106 @@ Session::Session(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Session::~Session() = default;
 
 MapSnapshotPtr Session::snapshot() const {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return state_->shared.snapshot;
+  return state_->core.look([](const SessionCore& core) { return core.maps().snapshot(); });
 }
 
 void Session::use_map(MapId map, Epoch epoch, Revision revision) {
-  {
-    const std::scoped_lock lock(state_->shared.mutex);
-    state_->shared.choose_map(map);
-    if (map) state_->shared.require({map, epoch, revision});
-    state_->shared.tracker_changed = true;
-  }
+  state_->core.apply([&](SessionCore& core) { core.use_map(map, epoch, revision); });
   state_->connection->map_changed();
 }
 
 void Session::leave_map() {
-  {
-    const std::scoped_lock lock(state_->shared.mutex);
-    state_->shared.seed.drop();
-    state_->shared.seed_reply.reset();
-    state_->shared.question.drop();
-    state_->shared.place_answer.reset();
-  }
-  use_map({});
+  state_->core.apply([](SessionCore& core) { core.leave_map(); });
+  state_->connection->map_changed();
 }
 
 KeyframeUse Session::keyframe_use(MapId map) const {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return state_->shared.use_of_keyframes(map);
+  return state_->core.look([&](const SessionCore& core) { return core.keyframe_use(map); });
 }
 
 void Session::send_seed(SeedProposal proposal) {
-  const std::scoped_lock lock(state_->shared.mutex);
-  state_->shared.seed.put(std::move(proposal));
-  state_->shared.for_sender.notify_one();
+  state_->core.apply([&](SessionCore& core) { core.send_seed(std::move(proposal)); });
 }
 
 void Session::send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) {
-  SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  if (!shared.is_map_known()) {
-    shared.offer_replies.push_back({0, false, kRestartedText, {}, time, proposal.number});
-    return;
-  }
-  auto lost = shared.spool.push({std::move(proposal), std::move(image), time});
-  if (lost) shared.offer_replies.push_back(std::move(*lost));
-  shared.for_sender.notify_one();
+  SpooledOffer offer{std::move(proposal), std::move(image), time};
+  state_->core.apply([&](SessionCore& core) { core.send_offer(std::move(offer)); });
 }
 
 void Session::send_question(std::shared_ptr<const PlaceView> view, Timestamp time) {
-  SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  if (shared.monitor.link() != ServerLink::kConnected) return;
-  shared.place_answer.reset();  // of an older question
-  shared.question.put({std::move(view), shared.map_in_use, time});
-  shared.for_sender.notify_one();
+  state_->core.apply([&](SessionCore& core) { core.send_query(std::move(view), time); });
 }
 
 void Session::publish_state(const FrameResult& result, Timestamp time) {
-  SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  shared.tracker.state = result.state;
-  shared.tracker.map = result.map;
-  shared.tracker.camera_from_map = result.camera_from_map;
-  shared.tracker.quality = result.quality;
-  shared.tracker.frame_time = time;
-  shared.tracker_changed = true;
-  shared.for_sender.notify_one();
+  state_->core.apply([&](SessionCore& core) { core.publish_state(result, time); });
 }
 
 LabelListPtr Session::labels(MapId map) const {
-  const SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  const auto labels = shared.labels.find(map);
-  return labels == shared.labels.end() ? nullptr : labels->second;
+  return state_->core.look([&](const SessionCore& core) { return core.maps().labels(map); });
 }
 
 void Session::send_request(wire::ClientRequest request) {
-  SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  if (shared.options.reads_only || !shared.is_map_known()) {
-    const char* why = shared.options.reads_only ? "a reader changes no labels" : kRestartedText;
-    shared.request_replies.push_back(RequestTopic::reply({}, 0, false, why));
-    return;
-  }
-  auto lost = shared.requests.push(std::move(request));
-  if (lost) shared.request_replies.push_back(std::move(*lost));
-  shared.for_sender.notify_one();
+  state_->core.apply([&](SessionCore& core) { core.send_request(std::move(request)); });
 }
 
 std::vector<RequestReply> Session::take_request_replies() {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return std::exchange(state_->shared.request_replies, {});
+  return state_->core.apply([](SessionCore& core) { return core.take_request_replies(); });
 }
 
 std::optional<SeedReply> Session::take_seed_reply() {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return std::exchange(state_->shared.seed_reply, std::nullopt);
+  return state_->core.apply([](SessionCore& core) { return core.take_seed_reply(); });
 }
 
 std::vector<OfferReply> Session::take_offer_replies() {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return std::exchange(state_->shared.offer_replies, {});
+  return state_->core.apply([](SessionCore& core) { return core.take_offer_replies(); });
 }
 
 std::optional<PlaceAnswer> Session::take_place_answer() {
-  const std::scoped_lock lock(state_->shared.mutex);
-  return std::exchange(state_->shared.place_answer, std::nullopt);
+  return state_->core.apply([](SessionCore& core) { return core.take_place_answer(); });
 }
 
 std::optional<CameraNews> Session::take_camera(const MapSnapshotPtr& snapshot) {
-  SessionState& shared = state_->shared;
-  const std::scoped_lock lock(shared.mutex);
-  if (snapshot == nullptr) {
-    const bool keeps = !shared.camera_source || shared.camera.frozen || shared.map_in_use;
-    if (keeps) return std::nullopt;
-    return shared.use_camera(std::nullopt, shared.first_guess());
-  }
-  const auto other = shared.other_camera_of(*snapshot);
-  const SessionState::FoundCamera* there = other ? shared.find_camera(*other) : nullptr;
-  if (there == nullptr) return std::nullopt;
-  const SessionState::CameraSource source{snapshot->map, there->epoch, there->news.version};
-  if (source == shared.camera_source) return std::nullopt;
-  return shared.use_camera(source, there->news);
+  return state_->core.apply([&](SessionCore& core) { return core.take_camera(snapshot); });
 }
 
 SessionStatus Session::status() const {
-  const SessionState& shared = state_->shared;
+  SessionStatus status = state_->core.look([](const SessionCore& core) { return core.status(); });
   const wire::Traffic traffic = state_->connection->traffic();
-  const std::scoped_lock lock(shared.mutex);
-  SessionStatus status;
-  status.link = shared.monitor.link();
-  status.map_known = shared.is_map_known();
-  status.spooled = shared.spool.size();
   status.bytes_sent = traffic.bytes_sent;
   status.bytes_received = traffic.bytes_received;
-  if (status.link == ServerLink::kConnecting) {
-    status.text = "waiting for a server at " + shared.options.server;
-  } else if (status.link == ServerLink::kGone) {
-    const bool lost = shared.tracker.state == TrackingState::kLost;
-    status.text = !shared.snapshot ? "server gone"
-                  : lost ? "server gone: lost; searching from where it was last, no more can be done"
-                         : "server gone: tracking on the replica";
-  } else if (!shared.refusal.empty()) {
-    status.link = ServerLink::kRefused;
-    status.text = shared.refusal;
-  } else if (!status.map_known) {
-    status.link = ServerLink::kRestarted;
-    status.text = std::string(kRestartedText) + ": it begins a new one when lost, or asked to";
-  } else if (shared.unsound_cameras.contains(shared.map_in_use)) {
-    status.text = "what the map says of the camera cannot be: it is not tracked on";
-  } else {
-    status.text = "connected to " + shared.options.server;
-  }
   return status;
 }
 
 std::string Session::network() const {
-  return wire::way_to(state_->shared.options.server, state_->connection->path());
+  const std::string server = state_->core.look([](const SessionCore& core) { return core.options().server; });
+  return wire::way_to(server, state_->connection->path());
 }
 
 bool Session::wait_for_server(std::chrono::milliseconds timeout) {
-  SessionState& shared = state_->shared;
-  std::unique_lock lock(shared.mutex);
-  return shared.for_waiters.wait_for(lock, timeout,
-                                     [&] { return shared.monitor.link() == ServerLink::kConnected; });
+  return state_->core.wait(timeout,
+                           [](const SessionCore& core) { return core.link() == ServerLink::kConnected; });
 }
 
 bool Session::wait_for_name(std::chrono::milliseconds timeout) {
-  SessionState& shared = state_->shared;
-  std::unique_lock lock(shared.mutex);
-  return shared.for_waiters.wait_for(lock, timeout, [&] { return shared.name_held; });
+  return state_->core.wait(timeout, [](const SessionCore& core) { return core.is_name_held(); });
 }
 
 bool Session::wait_for_map(std::chrono::milliseconds timeout) {
-  SessionState& shared = state_->shared;
-  std::unique_lock lock(shared.mutex);
-  return shared.for_waiters.wait_for(lock, timeout, [&] { return shared.snapshot != nullptr; });
+  return state_->core.wait(timeout,
+                           [](const SessionCore& core) { return core.maps().snapshot() != nullptr; });
 }
 
 bool Session::wait_until_settled(std::chrono::milliseconds timeout) {
-  SessionState& shared = state_->shared;
-  std::unique_lock lock(shared.mutex);
   // A refusal that is known already may end: a name becomes free.
-  const std::string known_refusal = shared.refusal;
-  const auto is_lost = [&] {
-    return shared.monitor.link() == ServerLink::kGone || !shared.is_map_known() ||
-           (!shared.refusal.empty() && shared.refusal != known_refusal);
+  const std::string known_refusal = state_->core.look([](const SessionCore& core) { return core.refusal(); });
+  const auto is_lost = [&](const SessionCore& core) {
+    return core.link() == ServerLink::kGone || !core.is_map_known() ||
+           (!core.refusal().empty() && core.refusal() != known_refusal);
   };
-  const auto is_settled = [&] {
-    return shared.seed.empty() && shared.spool.size() == 0 && shared.question.empty() &&
-           shared.requests.size() == 0 && shared.is_current();
-  };
-  shared.for_waiters.wait_for(lock, timeout, [&] { return is_lost() || is_settled(); });
-  return !is_lost() && is_settled();
+  const bool is_over =
+      state_->core.wait(timeout, [&](const SessionCore& core) { return is_lost(core) || core.is_settled(); });
+  return is_over &&
+         state_->core.look([&](const SessionCore& core) { return !is_lost(core) && core.is_settled(); });
 }
 
 }  // namespace cairn

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "client/session/replica.h"
-#include "client/session/session.h"
+#include "client/session/session_types.h"
 #include "common/wire/messages.h"
 
 namespace cairn {
