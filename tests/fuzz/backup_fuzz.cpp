@@ -41,9 +41,13 @@ std::vector<Input> seeds() {
     all.emplace_back(std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>());
     decode(all.back());
   };
-  add({});
-  add({{"site.db", "the rights"}, {"maps/00112233445566778899aabbccddeeff.cairnmap", "a map"}});
-  add({{"catalogue.db", ""}, {"deleted/00112233445566778899aabbccddeeff.cairnmap", "one that was deleted"}});
+  add({{"catalogue.db", ""}, {"site.db", ""}});
+  add({{"maps/00112233445566778899aabbccddeeff.cairnmap", "a map"},
+       {"catalogue.db", "the server"},
+       {"site.db", "the rights"}});
+  add({{"deleted/00112233445566778899aabbccddeeff.cairnmap", "one that was deleted"},
+       {"catalogue.db", "the server"},
+       {"site.db", "the rights"}});
   return all;
 }
 
