@@ -203,6 +203,7 @@ void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
   entry->labels = LabelBook();
   entry->labels.restore(map.labels, last_given);
   for (const Label& label : entry->labels.all()) labels.insert(label.id);
+  proposals_.restore(id, std::move(map.proposals), map.last_proposal);
   // Offers to the state before end with the runner that judges them.
   while (entry->offers_in_work > 0) maps_.end_offer(entry);
   entry->runner = map.runner;

@@ -38,7 +38,8 @@ Eigen::Vector3d axis_of(const SE3& camera_from_map) {
 }  // namespace
 
 void ProposalBook::restore(MapId map, std::vector<ProposalSummary> proposals, uint64_t last) {
-  MapPart& part = maps_[map] = {last, {}};
+  MapPart& part = maps_[map];
+  part = {std::max(part.last, last), {}};
   for (ProposalSummary& proposal : proposals) {
     part.last = std::max(part.last, proposal.number);
     part.proposals.emplace(proposal.number, std::move(proposal));

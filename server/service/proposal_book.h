@@ -31,7 +31,8 @@ class ProposalBook {
  public:
   explicit ProposalBook(const ProposalLimits& limits = {}) : limits_(limits) {}
 
-  /// Those of a map from the store; `last`: the highest number that it has ever given to one.
+  /// Those of a map from the store, in place of what was known of it; `last`: the highest number that it has
+  /// ever given to one. No number is given again.
   void restore(MapId map, std::vector<ProposalSummary> proposals, uint64_t last);
   /// The map has gone.
   void forget(MapId map);

@@ -310,7 +310,7 @@ std::string MapService::why_not_accepted(MapId map, const MapEntry& entry) const
     return frozen + "; `cairnctl map " + entry.name + " unfreeze` lets it grow again";
   if (!entry.frozen.empty()) return "the map takes nothing: " + entry.frozen;
   if (entry.leaving) return "the map is being deleted";
-  if (entry.rolling_back) return "the map is being rolled back; try again";
+  if (entry.rolling_back) return kRollingBack;
   if (std::string trouble = store_->trouble(); !trouble.empty()) return trouble;
   return why_map_is_full(entry);
 }
