@@ -39,7 +39,8 @@ bool CameraNegotiation::take(const wire::CameraEstimate& estimate) {
   const auto doubt = doubtful_camera(theirs, estimate.sigma);
   const auto camera = make_camera(theirs);
   if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
-    return !unsound_.insert(estimate.map).second;
+    unsound_.insert(estimate.map);
+    return !told_unsound_.insert(estimate.map).second;
   }
   unsound_.erase(estimate.map);
   auto& kept = found_[estimate.map];

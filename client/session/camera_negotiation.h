@@ -22,8 +22,8 @@ class CameraNegotiation {
   /// `sigma`: as SessionOptions::camera_sigma; empty: the values are exact, and nobody is asked about them.
   CameraNegotiation(ClientId client, const std::vector<double>& sigma, const CameraPtr& camera);
 
-  /// A map says what it has found out. False: such a camera cannot be, which is said once until the map says
-  /// something else. What is of another camera, of one that is exact, or overtaken is passed over.
+  /// A map says what it has found out. False: such a camera cannot be, which is said once of each map. What
+  /// is of another camera, of one that is exact, or overtaken is passed over.
   [[nodiscard]] bool take(const wire::CameraEstimate& estimate);
   /// An estimate is no more; of `key` only what names it counts.
   void forget(const wire::CameraEstimate& key);
@@ -87,6 +87,7 @@ class CameraNegotiation {
   std::map<MapId, std::deque<FoundCamera>> found_;
   std::optional<Source> source_;  ///< of the values in use; nothing: as the session began
   std::set<MapId> unsound_;
+  std::set<MapId> told_unsound_;
 };
 
 }  // namespace cairn

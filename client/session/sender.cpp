@@ -45,8 +45,10 @@ Sender::~Sender() {
 }
 
 void Sender::run() {
-  while (const auto next = core_.wait_for_next([this] { return readers(); })) {
+  while (true) {
     try {
+      const auto next = core_.wait_for_next([this] { return readers(); });
+      if (!next) return;
       write(*next);
     } catch (const std::exception& error) {  // what can not be sent must not end the tracker
       if (warning_.due()) log_->error("sending failed: {}", error.what());

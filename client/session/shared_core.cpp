@@ -7,7 +7,12 @@ std::optional<SessionCore::Outgoing> SharedCore::wait_for_next(
     const std::function<SessionCore::Readers()>& readers) {
   std::unique_lock lock(mutex_);
   while (!stopping_) {
-    if (auto next = core_.next(std::chrono::steady_clock::now(), readers())) return next;
+    if (auto next = core_.next(std::chrono::steady_clock::now(), readers())) {
+      const SessionCore::Actions actions = core_.take_actions();
+      lock.unlock();
+      perform(actions);
+      return next;
+    }
     for_sender_.wait_until(lock, core_.next_due());
   }
   return std::nullopt;

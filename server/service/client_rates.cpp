@@ -6,14 +6,16 @@
 namespace cairn {
 namespace {
 
-// At once: what a tracker sends when it is back after a minute without its server, and more.
-constexpr double kKeyframesAtOnce = 100;
+// At once: all that a tracker has kept while it was without its server (SessionOptions::spool_limit), and
+// more.
+constexpr double kKeyframesAtOnce = 300;
 constexpr double kQuestionsAtOnce = 100;
 // A state a frame, of cameras faster than there are and of recordings that are played as fast as can be.
 constexpr double kStates = 1000;
 constexpr double kStatesAtOnce = 2000;
-constexpr double kCameras = 5;
-constexpr double kCamerasAtOnce = 100;
+// A map that finds a camera out changes its values with each revision.
+constexpr double kCameras = 30;
+constexpr double kCamerasAtOnce = 300;
 constexpr double kSeeds = 2;
 constexpr double kSeedsAtOnce = 30;
 // A person with a viewer; a list of labels that is read from a file.
@@ -35,8 +37,8 @@ ClientRates::ClientRates(const RateLimits& limits)
              TokenBucket(kRequests, kRequestsAtOnce)},
       refusals_(kRefusals, kRefusalsAtOnce) {}
 
-ClientRates::Judgement ClientRates::judge(Kind kind, MonotonicTime now) {
-  if (taken_.at(static_cast<size_t>(kind)).take(now)) return Judgement::kTake;
+ClientRates::Judgement ClientRates::judge(Kind kind, MonotonicTime now, bool lockstep) {
+  if (lockstep || taken_.at(static_cast<size_t>(kind)).take(now)) return Judgement::kTake;
   // Nobody waits for an answer to these.
   if (kind == Kind::kState || kind == Kind::kCamera) return Judgement::kPassOver;
   return refusals_.take(now) ? Judgement::kRefuse : Judgement::kPassOver;

@@ -27,7 +27,8 @@ class ClientRates {
 
   explicit ClientRates(const RateLimits& limits);
 
-  [[nodiscard]] Judgement judge(Kind kind, MonotonicTime now);
+  /// `lockstep`: a replay does not go by this clock, and the service says itself where it serves none.
+  [[nodiscard]] Judgement judge(Kind kind, MonotonicTime now, bool lockstep = false);
   /// For a person, of what is refused.
   [[nodiscard]] std::string why(Kind kind) const;
 

@@ -67,7 +67,7 @@ void MapService::take(const Principal& who, wire::MapSeed message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;  // it will be sent again
   if (refuses_lockstep(client, message.lockstep)) return;
-  const auto rate = client.rates.judge(ClientRates::Kind::kSeed, clock_.now());
+  const auto rate = client.rates.judge(ClientRates::Kind::kSeed, clock_.now(), message.lockstep);
   if (rate == ClientRates::Judgement::kPassOver) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (client.seed_in_work || (camera == nullptr && may_yet_come(client, clock_.now()))) return;
@@ -159,7 +159,7 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session)) return;
   if (refuses_lockstep(client, message.lockstep)) return;
-  const auto rate = client.rates.judge(ClientRates::Kind::kKeyframe, clock_.now());
+  const auto rate = client.rates.judge(ClientRates::Kind::kKeyframe, clock_.now(), message.lockstep);
   if (rate == ClientRates::Judgement::kPassOver) return;
   const AnnouncedCamera* camera = client.cameras.find(message.camera, message.camera_version);
   if (camera == nullptr && may_yet_come(client, clock_.now())) return;
@@ -271,7 +271,7 @@ void MapService::take(const Principal& who, wire::RelocQuery message) {
   Client& client = client_of(who);
   if (!presence_.holds(client.name, message.command.session) || client.query_in_work) return;
   if (refuses_lockstep(client, message.lockstep)) return;
-  const auto rate = client.rates.judge(ClientRates::Kind::kQuestion, clock_.now());
+  const auto rate = client.rates.judge(ClientRates::Kind::kQuestion, clock_.now(), message.lockstep);
   if (rate == ClientRates::Judgement::kPassOver) return;
   if (rate == ClientRates::Judgement::kRefuse) {
     return on_query_answered(client.name, message.command,

@@ -270,8 +270,11 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   const JobOrigin origin = job.origin;
   // Whether its pose is right or not, and whatever becomes of it: the next frame of the chain is judged by
   // what it shows itself.
-  chain_.put(origin.client, origin.command.session, origin.command.seq,
-             {job.input.reference, job.input.camera_from_reference});
+  const bool is_of_chain = origin.proposal == 0;  // its session may be over, and another's chain under way
+  if (is_of_chain) {
+    chain_.put(origin.client, origin.command.session, origin.command.seq,
+               {job.input.reference, job.input.camera_from_reference});
+  }
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
@@ -286,7 +289,8 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   KeyframeDecision decision = maker_->add_keyframe(job.input);
   if (decision.verdict == KeyframeVerdict::kAccepted) {
     ++changes_;
-    chain_.put(origin.client, origin.command.session, origin.command.seq, {decision.keyframe, SE3()});
+    if (is_of_chain)
+      chain_.put(origin.client, origin.command.session, origin.command.seq, {decision.keyframe, SE3()});
   }
   if (times_ != nullptr) {
     times_->judged(thread_cpu_time() - before);

@@ -63,7 +63,7 @@ json describe(const std::vector<ExpectedPoint>& points) {
 // ---- from clients
 
 bool MapService::takes_proposals(const Client& client, MapId map, const MapEntry& entry) const {
-  return store_ != nullptr && entry.runner != nullptr &&
+  return store_ != nullptr && entry.runner != nullptr && !entry.rolling_back && !entry.leaving &&
          options_.access->may_propose(client.principal(), map);
 }
 
@@ -101,7 +101,10 @@ void MapService::propose(Client* client, const MapEntry& entry, wire::KeyframeOf
     return refuse(wire::OfferDecision::kBusy, "more proposals come than can be looked at");
   // A replay does not go by this clock.
   std::string not_now = offer.lockstep ? "" : proposals_.why_not_now(client->name, clock_.now());
-  if (!not_now.empty()) return refuse(wire::OfferDecision::kBusy, std::move(not_now));
+  if (!not_now.empty()) {
+    if (!offer.as_proposal) return refuse(wire::OfferDecision::kNoRight, std::move(why));
+    return refuse(wire::OfferDecision::kBusy, std::move(not_now));
+  }
   ++proposals_in_work_;
   Executor& lane = offer.lockstep ? lanes_.urgent : lanes_.idle;  // who replays a recording waits for it
   lane.submit([this, name = client->name, session, outcome, snapshot = entry.snapshot, camera = camera.camera,
@@ -132,6 +135,9 @@ void MapService::on_proposal_judged(SessionId session, wire::OfferOutcome outcom
     if (entry == nullptr || entry->snapshot == nullptr) {
       outcome.decision = wire::OfferDecision::kUnknownMap;
       outcome.reason = "this server does not know the map";
+    } else if (entry->rolling_back) {
+      outcome.decision = wire::OfferDecision::kBusy;
+      outcome.reason = kRollingBack;
     } else if (client == clients_.end() || !takes_proposals(client->second, outcome.map, *entry)) {
       outcome.decision = wire::OfferDecision::kNoRight;
       outcome.reason = kNoProposals;
@@ -183,6 +189,8 @@ void MapService::keep_proposal(SessionId session, wire::OfferOutcome outcome, Ke
 void MapService::drop_old_proposals() {
   if (store_ == nullptr) return;
   for (auto& [map, numbers] : proposals_.too_old(clock_.wall())) {
+    const MapEntry* entry = maps_.find(map);
+    if (entry == nullptr || entry->rolling_back) continue;  // later
     for (const uint64_t number : numbers) {
       log_->info("proposal {} is dropped: nobody has decided of it for long", proposal_id(map, number));
       proposals_.remove(map, number);
@@ -294,6 +302,7 @@ void MapService::send_picture(const NamedProposal& which, uint64_t offset, const
 }
 
 void MapService::drop_proposal(const NamedProposal& which, const AdminAnswer& answer) {
+  if (maps_.find(which.map)->rolling_back) return answer(refusal(ErrorCode::kRefused, kRollingBack));
   MapUpdate update;
   update.removed_proposals.push_back(which.number);
   store_->write(which.map, std::move(update), [this, which, answer](const Status& written) {
