@@ -25,6 +25,7 @@ class EngineLink final : public MapLink {
   MapSnapshotPtr snapshot() const override { return held_; }
   void use_map(MapId map, Epoch epoch, Revision revision) override;
   void leave_map() override { held_.reset(); }
+  KeyframeUse keyframe_use(MapId /*map*/) const override { return KeyframeUse::kNothing; }
   void send_seed(SeedProposal /*proposal*/) override {}
   void send_offer(KeyframeProposal /*proposal*/, GrayImagePtr /*image*/, Timestamp /*time*/) override {}
   void send_question(std::shared_ptr<const PlaceView> view, Timestamp /*time*/) override {
