@@ -85,8 +85,9 @@ void check_each(std::string_view text, Visit visit) {
   char32_t before = 0;
   while (!text.empty()) {
     const Piece piece = first_piece(text);
-    visit(piece, piece.character && may_be_shown(*piece.character, before));
-    before = piece.character.value_or(0);
+    const bool fits = piece.character && may_be_shown(*piece.character, before);
+    visit(piece, fits);
+    before = fits ? *piece.character : 0;  // what is shown in place of another is ASCII
     text.remove_prefix(piece.bytes.size());
   }
 }

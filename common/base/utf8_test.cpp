@@ -55,6 +55,12 @@ TEST(OneLine, KeepsWhatIsSoundAndEscapesTheRest) {
   EXPECT_EQ(one_line("a\r\nb"), "a  b");
 }
 
+TEST(OneLine, AJoinerBehindWhatIsEscapedIsEscapedToo) {
+  const std::string shown = one_line("a\xc2\x9b\xe2\x80\x8d");  // a C1 control, a joiner
+  EXPECT_EQ(shown, "a\\u009b\\u200d");
+  EXPECT_FALSE(fault_of_text(shown));
+}
+
 TEST(ManyLines, KeepsLineBreaksOnly) {
   EXPECT_EQ(many_lines("a\xe9\nb\x1b\n"), "a\\xe9\nb \n");
   EXPECT_EQ(many_lines("\n\nc"), "\n\nc");
