@@ -13,7 +13,9 @@ def is_there():
 
 class Screen:
     def __init__(self):
-        self.process = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"],
+        # -noreset: without it a display begins anew when its last client has gone, as xdotool does twenty times a second, and refuses
+        # who comes in that moment.
+        self.process = subprocess.Popen(["Xvfb", "-displayfd", "1", "-screen", "0", "1280x1024x24", "-nolisten", "tcp", "-noreset"],
                                         stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
         self.environment = {**os.environ, "DISPLAY": f":{self.process.stdout.readline().strip()}", "QT_QPA_PLATFORM": "xcb"}
         self.hand = None
