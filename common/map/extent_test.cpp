@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 using Eigen::Vector3d;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 const double kNotANumber = std::numeric_limits<double>::quiet_NaN();
 

@@ -10,7 +10,7 @@ namespace cairn {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 MonotonicTime at(int ms) {
   return MonotonicTime(std::chrono::hours(1)) + milliseconds(ms);

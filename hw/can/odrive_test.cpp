@@ -11,7 +11,7 @@
 namespace cairn::odrive {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr std::array<Node, 2> kNodes = {{{16}, {17}}};
 

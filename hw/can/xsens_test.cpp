@@ -10,7 +10,7 @@
 namespace cairn::xsens {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 CanFrame encoded(const Message& message, const Ids& ids = {}) {
   const auto frame = encode(message, ids);
@@ -68,7 +68,7 @@ TEST(Xsens, EveryFrameIsAMessageOrANamedFault) {
                   CodecFault::Kind::kWrongKind);
       } else {
         EXPECT_THAT(kind_of(frame),
-                    testing::AnyOf(CodecFault::Kind::kUnknownId, CodecFault::Kind::kWrongLength));
+                    ::testing::AnyOf(CodecFault::Kind::kUnknownId, CodecFault::Kind::kWrongLength));
       }
     }
   }

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Kind = Subject::Kind;
 
 constexpr int64_t kSecond = 1'000'000'000;

@@ -9,7 +9,7 @@
 namespace cairn {
 namespace {
 
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 using Kind = Subject::Kind;
 using Part = RuleSeen::Part;
 
@@ -28,7 +28,7 @@ MapId map_id(uint8_t n) {
 const MapId kDesk = map_id(1);
 const MapId kBench = map_id(2);
 
-class RightsTest : public testing::Test {
+class RightsTest : public ::testing::Test {
  protected:
   RightsTest() {
     EXPECT_TRUE(rights_.put_group("crew", {"ann", "bob"}));

@@ -8,9 +8,9 @@ namespace cairn {
 namespace {
 
 using std::chrono::milliseconds;
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 const MapId kDesk{{0x3e, 0x6f, 0x01, 0xab}};
 const MapId kBench{{2}};

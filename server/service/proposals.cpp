@@ -6,6 +6,7 @@
 
 #include "common/base/utc.h"
 #include "server/service/admin_reply.h"
+#include "server/service/admin_request.h"
 #include "server/service/map_service.h"
 #include "server/service/proposal_judge.h"
 
@@ -15,19 +16,11 @@
 namespace cairn {
 namespace {
 
+using asked::number_of;
+using asked::text_of;
 using nlohmann::json;
 
 constexpr size_t kMostInWork = 8;  ///< their pictures are in memory meanwhile
-
-std::string text_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_string() ? it->get<std::string>() : std::string();
-}
-
-uint64_t number_of(const json& request, const char* key) {
-  const auto it = request.find(key);
-  return it != request.end() && it->is_number_unsigned() ? it->get<uint64_t>() : 0;
-}
 
 json place_of(const Eigen::Vector3d& place) {
   return {place.x(), place.y(), place.z()};

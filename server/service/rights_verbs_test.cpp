@@ -8,12 +8,12 @@ namespace cairn {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr Timestamp kNow{1'800'000'000'000'000'000};  // 2027-01-15T08:00:00Z
 const MapId kDesk{{1}};
 
-class RightsVerbsTest : public testing::Test {
+class RightsVerbsTest : public ::testing::Test {
  protected:
   static std::optional<NamedMap> find(const std::string& name) {
     if (name != "desk" && name != to_hex(kDesk.bytes)) return std::nullopt;

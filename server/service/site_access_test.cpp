@@ -13,13 +13,13 @@ namespace cairn {
 namespace {
 
 using nlohmann::json;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 constexpr int64_t kSecond = 1'000'000'000;
 const MapId kDesk{{1}};
 
 /// A site whose tasks run when the test says, by a clock of its own.
-class SiteAccessTest : public testing::Test {
+class SiteAccessTest : public ::testing::Test {
  protected:
   [[nodiscard]] std::unique_ptr<SiteAccess> open(const std::filesystem::path& folder,
                                                  SiteKind kind = SiteKind::kOpen) {

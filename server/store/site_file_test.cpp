@@ -9,11 +9,11 @@
 namespace cairn {
 namespace {
 
-using testing::ElementsAre;
-using testing::HasSubstr;
-using testing::IsEmpty;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
-class SiteFileTest : public testing::Test {
+class SiteFileTest : public ::testing::Test {
  protected:
   SiteFileTest() {
     std::filesystem::remove_all(folder_);
@@ -36,8 +36,8 @@ class SiteFileTest : public testing::Test {
     return found;
   }
   const std::filesystem::path folder_ =
-      std::filesystem::path(testing::TempDir()) /
-      (std::string("site_") + testing::UnitTest::GetInstance()->current_test_info()->name());
+      std::filesystem::path(::testing::TempDir()) /
+      (std::string("site_") + ::testing::UnitTest::GetInstance()->current_test_info()->name());
   const std::filesystem::path path_ = folder_ / "site.db";
 };
 

@@ -12,7 +12,7 @@ namespace cairn {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::HasSubstr;
+using ::testing::HasSubstr;
 
 std::string complaint(const std::string& content) {
   const auto list = parse_places(content, "list.txt");
