@@ -30,9 +30,7 @@ using Lanes = std::array<int32_t, kBlockSlots>;
 uint64_t bits_of(const Lanes& lanes) {
   uint64_t bits = 0;
   for (size_t s = 0; s < lanes.size(); s += 4) {
-    const __m128i four = _mm_load_si128(reinterpret_cast<const __m128i*>(lanes.data() + s));
-    const int mask = _mm_movemask_ps(_mm_castsi128_ps(_mm_slli_epi32(four, 31)));
-    bits |= static_cast<uint64_t>(mask) << s;
+    bits |= uint64_t{lane_bits(load_lanes<I32x4>(lanes.data() + s) << 31)} << s;
   }
   return bits;
 }
@@ -114,13 +112,13 @@ CAIRN_INLINE BlockView view(const PointBlock& block, const Frustum& frustum, con
   return {bits_of(passed) & block.live, bits_of(coarse)};
 }
 
-CAIRN_AVX2 BlockView view_avx2(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
+CAIRN_WIDE BlockView view_wide(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
                                float focal_length) {
   return view(block, frustum, camera_from_map, focal_length);
 }
 
-BlockView view_sse2(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
-                    float focal_length) {
+BlockView view_narrow(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
+                      float focal_length) {
   return view(block, frustum, camera_from_map, focal_length);
 }
 
@@ -128,8 +126,8 @@ BlockView view_sse2(const PointBlock& block, const Frustum& frustum, const SE3& 
 
 BlockView kernels::view_block(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,
                               float focal_length, Simd simd) {
-  return simd == Simd::kAvx2 ? view_avx2(block, frustum, camera_from_map, focal_length)
-                             : view_sse2(block, frustum, camera_from_map, focal_length);
+  return simd == Simd::kWide ? view_wide(block, frustum, camera_from_map, focal_length)
+                             : view_narrow(block, frustum, camera_from_map, focal_length);
 }
 
 BlockView view_block(const PointBlock& block, const Frustum& frustum, const SE3& camera_from_map,

@@ -4,9 +4,9 @@
 #include <array>
 #include <cstdint>
 
+#include "common/base/simd.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
-#include "common/image/simd.h"
 #include "common/map/snapshot.h"
 
 namespace cairn {

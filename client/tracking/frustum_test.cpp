@@ -97,9 +97,9 @@ TEST(Frustum, BlocksAreJudgedAsTheirPoints) {
                               0.3 * random_vector(engine).cast<double>());
     const BlockView view = view_block(block, frustum, camera_from_map, 525);
     passed += std::popcount(view.slots);
-    const BlockView sse2 = kernels::view_block(block, frustum, camera_from_map, 525, Simd::kSse2);
-    EXPECT_EQ(sse2.slots, view.slots);
-    EXPECT_EQ(sse2.coarse, view.coarse);
+    const BlockView narrow = kernels::view_block(block, frustum, camera_from_map, 525, Simd::kNarrow);
+    EXPECT_EQ(narrow.slots, view.slots);
+    EXPECT_EQ(narrow.coarse, view.coarse);
     for (size_t s = 0; s < kBlockSlots; ++s) {
       const Eigen::Vector3d at = block.position(static_cast<int>(s));
       const Eigen::Vector3d to_camera = camera_from_map.center() - at;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/geometry/normal_equations.h"
 
-#include <immintrin.h>
+#include "common/base/simd.h"
 
 namespace cairn {
 namespace {
@@ -24,39 +24,34 @@ NormalEquations sum_two(std::span<const Linearised> observations, std::span<cons
 }
 
 /// Two columns side by side. Those of an odd row begin with one that lies below the diagonal: it is not kept.
-__attribute__((target("avx2"))) NormalEquations sum_four(std::span<const Linearised> observations,
-                                                         std::span<const double> weights) {
+CAIRN_WIDE NormalEquations sum_four(std::span<const Linearised> observations,
+                                    std::span<const double> weights) {
   constexpr size_t kPairs = 3;
-  __m256d upper[6][kPairs];
-  __m256d sums[kPairs];
-  for (auto& row : upper) {
-    for (__m256d& pair : row) pair = _mm256_setzero_pd();
-  }
-  for (__m256d& pair : sums) pair = _mm256_setzero_pd();
+  F64x4 upper[6][kPairs] = {};
+  F64x4 sums[kPairs] = {};
   for (size_t i = 0; i < observations.size(); ++i) {
     if (!(weights[i] > 0)) continue;
     const double* j = observations[i].d_residual_d_xi[0].data();
-    const __m256d weight = _mm256_set1_pd(weights[i]);
-    const __m256d residual =
-        _mm256_broadcast_pd(reinterpret_cast<const __m128d*>(observations[i].residual.data()));
+    const auto xy = load_lanes<F64x2>(observations[i].residual.data());
+    const F64x4 residual = CAIRN_LANES(xy, xy, 0, 1, 0, 1);
 #pragma GCC unroll 3
     for (size_t p = 0; p < kPairs; ++p) {
-      const __m256d weighted = _mm256_mul_pd(weight, _mm256_loadu_pd(j + 4 * p));
-      const __m256d even = _mm256_permute2f128_pd(weighted, weighted, 0x00);
-      const __m256d odd = _mm256_permute2f128_pd(weighted, weighted, 0x11);
-      sums[p] = _mm256_add_pd(sums[p], _mm256_mul_pd(weighted, residual));
+      const F64x4 weighted = weights[i] * load_lanes<F64x4>(j + 4 * p);
+      const F64x4 even = CAIRN_LANES(weighted, weighted, 0, 1, 0, 1);
+      const F64x4 odd = CAIRN_LANES(weighted, weighted, 2, 3, 2, 3);
+      sums[p] += weighted * residual;
 #pragma GCC unroll 3
       for (size_t q = p; q < kPairs; ++q) {
-        const __m256d columns = _mm256_loadu_pd(j + 4 * q);
-        upper[2 * p][q] = _mm256_add_pd(upper[2 * p][q], _mm256_mul_pd(even, columns));
-        upper[2 * p + 1][q] = _mm256_add_pd(upper[2 * p + 1][q], _mm256_mul_pd(odd, columns));
+        const auto columns = load_lanes<F64x4>(j + 4 * q);
+        upper[2 * p][q] += even * columns;
+        upper[2 * p + 1][q] += odd * columns;
       }
     }
   }
   std::array<std::array<double, 12>, 7> sums_of_rows;  // x and y of six columns; last, those of the residual
   for (size_t p = 0; p < kPairs; ++p) {
-    for (size_t row = 0; row < 6; ++row) _mm256_storeu_pd(&sums_of_rows[row][4 * p], upper[row][p]);
-    _mm256_storeu_pd(&sums_of_rows[6][4 * p], sums[p]);
+    for (size_t row = 0; row < 6; ++row) store_lanes(&sums_of_rows[row][4 * p], upper[row][p]);
+    store_lanes(&sums_of_rows[6][4 * p], sums[p]);
   }
   NormalEquations sum;
   size_t k = 0;
@@ -91,7 +86,7 @@ Matrix6d NormalEquations::information() const {
 }
 
 SumLanes best_sum_lanes() {
-  static const SumLanes best = __builtin_cpu_supports("avx2") != 0 ? SumLanes::kFour : SumLanes::kTwo;
+  static const SumLanes best = best_simd() == Simd::kWide ? SumLanes::kFour : SumLanes::kTwo;
   return best;
 }
 

@@ -5,6 +5,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include "common/image/kernels.h"
 
@@ -71,18 +72,18 @@ CAIRN_INLINE void reject_by_diameters(const uint8_t* center, ptrdiff_t stride, s
                                       const V& below, std::array<V, kRing>* ring, uint32_t* bright,
                                       uint32_t* dark) {
 #pragma GCC unroll 4
-  for (size_t k = first; k < kRing; k += 4) load_bytes(ring_pixel(center, stride, k), &(*ring)[k]);
+  for (size_t k = first; k < kRing; k += 4) load_lanes(ring_pixel(center, stride, k), &(*ring)[k]);
   V end_a;
   V end_b;
   V limit;
   lower<false>((*ring)[first], (*ring)[first + 8], &end_a);
   lower<false>((*ring)[first + 4], (*ring)[first + 12], &end_b);
   lower<true>(end_a, end_b, &limit);
-  *bright &= ~lane_bits(V(limit <= above));
+  *bright &= ~byte_lane_bits(V(limit <= above));
   lower<true>((*ring)[first], (*ring)[first + 8], &end_a);
   lower<true>((*ring)[first + 4], (*ring)[first + 12], &end_b);
   lower<false>(end_a, end_b, &limit);
-  *dark &= ~lane_bits(V(limit >= below));
+  *dark &= ~byte_lane_bits(V(limit >= below));
 }
 
 /// Bit i is set where pixel center[i] is a FAST-10 corner. Reads 3 px to each side of the lanes.
@@ -90,7 +91,7 @@ template <class V>
 CAIRN_INLINE uint32_t corner_bits(const uint8_t* center, ptrdiff_t stride, const V& threshold,
                                   const V& threshold_complement) {
   V c;
-  load_bytes(center, &c);
+  load_lanes(center, &c);
   // Saturating sums: lanes where centre + threshold leaves the byte compare with 255 or 0, which nothing
   // exceeds.
   const V above = (c < threshold_complement ? c : threshold_complement) + threshold;
@@ -106,15 +107,15 @@ CAIRN_INLINE uint32_t corner_bits(const uint8_t* center, ptrdiff_t stride, const
   if ((bright | dark) == 0) return 0;
 
 #pragma GCC unroll 8
-  for (size_t k = 1; k < kRing; k += 2) load_bytes(ring_pixel(center, stride, k), &ring[k]);
+  for (size_t k = 1; k < kRing; k += 2) load_lanes(ring_pixel(center, stride, k), &ring[k]);
   V best;
   if (bright != 0) {
     best_arc<true>(ring, &best);
-    bright &= ~lane_bits(V(best <= above));
+    bright &= ~byte_lane_bits(V(best <= above));
   }
   if (dark != 0) {
     best_arc<false>(ring, &best);
-    dark &= ~lane_bits(V(best >= below));
+    dark &= ~byte_lane_bits(V(best >= below));
   }
   return bright | dark;
 }
@@ -127,8 +128,8 @@ CAIRN_INLINE void append_row(const uint8_t* row, int width, int y, ptrdiff_t str
   constexpr int kLanes = sizeof(V);
   V t;
   V t_complement;
-  splat_bytes(threshold, &t);
-  splat_bytes(255 - threshold, &t_complement);
+  std::memset(&t, threshold, sizeof t);
+  std::memset(&t_complement, 255 - threshold, sizeof t_complement);
   const int end = width - kRingRadius;
   for (int x = kRingRadius; x < end; x += kLanes) {
     // The last vector overlaps the one before, so that nothing beyond the row is read; its known lanes are
@@ -141,14 +142,14 @@ CAIRN_INLINE void append_row(const uint8_t* row, int width, int y, ptrdiff_t str
   }
 }
 
-void append_row_sse2(const uint8_t* row, int width, int y, ptrdiff_t stride, int threshold,
-                     std::vector<Corner>* corners) {
-  append_row<Bytes16>(row, width, y, stride, threshold, corners);
+void append_row_narrow(const uint8_t* row, int width, int y, ptrdiff_t stride, int threshold,
+                       std::vector<Corner>* corners) {
+  append_row<U8x16>(row, width, y, stride, threshold, corners);
 }
 
-CAIRN_AVX2 void append_row_avx2(const uint8_t* row, int width, int y, ptrdiff_t stride, int threshold,
+CAIRN_WIDE void append_row_wide(const uint8_t* row, int width, int y, ptrdiff_t stride, int threshold,
                                 std::vector<Corner>* corners) {
-  append_row<Bytes32>(row, width, y, stride, threshold, corners);
+  append_row<U8x32>(row, width, y, stride, threshold, corners);
 }
 
 /// Whether `mask` (one bit per ring pixel) has kArc neighbouring bits, around the end too.
@@ -184,7 +185,7 @@ int score_of(int brightest, int darkest, int center) {
 
 /// fast10_score() of each corner, sixteen at a time.
 std::vector<int> fast10_scores(const GrayView& image, const std::vector<Corner>& corners) {
-  constexpr size_t kLanes = sizeof(Bytes16);
+  constexpr size_t kLanes = sizeof(U8x16);
   std::vector<int> scores(corners.size());
   std::array<std::array<uint8_t, kLanes>, kRing> gathered{};
   for (size_t first = 0; first < corners.size(); first += kLanes) {
@@ -194,10 +195,10 @@ std::vector<int> fast10_scores(const GrayView& image, const std::vector<Corner>&
       const uint8_t* center = image.row(c.y) + c.x;
       for (size_t k = 0; k < kRing; ++k) gathered[k][lane] = *ring_pixel(center, image.stride, k);
     }
-    std::array<Bytes16, kRing> ring;
-    for (size_t k = 0; k < kRing; ++k) load_bytes(gathered[k].data(), &ring[k]);
-    Bytes16 brightest;
-    Bytes16 darkest;
+    std::array<U8x16, kRing> ring;
+    for (size_t k = 0; k < kRing; ++k) load_lanes(gathered[k].data(), &ring[k]);
+    U8x16 brightest;
+    U8x16 darkest;
     best_arc<true>(ring, &brightest);
     best_arc<false>(ring, &darkest);
     for (size_t lane = 0; lane < count; ++lane) {
@@ -268,33 +269,26 @@ constexpr int kSevenWide = 3;  ///< half size of the box that candidates are jud
 
 /// The box is a lane narrower than a register: the lane to its left is read, for which there is always a
 /// pixel, and not counted.
-GradientSums gradient_sums_sse2(const GrayView& image, int x, int y) {
-  const __m128i zero = _mm_setzero_si128();
-  const __m128i counted = _mm_setr_epi16(0, -1, -1, -1, -1, -1, -1, -1);
-  const auto eight = [&](int u, int v) {
-    return _mm_unpacklo_epi8(_mm_loadl_epi64(vector_at(image.row(v) + u)), zero);
-  };
+GradientSums gradient_sums_seven(const GrayView& image, int x, int y) {
+  const I16x8 counted = {0, -1, -1, -1, -1, -1, -1, -1};
+  const auto eight = [&](int u, int v) { return bytes_to_i16x8(image.row(v) + u); };
   const int first = x - kSevenWide - 1;
-  __m128i xx = zero;
-  __m128i xy = zero;
-  __m128i yy = zero;
-  __m128i above = eight(first, y - kSevenWide - 1);
-  __m128i here = eight(first, y - kSevenWide);
+  I32x4 xx{};
+  I32x4 xy{};
+  I32x4 yy{};
+  I16x8 above = eight(first, y - kSevenWide - 1);
+  I16x8 here = eight(first, y - kSevenWide);
   for (int v = y - kSevenWide; v <= y + kSevenWide; ++v) {
-    const __m128i below = eight(first, v + 1);
-    const __m128i gx = _mm_and_si128(_mm_sub_epi16(eight(first + 1, v), eight(first - 1, v)), counted);
-    const __m128i gy = _mm_and_si128(_mm_sub_epi16(below, above), counted);
-    xx = _mm_add_epi32(xx, _mm_madd_epi16(gx, gx));
-    xy = _mm_add_epi32(xy, _mm_madd_epi16(gx, gy));
-    yy = _mm_add_epi32(yy, _mm_madd_epi16(gy, gy));
+    const I16x8 below = eight(first, v + 1);
+    const I16x8 gx = (eight(first + 1, v) - eight(first - 1, v)) & counted;
+    const I16x8 gy = (below - above) & counted;
+    xx += multiply_add_pairs(gx, gx);
+    xy += multiply_add_pairs(gx, gy);
+    yy += multiply_add_pairs(gy, gy);
     above = here;
     here = below;
   }
-  const auto sum = [](__m128i lanes) {
-    const __m128i pairs = _mm_add_epi32(lanes, _mm_unpackhi_epi64(lanes, lanes));
-    return _mm_cvtsi128_si32(_mm_add_epi32(pairs, _mm_srli_si128(pairs, 4)));
-  };
-  return {.xx = sum(xx), .xy = sum(xy), .yy = sum(yy)};
+  return {.xx = sum_of_lanes(xx), .xy = sum_of_lanes(xy), .yy = sum_of_lanes(yy)};
 }
 
 }  // namespace
@@ -305,10 +299,10 @@ void kernels::detect_fast10(const GrayView& image, int threshold, CornerList* ou
   const int inner_width = image.width - 2 * kRingRadius;
   if (inner_width <= 0) return;
   auto append = append_row_scalar;
-  if (simd == Simd::kAvx2 && inner_width >= static_cast<int>(sizeof(Bytes32))) {
-    append = append_row_avx2;
-  } else if (simd != Simd::kScalar && inner_width >= static_cast<int>(sizeof(Bytes16))) {
-    append = append_row_sse2;
+  if (simd == Simd::kWide && inner_width >= static_cast<int>(sizeof(U8x32))) {
+    append = append_row_wide;
+  } else if (simd != Simd::kScalar && inner_width >= static_cast<int>(sizeof(U8x16))) {
+    append = append_row_narrow;
   }
   const int clamped = std::clamp(threshold, 0, 255);
   for (int y = 0; y < image.height; ++y) {
@@ -335,7 +329,7 @@ int fast10_score(const GrayView& image, int x, int y) {
 }
 
 float shi_tomasi(const GrayView& image, int x, int y, int half_size) {
-  const GradientSums sums = half_size == kSevenWide ? gradient_sums_sse2(image, x, y)
+  const GradientSums sums = half_size == kSevenWide ? gradient_sums_seven(image, x, y)
                                                     : gradient_sums_scalar(image, x, y, half_size);
   const int side = 2 * half_size + 1;
   const double norm = 1.0 / (2.0 * side * side);

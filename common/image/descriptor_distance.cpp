@@ -1,6 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <immintrin.h>
-
 #include <algorithm>
 #include <bit>
 #include <limits>
@@ -12,20 +10,12 @@
 namespace cairn {
 namespace {
 
-#define CAIRN_POPCNT __attribute__((target("popcnt")))
-#define CAIRN_VPOPCNT __attribute__((target("avx512vl,avx512vpopcntdq")))
-
-CAIRN_POPCNT inline int distance_popcnt(const Descriptor& a, const Descriptor& b) {
-  return __builtin_popcountll(a[0] ^ b[0]) + __builtin_popcountll(a[1] ^ b[1]) +
-         __builtin_popcountll(a[2] ^ b[2]) + __builtin_popcountll(a[3] ^ b[3]);
+CAIRN_COUNT_WORDS inline int distance_by_words(const Descriptor& a, const Descriptor& b) {
+  return different_bits_by_words(a.data(), b.data());
 }
 
-CAIRN_VPOPCNT inline int distance_vpopcnt(const Descriptor& a, const Descriptor& b) {
-  const __m256i one = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(a.data()));
-  const __m256i other = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(b.data()));
-  const __m256i counts = _mm256_popcnt_epi64(_mm256_xor_si256(one, other));
-  const __m128i sums = _mm_add_epi64(_mm256_castsi256_si128(counts), _mm256_extracti128_si256(counts, 1));
-  return _mm_cvtsi128_si32(_mm_add_epi64(sums, _mm_unpackhi_epi64(sums, sums)));
+CAIRN_COUNT_VECTORS inline int distance_by_vectors(const Descriptor& a, const Descriptor& b) {
+  return different_bits_by_vectors(a.data(), b.data());
 }
 
 using Distance = int (*)(const Descriptor&, const Descriptor&);
@@ -84,29 +74,27 @@ constexpr Variant kPlain = {
        NearDescriptor* out) { return measure_ranges<descriptor_distance>(q, set, ranges, out); },
 };
 
-constexpr Variant kPopcnt = {
+constexpr Variant kByWords = {
     [](Descriptor q, std::span<const Descriptor> set, uint16_t* out)
-        CAIRN_POPCNT { measure_all<distance_popcnt>(q, set, out); },
-    [](Descriptor q, std::span<const Descriptor> set) CAIRN_POPCNT { return scan<distance_popcnt>(q, set); },
+        CAIRN_COUNT_WORDS { measure_all<distance_by_words>(q, set, out); },
+    [](Descriptor q, std::span<const Descriptor> set)
+        CAIRN_COUNT_WORDS { return scan<distance_by_words>(q, set); },
     [](Descriptor q, std::span<const Descriptor> set, std::span<const IndexRange> ranges, NearDescriptor* out)
-        CAIRN_POPCNT { return measure_ranges<distance_popcnt>(q, set, ranges, out); },
+        CAIRN_COUNT_WORDS { return measure_ranges<distance_by_words>(q, set, ranges, out); },
 };
 
-constexpr Variant kVpopcnt = {
+constexpr Variant kByVectors = {
     [](Descriptor q, std::span<const Descriptor> set, uint16_t* out)
-        CAIRN_VPOPCNT { measure_all<distance_vpopcnt>(q, set, out); },
+        CAIRN_COUNT_VECTORS { measure_all<distance_by_vectors>(q, set, out); },
     [](Descriptor q, std::span<const Descriptor> set)
-        CAIRN_VPOPCNT { return scan<distance_vpopcnt>(q, set); },
+        CAIRN_COUNT_VECTORS { return scan<distance_by_vectors>(q, set); },
     [](Descriptor q, std::span<const Descriptor> set, std::span<const IndexRange> ranges, NearDescriptor* out)
-        CAIRN_VPOPCNT { return measure_ranges<distance_vpopcnt>(q, set, ranges, out); },
+        CAIRN_COUNT_VECTORS { return measure_ranges<distance_by_vectors>(q, set, ranges, out); },
 };
 
 const Variant& variant(Simd simd) {
-  static const bool has_vpopcnt =
-      __builtin_cpu_supports("avx512vl") && __builtin_cpu_supports("avx512vpopcntdq");
-  static const bool has_popcnt = __builtin_cpu_supports("popcnt");
-  if (simd == Simd::kAvx2 && has_vpopcnt) return kVpopcnt;
-  return simd != Simd::kScalar && has_popcnt ? kPopcnt : kPlain;
+  if (simd == Simd::kWide && can_count_vectors()) return kByVectors;
+  return simd != Simd::kScalar && can_count_words() ? kByWords : kPlain;
 }
 
 }  // namespace

@@ -5,11 +5,11 @@
 #include <span>
 #include <vector>
 
+#include "common/base/simd.h"
 #include "common/image/corners.h"
 #include "common/image/descriptor.h"
 #include "common/image/image.h"
 #include "common/image/patch.h"
-#include "common/image/simd.h"
 #include "common/image/window_sums.h"
 
 /// Private to common/image and its tests: the public functions of pyramid.h, corners.h, patch.h and
@@ -42,7 +42,7 @@ void find_alike(const PatchTemplate& patch, const GrayView& level_image, const W
                                                           const Eigen::Vector2f& start, int max_iterations,
                                                           float max_shift, int max_zmssd, Simd simd);
 
-/// These three by population count, where the machine has it, of words, or of vectors instead of kAvx2.
+/// These three by population count, where the machine has it, of words for kNarrow, of vectors for kWide.
 void descriptor_distances(const Descriptor& query, std::span<const Descriptor> set, uint16_t* out, Simd simd);
 [[nodiscard]] NearestDescriptor find_nearest(const Descriptor& query, std::span<const Descriptor> set,
                                              Simd simd);

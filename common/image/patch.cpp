@@ -64,7 +64,7 @@ std::optional<SampleGrid> sample_grid(const Warp& level0_from_source, int level)
       level0_from_source.inverse() * static_cast<float>(1 << level);  // not finite when singular
   if (!(source_from_target.cwiseAbs().maxCoeff() < static_cast<float>(kSourcePatchSize))) return std::nullopt;
   const auto fixed = [&](int row, int column) {
-    return _mm_cvtss_si32(_mm_set_ss(source_from_target(row, column) * static_cast<float>(kOne)));  // rounds
+    return round_to_int(source_from_target(row, column) * static_cast<float>(kOne));
   };
   const SampleGrid grid{fixed(0, 0), fixed(0, 1), fixed(1, 0), fixed(1, 1)};
   if (!grid.is_inside()) return std::nullopt;
@@ -102,57 +102,47 @@ void warp_scalar(const SourcePatch& source, const SampleGrid& grid, RingedTempla
 
 /// Where eight samples lie: the pixel to the upper left of each, and how far [1/256 px] they are from it.
 struct Spots {
-  __m256i index;
-  __m256i fx;
-  __m256i fy;
+  I32x8 index;
+  I32x8 fx;
+  I32x8 fy;
 };
 
-CAIRN_AVX2 CAIRN_INLINE Spots spots_avx2(__m256i u, __m256i v) {
-  const __m256i zero = _mm256_setzero_si256();
-  const __m256i limit = _mm256_set1_epi32(kMaxCoordinate);
-  const __m256i byte = _mm256_set1_epi32(255);
-  u = _mm256_min_epi32(_mm256_max_epi32(u, zero), limit);
-  v = _mm256_min_epi32(_mm256_max_epi32(v, zero), limit);
-  const __m256i row =
-      _mm256_mullo_epi16(_mm256_srli_epi32(v, kFractionBits), _mm256_set1_epi32(kSourcePatchSize));
-  return {_mm256_add_epi32(row, _mm256_srli_epi32(u, kFractionBits)),
-          _mm256_and_si256(_mm256_srli_epi32(u, 8), byte), _mm256_and_si256(_mm256_srli_epi32(v, 8), byte)};
+CAIRN_WIDE CAIRN_INLINE I32x8 clamped(I32x8 v) {
+  v = v > 0 ? v : I32x8{};
+  return v < kMaxCoordinate ? v : I32x8{} + kMaxCoordinate;
+}
+
+CAIRN_WIDE CAIRN_INLINE Spots spots_at(I32x8 u, I32x8 v) {
+  u = clamped(u);
+  v = clamped(v);
+  // The high halves of the lanes are 0: products of 16 bits are faster and the same.
+  const I32x8 row = (I32x8)((I16x16)(v >> kFractionBits) * static_cast<int16_t>(kSourcePatchSize));
+  return {row + (u >> kFractionBits), (u >> 8) & 255, (v >> 8) & 255};
 }
 
 /// The values of eight samples, from the two bytes at the begin of `top` and the two at the end of `bottom`.
-CAIRN_AVX2 CAIRN_INLINE __m256i blend_avx2(const Spots& spots, __m256i top_bytes, __m256i bottom_bytes) {
-  const __m256i weights =
-      _mm256_or_si256(_mm256_slli_epi32(spots.fx, 16), _mm256_sub_epi32(_mm256_set1_epi32(256), spots.fx));
-  const __m256i spread_first = _mm256_setr_epi8(0, -1, 1, -1, 4, -1, 5, -1, 8, -1, 9, -1, 12, -1, 13, -1,  //
-                                                0, -1, 1, -1, 4, -1, 5, -1, 8, -1, 9, -1, 12, -1, 13, -1);
-  const __m256i spread_last = _mm256_setr_epi8(2, -1, 3, -1, 6, -1, 7, -1, 10, -1, 11, -1, 14, -1, 15, -1,  //
-                                               2, -1, 3, -1, 6, -1, 7, -1, 10, -1, 11, -1, 14, -1, 15, -1);
-  const __m256i top = _mm256_madd_epi16(_mm256_shuffle_epi8(top_bytes, spread_first), weights);
-  const __m256i bottom = _mm256_madd_epi16(_mm256_shuffle_epi8(bottom_bytes, spread_last), weights);
-  const __m256i blend = _mm256_mullo_epi32(_mm256_sub_epi32(bottom, top), spots.fy);
-  const __m256i sum =
-      _mm256_add_epi32(_mm256_add_epi32(_mm256_slli_epi32(top, 8), blend), _mm256_set1_epi32(1 << 15));
-  return _mm256_srli_epi32(sum, 16);
-}
-
-/// As the low bytes of the result.
-CAIRN_AVX2 CAIRN_INLINE __m128i bytes_avx2(__m256i values) {
-  const __m128i words = _mm_packus_epi32(_mm256_castsi256_si128(values), _mm256_extracti128_si256(values, 1));
-  return _mm_packus_epi16(words, words);
+CAIRN_WIDE CAIRN_INLINE I32x8 blend(const Spots& spots, I32x8 top_bytes, I32x8 bottom_bytes) {
+  constexpr uint8_t kNone = 255;
+  const I16x16 weights = (I16x16)((spots.fx << 16) | (256 - spots.fx));
+  const U8x32 first_two = {0, kNone, 1, kNone, 4, kNone, 5, kNone, 8, kNone, 9, kNone, 12, kNone, 13, kNone,
+                           0, kNone, 1, kNone, 4, kNone, 5, kNone, 8, kNone, 9, kNone, 12, kNone, 13, kNone};
+  const U8x32 last_two = {2, kNone, 3, kNone, 6, kNone, 7, kNone, 10, kNone, 11, kNone, 14, kNone, 15, kNone,
+                          2, kNone, 3, kNone, 6, kNone, 7, kNone, 10, kNone, 11, kNone, 14, kNone, 15, kNone};
+  const I32x8 top = multiply_add_pairs((I16x16)pick_bytes((U8x32)top_bytes, first_two), weights);
+  const I32x8 bottom = multiply_add_pairs((I16x16)pick_bytes((U8x32)bottom_bytes, last_two), weights);
+  return ((top << 8) + (bottom - top) * spots.fy + (1 << 15)) >> 16;
 }
 
 /// Samples a patch as it is.
 struct SinglePixels {
   const SourcePatch& source;
 
-  CAIRN_AVX2 CAIRN_INLINE __m128i sample(__m256i u, __m256i v) const {
-    const Spots spots = spots_avx2(u, v);
+  CAIRN_WIDE CAIRN_INLINE I32x8 sample(I32x8 u, I32x8 v) const {
+    const Spots spots = spots_at(u, v);
     // A gather takes four bytes of which two are wanted: the first two in the upper row, the last two in the
     // lower, so that neither reads beyond the patch.
-    const auto* upper = reinterpret_cast<const int*>(source.data());
-    const auto* lower = reinterpret_cast<const int*>(source.data() + kSourcePatchSize - 2);
-    return bytes_avx2(blend_avx2(spots, _mm256_i32gather_epi32(upper, spots.index, 1),
-                                 _mm256_i32gather_epi32(lower, spots.index, 1)));
+    return blend(spots, gather<1>(source.data(), spots.index),
+                 gather<1>(source.data() + kSourcePatchSize - 2, spots.index));
   }
 };
 
@@ -175,70 +165,70 @@ struct SmearedPixels {
   alignas(64) std::array<uint8_t, 4 * kSourcePatchPixels> quads;
   const SmearWays& ways;
 
-  CAIRN_AVX2 SmearedPixels(const SourcePatch& source, const SmearWays& smear_ways) : ways(smear_ways) {
+  CAIRN_WIDE SmearedPixels(const SourcePatch& source, const SmearWays& smear_ways) : ways(smear_ways) {
     constexpr size_t kBlock = 16;
     constexpr size_t kBelow = kSourcePatchSize;
     constexpr size_t kLast = kSourcePatchPixels - kBelow - 1 - kBlock;  // reads up to the end of the patch
     for (size_t begin = 0; begin < kLast + kBlock; begin += kBlock) {
       const size_t i = std::min(begin, kLast);
-      const auto at = [&](size_t k) { return _mm_loadu_si128(vector_at(source.data() + k)); };
-      const __m128i here = at(i);
-      const __m128i right = at(i + 1);
-      const __m128i below = at(i + kBelow);
-      const __m128i beside = at(i + kBelow + 1);
-      auto* out = reinterpret_cast<__m128i*>(quads.data() + 4 * i);
-      const __m128i upper_low = _mm_unpacklo_epi8(here, right);
-      const __m128i upper_high = _mm_unpackhi_epi8(here, right);
-      const __m128i lower_low = _mm_unpacklo_epi8(below, beside);
-      const __m128i lower_high = _mm_unpackhi_epi8(below, beside);
-      _mm_storeu_si128(out, _mm_unpacklo_epi16(upper_low, lower_low));
-      _mm_storeu_si128(out + 1, _mm_unpackhi_epi16(upper_low, lower_low));
-      _mm_storeu_si128(out + 2, _mm_unpacklo_epi16(upper_high, lower_high));
-      _mm_storeu_si128(out + 3, _mm_unpackhi_epi16(upper_high, lower_high));
+      const auto at = [&](size_t k) CAIRN_WIDE { return load_lanes<U8x16>(source.data() + k); };
+      const auto zip = [](auto a, auto b, auto* low, auto* high) CAIRN_WIDE {
+        if constexpr (sizeof(a[0]) == 1) {
+          *low = CAIRN_LANES(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23);
+          *high = CAIRN_LANES(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31);
+        } else {
+          *low = CAIRN_LANES(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+          *high = CAIRN_LANES(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
+        }
+      };
+      std::array<U8x16, 2> upper;
+      std::array<U8x16, 2> lower;
+      zip(at(i), at(i + 1), &upper[0], &upper[1]);
+      zip(at(i + kBelow), at(i + kBelow + 1), &lower[0], &lower[1]);
+      for (size_t half = 0; half < 2; ++half) {
+        std::array<U16x8, 2> both;
+        zip((U16x8)upper[half], (U16x8)lower[half], &both[0], &both[1]);
+        store_lanes(quads.data() + 4 * i + 32 * half, both[0]);
+        store_lanes(quads.data() + 4 * i + 32 * half + 16, both[1]);
+      }
     }
   }
 
-  CAIRN_AVX2 CAIRN_INLINE __m128i sample(__m256i u, __m256i v) const {
-    __m256i sum = _mm256_set1_epi32(ways.half());
+  CAIRN_WIDE CAIRN_INLINE I32x8 sample(I32x8 u, I32x8 v) const {
+    I32x8 sum = I32x8{} + ways.half();
     for (size_t k = 0; k < ways.count; ++k) {
-      const Spots spots = spots_avx2(_mm256_add_epi32(u, _mm256_set1_epi32(ways.u[k])),
-                                     _mm256_add_epi32(v, _mm256_set1_epi32(ways.v[k])));
-      const __m256i quad = _mm256_i32gather_epi32(reinterpret_cast<const int*>(quads.data()), spots.index, 4);
-      sum = _mm256_add_epi32(sum, blend_avx2(spots, quad, quad));
+      const Spots spots = spots_at(u + ways.u[k], v + ways.v[k]);
+      const I32x8 quad = gather<4>(quads.data(), spots.index);
+      sum += blend(spots, quad, quad);
     }
-    return bytes_avx2(_mm256_srli_epi32(_mm256_mullo_epi32(sum, _mm256_set1_epi32(ways.reciprocal())), 16));
+    return (sum * ways.reciprocal()) >> 16;
   }
 };
 
 template <class Pixels>
-CAIRN_AVX2 CAIRN_INLINE void warp_avx2(const Pixels& source, const SampleGrid& grid, RingedTemplate* out) {
-  const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+CAIRN_WIDE CAIRN_INLINE void warp_wide(const Pixels& source, const SampleGrid& grid, RingedTemplate* out) {
+  const I32x8 lane = {0, 1, 2, 3, 4, 5, 6, 7};
   // The columns to the left and right first: the row loads of the gradients then find the rows stored last.
-  const __m256i u_along_j = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.u_per_j));
-  const __m256i v_along_j = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.v_per_j));
+  const I32x8 u_along_j = lane * grid.u_per_j;
+  const I32x8 v_along_j = lane * grid.v_per_j;
   for (const int i : {-1, kTemplateSize}) {
-    alignas(16) std::array<uint8_t, 16> column;
-    _mm_store_si128(reinterpret_cast<__m128i*>(column.data()),
-                    source.sample(_mm256_add_epi32(_mm256_set1_epi32(grid.u(i, 0)), u_along_j),
-                                  _mm256_add_epi32(_mm256_set1_epi32(grid.v(i, 0)), v_along_j)));
+    std::array<uint8_t, kTemplateSize> column;
+    store_as_bytes(column.data(), source.sample(grid.u(i, 0) + u_along_j, grid.v(i, 0) + v_along_j));
     for (int j = 0; j < kTemplateSize; ++j) *out->at(i, j) = column[static_cast<size_t>(j)];
   }
-  const __m256i u_along_i = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.u_per_i));
-  const __m256i v_along_i = _mm256_mullo_epi32(lane, _mm256_set1_epi32(grid.v_per_i));
-  for (int j = -1; j <= kTemplateSize; ++j) {
-    _mm_storel_epi64(reinterpret_cast<__m128i*>(out->at(0, j)),
-                     source.sample(_mm256_add_epi32(_mm256_set1_epi32(grid.u(0, j)), u_along_i),
-                                   _mm256_add_epi32(_mm256_set1_epi32(grid.v(0, j)), v_along_i)));
-  }
+  const I32x8 u_along_i = lane * grid.u_per_i;
+  const I32x8 v_along_i = lane * grid.v_per_i;
+  for (int j = -1; j <= kTemplateSize; ++j)
+    store_as_bytes(out->at(0, j), source.sample(grid.u(0, j) + u_along_i, grid.v(0, j) + v_along_i));
 }
 
-CAIRN_AVX2 void warp_single_avx2(const SourcePatch& source, const SampleGrid& grid, RingedTemplate* out) {
-  warp_avx2(SinglePixels{source}, grid, out);
+CAIRN_WIDE void warp_single_wide(const SourcePatch& source, const SampleGrid& grid, RingedTemplate* out) {
+  warp_wide(SinglePixels{source}, grid, out);
 }
 
-CAIRN_AVX2 void warp_smeared_avx2(const SourcePatch& source, const SampleGrid& grid, const SmearWays& ways,
+CAIRN_WIDE void warp_smeared_wide(const SourcePatch& source, const SampleGrid& grid, const SmearWays& ways,
                                   RingedTemplate* out) {
-  warp_avx2(SmearedPixels(source, ways), grid, out);
+  warp_wide(SmearedPixels(source, ways), grid, out);
 }
 
 /// To the samples of a smear of this way [template px], the middle of which is `aside`.
@@ -285,51 +275,43 @@ struct TemplateSums {
   int value_squared = 0;
 };
 
-CAIRN_INLINE int sum_of_lanes(__m128i v) {
-  v = _mm_add_epi32(v, _mm_unpackhi_epi64(v, v));
-  return _mm_cvtsi128_si32(_mm_add_epi32(v, _mm_srli_si128(v, 4)));
-}
-
-/// Pixels and gradients into the template. SSE2 suffices: eight rows of eight.
+/// Pixels and gradients into the template: eight rows of eight.
 TemplateSums fill_template(const RingedTemplate& ringed, PatchTemplate* out) {
-  const __m128i zero = _mm_setzero_si128();
-  const __m128i ones = _mm_set1_epi16(1);
-  __m128i x = zero;
-  __m128i y = zero;
-  __m128i xx = zero;
-  __m128i xy = zero;
-  __m128i yy = zero;
-  __m128i value = zero;
-  __m128i value_squared = zero;
-  const auto row = [&](int i, int j) {
-    return _mm_unpacklo_epi8(_mm_loadl_epi64(vector_at(ringed.at(i, j))), zero);
-  };
-  __m128i above = row(0, -1);
-  __m128i here = row(0, 0);
+  const I16x8 ones = I16x8{} + 1;
+  I16x8 x{};
+  I16x8 y{};
+  I16x8 value{};
+  I32x4 xx{};
+  I32x4 xy{};
+  I32x4 yy{};
+  I32x4 value_squared{};
+  const auto row = [&](int i, int j) { return bytes_to_i16x8(ringed.at(i, j)); };
+  I16x8 above = row(0, -1);
+  I16x8 here = row(0, 0);
   for (int j = 0; j < kTemplateSize; ++j) {
     const auto offset = static_cast<size_t>(j) * kTemplateSize;
-    const __m128i below = row(0, j + 1);
-    const __m128i gx = _mm_sub_epi16(row(1, j), row(-1, j));
-    const __m128i gy = _mm_sub_epi16(below, above);
-    _mm_storel_epi64(reinterpret_cast<__m128i*>(out->pixels.data() + offset), _mm_packus_epi16(here, here));
-    _mm_store_si128(reinterpret_cast<__m128i*>(out->gradient_x.data() + offset), gx);
-    _mm_store_si128(reinterpret_cast<__m128i*>(out->gradient_y.data() + offset), gy);
-    x = _mm_add_epi16(x, gx);
-    y = _mm_add_epi16(y, gy);
-    value = _mm_add_epi16(value, here);
-    xx = _mm_add_epi32(xx, _mm_madd_epi16(gx, gx));
-    xy = _mm_add_epi32(xy, _mm_madd_epi16(gx, gy));
-    yy = _mm_add_epi32(yy, _mm_madd_epi16(gy, gy));
-    value_squared = _mm_add_epi32(value_squared, _mm_madd_epi16(here, here));
+    const I16x8 below = row(0, j + 1);
+    const I16x8 gx = row(1, j) - row(-1, j);
+    const I16x8 gy = below - above;
+    store_as_bytes(out->pixels.data() + offset, here);
+    store_lanes(out->gradient_x.data() + offset, gx);
+    store_lanes(out->gradient_y.data() + offset, gy);
+    x += gx;
+    y += gy;
+    value += here;
+    xx += multiply_add_pairs(gx, gx);
+    xy += multiply_add_pairs(gx, gy);
+    yy += multiply_add_pairs(gy, gy);
+    value_squared += multiply_add_pairs(here, here);
     above = here;
     here = below;
   }
-  return {.x = sum_of_lanes(_mm_madd_epi16(x, ones)),
-          .y = sum_of_lanes(_mm_madd_epi16(y, ones)),
+  return {.x = sum_of_lanes(multiply_add_pairs(x, ones)),
+          .y = sum_of_lanes(multiply_add_pairs(y, ones)),
           .xx = sum_of_lanes(xx),
           .xy = sum_of_lanes(xy),
           .yy = sum_of_lanes(yy),
-          .value = sum_of_lanes(_mm_madd_epi16(value, ones)),
+          .value = sum_of_lanes(multiply_add_pairs(value, ones)),
           .value_squared = sum_of_lanes(value_squared)};
 }
 
@@ -397,8 +379,8 @@ bool kernels::make_template(const SourcePatch& source, const Warp& level0_from_s
   const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
   if (!grid) return false;
   RingedTemplate ringed;
-  if (simd == Simd::kAvx2) {
-    warp_single_avx2(source, *grid, &ringed);
+  if (simd == Simd::kWide) {
+    warp_single_wide(source, *grid, &ringed);
   } else {
     warp_scalar(source, *grid, &ringed);
   }
@@ -424,8 +406,8 @@ bool kernels::make_smeared_template(const SourcePatch& source, const Warp& level
   while (!fits()) along *= 0.8F;
   const SmearWays ways = smear_ways(*grid, along, aside);
   RingedTemplate ringed;
-  if (simd == Simd::kAvx2) {
-    warp_smeared_avx2(source, *grid, ways, &ringed);
+  if (simd == Simd::kWide) {
+    warp_smeared_wide(source, *grid, ways, &ringed);
   } else {
     warp_smeared_scalar(source, *grid, ways, &ringed);
   }

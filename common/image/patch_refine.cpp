@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <array>
 #include <cmath>
-#include <cstring>
 
 #include "common/image/kernels.h"
 
@@ -28,12 +27,11 @@ using CubicWeights = std::array<float, 4>;
 
 /// Its four polynomials, a lane each.
 CAIRN_INLINE CubicWeights cubic_weights(float position) {
-  const __m128 t = _mm_set1_ps(position);
-  __m128 w = _mm_mul_ps(_mm_setr_ps(-0.5F, 1.5F, -1.5F, 0.5F), t);
-  w = _mm_mul_ps(_mm_add_ps(w, _mm_setr_ps(1.0F, -2.5F, 2.0F, -0.5F)), t);
-  w = _mm_mul_ps(_mm_add_ps(w, _mm_setr_ps(-0.5F, 0.0F, 0.5F, 0.0F)), t);
+  F32x4 w = F32x4{-0.5F, 1.5F, -1.5F, 0.5F} * position;
+  w = (w + F32x4{1.0F, -2.5F, 2.0F, -0.5F}) * position;
+  w = (w + F32x4{-0.5F, 0.0F, 0.5F, 0.0F}) * position;
   CubicWeights weights;
-  _mm_storeu_ps(weights.data(), _mm_add_ps(w, _mm_setr_ps(0.0F, 1.0F, 0.0F, 0.0F)));
+  store_lanes(weights.data(), w + F32x4{0.0F, 1.0F, 0.0F, 0.0F});
   return weights;
 }
 
@@ -52,7 +50,7 @@ struct Window {
 
 using Lanes = std::array<float, kTemplateSize>;
 
-float sum_of_lanes(const Lanes& l) {
+float sum_of_columns(const Lanes& l) {
   return ((l[0] + l[4]) + (l[2] + l[6])) + ((l[1] + l[5]) + (l[3] + l[7]));
 }
 
@@ -81,56 +79,41 @@ ResidualSums residual_sums_scalar(const PatchTemplate& patch, const Window& wind
       rr[lane] += r * r;
     }
   }
-  return {sum_of_lanes(xr), sum_of_lanes(yr), sum_of_lanes(sum), sum_of_lanes(rr)};
+  return {sum_of_columns(xr), sum_of_columns(yr), sum_of_columns(sum), sum_of_columns(rr)};
 }
 
-// The SSE2 variant takes the columns in two halves; the sums of a lane do not notice.
+// The narrow variant takes the columns in two halves; the sums of a lane do not notice.
 
-CAIRN_INLINE __m128 bytes_to_floats(const uint8_t* p) {  // four
-  int32_t bytes = 0;
-  std::memcpy(&bytes, p, sizeof(bytes));
-  const __m128i zero = _mm_setzero_si128();
-  return _mm_cvtepi32_ps(_mm_unpacklo_epi16(_mm_unpacklo_epi8(_mm_cvtsi32_si128(bytes), zero), zero));
+CAIRN_INLINE F32x4 blend(const CubicWeights& w, F32x4 a, F32x4 b, F32x4 c, F32x4 d) {
+  return (w[0] * a + w[1] * b) + (w[2] * c + w[3] * d);
 }
-CAIRN_INLINE __m128 words_to_floats(const int16_t* p) {  // four
-  const __m128i words = _mm_loadl_epi64(reinterpret_cast<const __m128i*>(p));
-  return _mm_cvtepi32_ps(_mm_unpacklo_epi16(words, _mm_srai_epi16(words, 15)));
-}
-CAIRN_INLINE __m128 blend(const CubicWeights& w, __m128 a, __m128 b, __m128 c, __m128 d) {
-  return _mm_add_ps(_mm_add_ps(_mm_mul_ps(_mm_set1_ps(w[0]), a), _mm_mul_ps(_mm_set1_ps(w[1]), b)),
-                    _mm_add_ps(_mm_mul_ps(_mm_set1_ps(w[2]), c), _mm_mul_ps(_mm_set1_ps(w[3]), d)));
-}
-CAIRN_INLINE __m128 across_sse2(const Window& window, int j, int i) {
+CAIRN_INLINE F32x4 across_narrow(const Window& window, int j, int i) {
   const uint8_t* p = window.pixels + j * window.stride + i;
-  return blend(window.across, bytes_to_floats(p), bytes_to_floats(p + 1), bytes_to_floats(p + 2),
-               bytes_to_floats(p + 3));
-}
-CAIRN_INLINE float sum_of_lanes(__m128 low_plus_high) {
-  const __m128 pairs = _mm_add_ps(low_plus_high, _mm_movehl_ps(low_plus_high, low_plus_high));
-  return _mm_cvtss_f32(_mm_add_ss(pairs, _mm_shuffle_ps(pairs, pairs, 1)));
+  return blend(window.across, bytes_to_f32x4(p), bytes_to_f32x4(p + 1), bytes_to_f32x4(p + 2),
+               bytes_to_f32x4(p + 3));
 }
 
 /// Sums of columns i .. i + 3, a lane each.
 struct HalfSums {
-  __m128 xr = _mm_setzero_ps();
-  __m128 yr = _mm_setzero_ps();
-  __m128 r = _mm_setzero_ps();
-  __m128 rr = _mm_setzero_ps();
+  F32x4 xr{};
+  F32x4 yr{};
+  F32x4 r{};
+  F32x4 rr{};
 };
 
 CAIRN_INLINE HalfSums half_sums(const PatchTemplate& patch, const Window& window, int i) {
   HalfSums sums;
-  __m128 a = across_sse2(window, 0, i);
-  __m128 b = across_sse2(window, 1, i);
-  __m128 c = across_sse2(window, 2, i);
+  F32x4 a = across_narrow(window, 0, i);
+  F32x4 b = across_narrow(window, 1, i);
+  F32x4 c = across_narrow(window, 2, i);
   for (int j = 0; j < kTemplateSize; ++j) {
     const auto k = static_cast<size_t>(j) * kTemplateSize + static_cast<size_t>(i);
-    const __m128 d = across_sse2(window, j + 3, i);
-    const __m128 r = _mm_sub_ps(blend(window.down, a, b, c, d), bytes_to_floats(patch.pixels.data() + k));
-    sums.xr = _mm_add_ps(sums.xr, _mm_mul_ps(words_to_floats(patch.gradient_x.data() + k), r));
-    sums.yr = _mm_add_ps(sums.yr, _mm_mul_ps(words_to_floats(patch.gradient_y.data() + k), r));
-    sums.r = _mm_add_ps(sums.r, r);
-    sums.rr = _mm_add_ps(sums.rr, _mm_mul_ps(r, r));
+    const F32x4 d = across_narrow(window, j + 3, i);
+    const F32x4 r = blend(window.down, a, b, c, d) - bytes_to_f32x4(patch.pixels.data() + k);
+    sums.xr += words_to_f32x4(patch.gradient_x.data() + k) * r;
+    sums.yr += words_to_f32x4(patch.gradient_y.data() + k) * r;
+    sums.r += r;
+    sums.rr += r * r;
     a = b;
     b = c;
     c = d;
@@ -138,66 +121,57 @@ CAIRN_INLINE HalfSums half_sums(const PatchTemplate& patch, const Window& window
   return sums;
 }
 
-ResidualSums residual_sums_sse2(const PatchTemplate& patch, const Window& window) {
+ResidualSums residual_sums_narrow(const PatchTemplate& patch, const Window& window) {
   const HalfSums left = half_sums(patch, window, 0);
   const HalfSums right = half_sums(patch, window, 4);
-  return {sum_of_lanes(_mm_add_ps(left.xr, right.xr)), sum_of_lanes(_mm_add_ps(left.yr, right.yr)),
-          sum_of_lanes(_mm_add_ps(left.r, right.r)), sum_of_lanes(_mm_add_ps(left.rr, right.rr))};
+  return {sum_of_lanes(left.xr + right.xr), sum_of_lanes(left.yr + right.yr), sum_of_lanes(left.r + right.r),
+          sum_of_lanes(left.rr + right.rr)};
 }
 
-CAIRN_AVX2 CAIRN_INLINE __m256 words_to_floats_avx2(const int16_t* p) {
-  return _mm256_cvtepi32_ps(_mm256_cvtepi16_epi32(_mm_load_si128(reinterpret_cast<const __m128i*>(p))));
+CAIRN_WIDE CAIRN_INLINE F32x8 blend(const CubicWeights& w, F32x8 a, F32x8 b, F32x8 c, F32x8 d) {
+  return (w[0] * a + w[1] * b) + (w[2] * c + w[3] * d);
 }
-CAIRN_AVX2 CAIRN_INLINE __m256 bytes_to_floats_avx2(const uint8_t* p) {
-  return _mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(_mm_loadl_epi64(vector_at(p))));
-}
-CAIRN_AVX2 CAIRN_INLINE __m256 blend_avx2(const CubicWeights& w, __m256 a, __m256 b, __m256 c, __m256 d) {
-  return _mm256_add_ps(
-      _mm256_add_ps(_mm256_mul_ps(_mm256_set1_ps(w[0]), a), _mm256_mul_ps(_mm256_set1_ps(w[1]), b)),
-      _mm256_add_ps(_mm256_mul_ps(_mm256_set1_ps(w[2]), c), _mm256_mul_ps(_mm256_set1_ps(w[3]), d)));
-}
-CAIRN_AVX2 CAIRN_INLINE __m256 across_avx2(const Window& window, int j) {
+CAIRN_WIDE CAIRN_INLINE F32x8 across_wide(const Window& window, int j) {
   const uint8_t* p = window.pixels + j * window.stride;
-  const __m256 first = bytes_to_floats_avx2(p);     // pixels 0 1 2 3 | 4 5 6 7
-  const __m256 last = bytes_to_floats_avx2(p + 3);  //        3 4 5 6 | 7 8 9 10
-  return blend_avx2(window.across, first, _mm256_shuffle_ps(first, last, _MM_SHUFFLE(1, 0, 2, 1)),
-                    _mm256_shuffle_ps(first, last, _MM_SHUFFLE(2, 1, 3, 2)), last);
+  const F32x8 first = bytes_to_f32x8(p);     // pixels 0 1 2 3 | 4 5 6 7
+  const F32x8 last = bytes_to_f32x8(p + 3);  //        3 4 5 6 | 7 8 9 10
+  return blend(window.across, first, CAIRN_LANES(first, last, 1, 2, 8, 9, 5, 6, 12, 13),
+               CAIRN_LANES(first, last, 2, 3, 9, 10, 6, 7, 13, 14), last);
 }
-CAIRN_AVX2 CAIRN_INLINE float sum_of_lanes_avx2(__m256 v) {
-  return sum_of_lanes(_mm_add_ps(_mm256_castps256_ps128(v), _mm256_extractf128_ps(v, 1)));
+CAIRN_WIDE CAIRN_INLINE float sum_of_eight(F32x8 v) {
+  return sum_of_lanes(CAIRN_LANES(v, v, 0, 1, 2, 3) + CAIRN_LANES(v, v, 4, 5, 6, 7));
 }
 
-CAIRN_AVX2 ResidualSums residual_sums_avx2(const PatchTemplate& patch, const Window& window) {
-  __m256 xr = _mm256_setzero_ps();
-  __m256 yr = _mm256_setzero_ps();
-  __m256 sum = _mm256_setzero_ps();
-  __m256 rr = _mm256_setzero_ps();
-  __m256 a = across_avx2(window, 0);
-  __m256 b = across_avx2(window, 1);
-  __m256 c = across_avx2(window, 2);
+CAIRN_WIDE ResidualSums residual_sums_wide(const PatchTemplate& patch, const Window& window) {
+  F32x8 xr{};
+  F32x8 yr{};
+  F32x8 sum{};
+  F32x8 rr{};
+  F32x8 a = across_wide(window, 0);
+  F32x8 b = across_wide(window, 1);
+  F32x8 c = across_wide(window, 2);
 #pragma GCC unroll 8
   for (int j = 0; j < kTemplateSize; ++j) {
     const size_t k = static_cast<size_t>(j) * kTemplateSize;
-    const __m256 d = across_avx2(window, j + 3);
-    const __m256 r =
-        _mm256_sub_ps(blend_avx2(window.down, a, b, c, d), bytes_to_floats_avx2(patch.pixels.data() + k));
-    xr = _mm256_add_ps(xr, _mm256_mul_ps(words_to_floats_avx2(patch.gradient_x.data() + k), r));
-    yr = _mm256_add_ps(yr, _mm256_mul_ps(words_to_floats_avx2(patch.gradient_y.data() + k), r));
-    sum = _mm256_add_ps(sum, r);
-    rr = _mm256_add_ps(rr, _mm256_mul_ps(r, r));
+    const F32x8 d = across_wide(window, j + 3);
+    const F32x8 r = blend(window.down, a, b, c, d) - bytes_to_f32x8(patch.pixels.data() + k);
+    xr += words_to_f32x8(patch.gradient_x.data() + k) * r;
+    yr += words_to_f32x8(patch.gradient_y.data() + k) * r;
+    sum += r;
+    rr += r * r;
     a = b;
     b = c;
     c = d;
   }
-  return {sum_of_lanes_avx2(xr), sum_of_lanes_avx2(yr), sum_of_lanes_avx2(sum), sum_of_lanes_avx2(rr)};
+  return {sum_of_eight(xr), sum_of_eight(yr), sum_of_eight(sum), sum_of_eight(rr)};
 }
 
 CAIRN_INLINE ResidualSums residual_sums(const PatchTemplate& patch, const Window& window, Simd simd) {
   switch (simd) {
-    case Simd::kAvx2:
-      return residual_sums_avx2(patch, window);
-    case Simd::kSse2:
-      return residual_sums_sse2(patch, window);
+    case Simd::kWide:
+      return residual_sums_wide(patch, window);
+    case Simd::kNarrow:
+      return residual_sums_narrow(patch, window);
     case Simd::kScalar:
       break;
   }

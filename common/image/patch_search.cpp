@@ -30,48 +30,43 @@ int zmssd_scalar(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t st
   return zmssd_of_sums(squares, sum);
 }
 
-CAIRN_INLINE int zmssd_sse2(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
-  const __m128i zero = _mm_setzero_si128();
-  __m128i squares = zero;
-  __m128i sums = zero;
+CAIRN_INLINE int zmssd_narrow(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
+  I32x4 squares{};
+  I16x8 sums{};
 #pragma GCC unroll 8
   for (int j = 0; j < kTemplateSize; ++j) {
-    const __m128i a =
-        _mm_unpacklo_epi8(_mm_loadl_epi64(vector_at(patch.pixels.data() + j * kTemplateSize)), zero);
-    const __m128i b = _mm_unpacklo_epi8(_mm_loadl_epi64(vector_at(window + j * stride)), zero);
-    const __m128i d = _mm_sub_epi16(a, b);
-    squares = _mm_add_epi32(squares, _mm_madd_epi16(d, d));
-    sums = _mm_add_epi16(sums, d);  // 8 rows of at most 255: fits
+    const I16x8 d =
+        bytes_to_i16x8(patch.pixels.data() + j * kTemplateSize) - bytes_to_i16x8(window + j * stride);
+    squares += multiply_add_pairs(d, d);
+    sums += d;  // 8 rows of at most 255: fits
   }
-  sums = _mm_madd_epi16(sums, _mm_set1_epi16(1));
-  const __m128i pairs = _mm_add_epi32(_mm_unpacklo_epi32(squares, sums), _mm_unpackhi_epi32(squares, sums));
-  const __m128i both = _mm_add_epi32(pairs, _mm_unpackhi_epi64(pairs, pairs));
-  return zmssd_of_sums(_mm_cvtsi128_si32(both), _mm_cvtsi128_si32(_mm_srli_si128(both, 4)));
+  const I32x4 differences = multiply_add_pairs(sums, I16x8{} + 1);
+  const I32x4 pairs =
+      CAIRN_LANES(squares, differences, 0, 4, 1, 5) + CAIRN_LANES(squares, differences, 2, 6, 3, 7);
+  const I32x4 both = pairs + CAIRN_LANES(pairs, pairs, 2, 3, 2, 3);
+  return zmssd_of_sums(both[0], both[1]);
 }
 
-CAIRN_AVX2 CAIRN_INLINE int zmssd_avx2(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
-  __m256i squares = _mm256_setzero_si256();
-  __m256i sums = _mm256_setzero_si256();
+CAIRN_WIDE CAIRN_INLINE int zmssd_wide(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
+  I32x8 squares{};
+  I16x16 sums{};
 #pragma GCC unroll 4
   for (int j = 0; j < kTemplateSize; j += 2) {
-    const __m256i a =
-        _mm256_cvtepu8_epi16(_mm_load_si128(vector_at(patch.pixels.data() + j * kTemplateSize)));
-    const __m128i top = _mm_loadl_epi64(vector_at(window + j * stride));
-    const __m128i bottom = _mm_loadl_epi64(vector_at(window + (j + 1) * stride));
-    const __m256i d = _mm256_sub_epi16(a, _mm256_cvtepu8_epi16(_mm_unpacklo_epi64(top, bottom)));
-    squares = _mm256_add_epi32(squares, _mm256_madd_epi16(d, d));
-    sums = _mm256_add_epi16(sums, d);
+    const I16x16 d = bytes_to_i16x16(patch.pixels.data() + j * kTemplateSize) -
+                     bytes_to_i16x16(window + j * stride, window + (j + 1) * stride);
+    squares += multiply_add_pairs(d, d);
+    sums += d;
   }
-  sums = _mm256_madd_epi16(sums, _mm256_set1_epi16(1));
-  const __m256i wide =
-      _mm256_add_epi32(_mm256_unpacklo_epi32(squares, sums), _mm256_unpackhi_epi32(squares, sums));
-  const __m128i pairs = _mm_add_epi32(_mm256_castsi256_si128(wide), _mm256_extracti128_si256(wide, 1));
-  const __m128i both = _mm_add_epi32(pairs, _mm_unpackhi_epi64(pairs, pairs));
-  return zmssd_of_sums(_mm_cvtsi128_si32(both), _mm_extract_epi32(both, 1));
+  const I32x8 differences = multiply_add_pairs(sums, I16x16{} + 1);
+  const I32x8 wide = CAIRN_LANES(squares, differences, 0, 8, 1, 9, 4, 12, 5, 13) +
+                     CAIRN_LANES(squares, differences, 2, 10, 3, 11, 6, 14, 7, 15);
+  const I32x4 pairs = CAIRN_LANES(wide, wide, 0, 1, 2, 3) + CAIRN_LANES(wide, wide, 4, 5, 6, 7);
+  const I32x4 both = pairs + CAIRN_LANES(pairs, pairs, 2, 3, 2, 3);
+  return zmssd_of_sums(both[0], both[1]);
 }
 
-CAIRN_AVX2 int zmssd_avx2_once(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
-  return zmssd_avx2(patch, window, stride);
+CAIRN_WIDE int zmssd_wide_once(const PatchTemplate& patch, const uint8_t* window, ptrdiff_t stride) {
+  return zmssd_wide(patch, window, stride);
 }
 
 /// Corners of all rows that the circle touches, and what decides which of them to try. The corners of a band
@@ -107,21 +102,17 @@ void search_scalar(CircleSearch* search) {
   }
 }
 
-void search_sse2(CircleSearch* search) {
-  const __m128 center_x = _mm_set1_ps(search->center_x);
-  const __m128 center_y = _mm_set1_ps(search->center_y);
-  const __m128 squared_radius = _mm_set1_ps(search->squared_radius);
+void search_narrow(CircleSearch* search) {
   const auto try_corner = [search](Corner c) {
     if (!search->is_window_inside(c)) return;
-    search->offer(c, zmssd_sse2(search->patch, search->window(c), search->image.stride));
+    search->offer(c, zmssd_narrow(search->patch, search->window(c), search->image.stride));
   };
   const Corner* group = search->begin;
   for (; search->end - group >= 4; group += 4) {
-    const __m128i xy = _mm_loadu_si128(reinterpret_cast<const __m128i*>(group));
-    const __m128 dx = _mm_sub_ps(_mm_cvtepi32_ps(_mm_srai_epi32(_mm_slli_epi32(xy, 16), 16)), center_x);
-    const __m128 dy = _mm_sub_ps(_mm_cvtepi32_ps(_mm_srai_epi32(xy, 16)), center_y);
-    const __m128 squared_distance = _mm_add_ps(_mm_mul_ps(dx, dx), _mm_mul_ps(dy, dy));
-    auto bits = static_cast<uint32_t>(_mm_movemask_ps(_mm_cmple_ps(squared_distance, squared_radius)));
+    const auto xy = load_lanes<I32x4>(group);
+    const F32x4 dx = __builtin_convertvector(xy << 16 >> 16, F32x4) - search->center_x;
+    const F32x4 dy = __builtin_convertvector(xy >> 16, F32x4) - search->center_y;
+    uint32_t bits = lane_bits(dx * dx + dy * dy <= search->squared_radius);
     for (; bits != 0; bits &= bits - 1) try_corner(group[std::countr_zero(bits)]);
   }
   for (; group != search->end; ++group) {
@@ -129,24 +120,20 @@ void search_sse2(CircleSearch* search) {
   }
 }
 
-CAIRN_AVX2 void search_avx2(CircleSearch* search) {
-  const __m256 center_x = _mm256_set1_ps(search->center_x);
-  const __m256 center_y = _mm256_set1_ps(search->center_y);
-  const __m256 squared_radius = _mm256_set1_ps(search->squared_radius);
-  const __m256i lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+CAIRN_WIDE void search_wide(CircleSearch* search) {
+  const float center_x = search->center_x;
+  const float center_y = search->center_y;
+  const float squared_radius = search->squared_radius;
   for (const Corner* group = search->begin; group < search->end; group += 8) {
-    const __m256i exists = _mm256_cmpgt_epi32(_mm256_set1_epi32(static_cast<int>(search->end - group)), lane);
-    const __m256i xy = _mm256_maskload_epi32(reinterpret_cast<const int*>(group), exists);
-    const __m256 dx =
-        _mm256_sub_ps(_mm256_cvtepi32_ps(_mm256_srai_epi32(_mm256_slli_epi32(xy, 16), 16)), center_x);
-    const __m256 dy = _mm256_sub_ps(_mm256_cvtepi32_ps(_mm256_srai_epi32(xy, 16)), center_y);
-    const __m256 squared_distance = _mm256_add_ps(_mm256_mul_ps(dx, dx), _mm256_mul_ps(dy, dy));
-    const __m256 inside = _mm256_and_ps(_mm256_cmp_ps(squared_distance, squared_radius, _CMP_LE_OQ),
-                                        _mm256_castsi256_ps(exists));
-    for (auto bits = static_cast<uint32_t>(_mm256_movemask_ps(inside)); bits != 0; bits &= bits - 1) {
+    const auto count = static_cast<int>(std::min<ptrdiff_t>(search->end - group, 8));
+    const I32x8 xy = load_first(group, count);
+    const F32x8 dx = __builtin_convertvector(xy << 16 >> 16, F32x8) - center_x;
+    const F32x8 dy = __builtin_convertvector(xy >> 16, F32x8) - center_y;
+    uint32_t bits = lane_bits(dx * dx + dy * dy <= squared_radius) & ((1U << count) - 1);
+    for (; bits != 0; bits &= bits - 1) {
       const Corner c = group[std::countr_zero(bits)];
       if (!search->is_window_inside(c)) continue;
-      search->offer(c, zmssd_avx2(search->patch, search->window(c), search->image.stride));
+      search->offer(c, zmssd_wide(search->patch, search->window(c), search->image.stride));
     }
   }
 }
@@ -156,10 +143,10 @@ CAIRN_AVX2 void search_avx2(CircleSearch* search) {
 int kernels::zmssd_at(const PatchTemplate& patch, const GrayView& level_image, int x, int y, Simd simd) {
   const uint8_t* window = level_image.row(y - kHalf) + x - kHalf;
   switch (simd) {
-    case Simd::kAvx2:
-      return zmssd_avx2_once(patch, window, level_image.stride);
-    case Simd::kSse2:
-      return zmssd_sse2(patch, window, level_image.stride);
+    case Simd::kWide:
+      return zmssd_wide_once(patch, window, level_image.stride);
+    case Simd::kNarrow:
+      return zmssd_narrow(patch, window, level_image.stride);
     case Simd::kScalar:
       break;
   }
@@ -189,11 +176,11 @@ std::optional<PatchMatch> kernels::find_patch(const PatchTemplate& patch, const 
                       .squared_radius = radius * radius,
                       .best = {.corner = {}, .zmssd = max_zmssd}};
   switch (simd) {
-    case Simd::kAvx2:
-      search_avx2(&search);
+    case Simd::kWide:
+      search_wide(&search);
       break;
-    case Simd::kSse2:
-      search_sse2(&search);
+    case Simd::kNarrow:
+      search_narrow(&search);
       break;
     case Simd::kScalar:
       search_scalar(&search);

@@ -14,48 +14,51 @@ void halve_row_scalar(const uint8_t* top, const uint8_t* bottom, uint8_t* out, i
   }
 }
 
-void halve_row_sse2(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
-  const __m128i low_bytes = _mm_set1_epi16(0x00FF);
-  const __m128i two = _mm_set1_epi16(2);
-  const auto means_of_8 = [&](int x) {
-    const __m128i t = _mm_loadu_si128(reinterpret_cast<const __m128i*>(top + 2 * x));
-    const __m128i b = _mm_loadu_si128(reinterpret_cast<const __m128i*>(bottom + 2 * x));
-    const __m128i even = _mm_add_epi16(_mm_and_si128(t, low_bytes), _mm_and_si128(b, low_bytes));
-    const __m128i odd = _mm_add_epi16(_mm_srli_epi16(t, 8), _mm_srli_epi16(b, 8));
-    return _mm_srli_epi16(_mm_add_epi16(_mm_add_epi16(even, odd), two), 2);
-  };
+/// Means of as many blocks as V has lanes, of 16 bits.
+template <class V>
+CAIRN_INLINE void means(const uint8_t* top, const uint8_t* bottom, V* out) {
+  V t;
+  V b;
+  load_lanes(top, &t);
+  load_lanes(bottom, &b);
+  const V even = (t & 0x00FF) + (b & 0x00FF);
+  const V odd = (t >> 8) + (b >> 8);
+  *out = (even + odd + 2) >> 2;
+}
+
+void halve_row_narrow(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
   int x = 0;
   for (; x + 16 <= width; x += 16) {
-    _mm_storeu_si128(reinterpret_cast<__m128i*>(out + x), _mm_packus_epi16(means_of_8(x), means_of_8(x + 8)));
+    U16x8 left;
+    U16x8 right;
+    means(top + 2 * x, bottom + 2 * x, &left);
+    means(top + 2 * x + 16, bottom + 2 * x + 16, &right);
+    store_lanes(out + x, CAIRN_LANES((U8x16)left, (U8x16)right, 0, 2, 4, 6, 8, 10, 12, 14,  //
+                                     16, 18, 20, 22, 24, 26, 28, 30));
   }
   halve_row_scalar(top, bottom, out, x, width);
 }
 
-/// 16 means of 32 + 32 pixels as 16-bit numbers.
-CAIRN_AVX2 CAIRN_INLINE __m256i means_of_16(const uint8_t* top, const uint8_t* bottom) {
-  const __m256i ones = _mm256_set1_epi8(1);
-  const __m256i t = _mm256_maddubs_epi16(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(top)), ones);
-  const __m256i b = _mm256_maddubs_epi16(_mm256_loadu_si256(reinterpret_cast<const __m256i*>(bottom)), ones);
-  return _mm256_srli_epi16(_mm256_add_epi16(_mm256_add_epi16(t, b), _mm256_set1_epi16(2)), 2);
-}
-
-CAIRN_AVX2 void halve_row_avx2(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
+CAIRN_WIDE void halve_row_wide(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
   int x = 0;
   for (; x + 32 <= width; x += 32) {
-    const __m256i left = means_of_16(top + 2 * x, bottom + 2 * x);
-    const __m256i right = means_of_16(top + 2 * x + 32, bottom + 2 * x + 32);
-    const __m256i packed = _mm256_permute4x64_epi64(_mm256_packus_epi16(left, right), 0b11'01'10'00);
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + x), packed);
+    U16x16 left;
+    U16x16 right;
+    means(top + 2 * x, bottom + 2 * x, &left);
+    means(top + 2 * x + 32, bottom + 2 * x + 32, &right);
+    store_lanes(out + x,
+                CAIRN_LANES((U8x32)left, (U8x32)right, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28,
+                            30, 32, 34, 36, 38, 40, 42, 44, 46, 48, 50, 52, 54, 56, 58, 60, 62));
   }
   halve_row_scalar(top, bottom, out, x, width);
 }
 
 void halve_row(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width, Simd simd) {
   switch (simd) {
-    case Simd::kAvx2:
-      return halve_row_avx2(top, bottom, out, width);
-    case Simd::kSse2:
-      return halve_row_sse2(top, bottom, out, width);
+    case Simd::kWide:
+      return halve_row_wide(top, bottom, out, width);
+    case Simd::kNarrow:
+      return halve_row_narrow(top, bottom, out, width);
     case Simd::kScalar:
       return halve_row_scalar(top, bottom, out, 0, width);
   }

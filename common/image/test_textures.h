@@ -7,16 +7,16 @@
 #include <random>
 #include <vector>
 
+#include "common/base/simd.h"
 #include "common/image/image.h"
-#include "common/image/simd.h"
 
 /// Images for the tests of common/image.
 namespace cairn::test {
 
 /// The variants that this machine has, the reference first.
 inline std::vector<Simd> simd_variants() {
-  std::vector<Simd> variants = {Simd::kScalar, Simd::kSse2};
-  if (best_simd() == Simd::kAvx2) variants.push_back(Simd::kAvx2);
+  std::vector<Simd> variants = {Simd::kScalar, Simd::kNarrow};
+  if (best_simd() == Simd::kWide) variants.push_back(Simd::kWide);
   return variants;
 }
 

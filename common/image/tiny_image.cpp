@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/image/tiny_image.h"
 
-#include <immintrin.h>
-
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
@@ -10,16 +8,13 @@
 #include <cmath>
 #include <limits>
 
+#include "common/base/simd.h"
+
 namespace cairn {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
-constexpr int kLanes = 4;  ///< SSE floats: part of x86-64, so no dispatch, and the same sums on every machine
-
-float sum_of_lanes(__m128 v) {
-  const __m128 pairs = _mm_add_ps(v, _mm_movehl_ps(v, v));
-  return _mm_cvtss_f32(_mm_add_ss(pairs, _mm_shuffle_ps(pairs, pairs, 1)));
-}
+constexpr int kLanes = 4;  ///< every processor has these: no dispatch, and the same sums on every machine
 
 // ---- Blur
 
@@ -112,7 +107,7 @@ class Aligner {
   // Products of the Jacobian (x, y, t for the angle), the residual r and 1.
   enum Product { kXX, kXY, kXT, kX, kYY, kYT, kY, kTT, kT, kXR, kYR, kTR, kR, kRR, kOne, kProducts };
   struct Sums {
-    __m128 of[kProducts];  // not std::array: __m128 as a template argument loses its alignment
+    F32x4 of[kProducts];  // not std::array: a vector as a template argument loses its alignment
   };
 
   WarpedRow& row(int y) { return rows_[static_cast<size_t>(y % 3)]; }
@@ -174,55 +169,39 @@ class Aligner {
   /// floats: they are far below 2^24.
   [[nodiscard]] bool warp_group(const RowPath& path, int x, WarpedRow* out) const {
     const int width = current_.width();
-    const auto all = [](float value) { return _mm_set1_ps(value); };
-    const __m128 one = all(1);
-    const __m128 max_u = all(static_cast<float>(width - 1));
-    const __m128 max_v = all(static_cast<float>(current_.height() - 1));
-    const __m128 lane = _mm_setr_ps(0, 1, 2, 3);
-    const __m128 dx = _mm_sub_ps(_mm_add_ps(all(static_cast<float>(x)), lane), all(center_.x()));
-    const __m128 u = _mm_add_ps(all(path.u0), _mm_mul_ps(all(path.c), dx));
-    const __m128 v = _mm_add_ps(all(path.v0), _mm_mul_ps(all(path.s), dx));
-    const __m128 zero = _mm_setzero_ps();
-    const __m128 inside = _mm_and_ps(_mm_and_ps(_mm_cmpge_ps(u, zero), _mm_cmpge_ps(v, zero)),
-                                     _mm_and_ps(_mm_cmple_ps(u, max_u), _mm_cmple_ps(v, max_v)));
-    if (_mm_movemask_ps(inside) != (1 << kLanes) - 1) return false;
+    const auto max_u = static_cast<float>(width - 1);
+    const auto max_v = static_cast<float>(current_.height() - 1);
+    const F32x4 lane = {0, 1, 2, 3};
+    const F32x4 dx = static_cast<float>(x) + lane - center_.x();
+    const F32x4 u = path.u0 + path.c * dx;
+    const F32x4 v = path.v0 + path.s * dx;
+    if (lane_bits((u >= 0.0F) & (v >= 0.0F) & (u <= max_u) & (v <= max_v)) != (1 << kLanes) - 1) return false;
     extend(x, x + kLanes, out);
-    const auto floor_below = [](__m128 at, __m128 limit) {
-      return _mm_min_ps(_mm_cvtepi32_ps(_mm_cvttps_epi32(at)), limit);
+    const auto floor_below = [](F32x4 at, float limit) {
+      const F32x4 floor = __builtin_convertvector(__builtin_convertvector(at, I32x4), F32x4);
+      return floor < limit ? floor : F32x4{} + limit;
     };
-    const __m128 iu = floor_below(u, _mm_sub_ps(max_u, one));
-    const __m128 iv = floor_below(v, _mm_sub_ps(max_v, one));
-    const __m128 fu = _mm_sub_ps(u, iu);
-    const __m128 fv = _mm_sub_ps(v, iv);
-    const auto indices = [&](__m128 across, __m128 down) {
-      std::array<int, kLanes> index;
-      _mm_storeu_si128(
-          reinterpret_cast<__m128i*>(index.data()),
-          _mm_cvttps_epi32(_mm_add_ps(_mm_mul_ps(down, all(static_cast<float>(width))), across)));
-      return index;
+    const F32x4 iu = floor_below(u, max_u - 1);
+    const F32x4 iv = floor_below(v, max_v - 1);
+    const F32x4 fu = u - iu;
+    const F32x4 fv = v - iv;
+    const auto indices = [&](F32x4 across, F32x4 down) {
+      return __builtin_convertvector(down * static_cast<float>(width) + across, I32x4);
     };
-    const auto at = indices(iu, iv);
-    const auto blend = [](__m128 a, __m128 b, __m128 share) {
-      return _mm_add_ps(a, _mm_mul_ps(share, _mm_sub_ps(b, a)));
-    };
+    const I32x4 at = indices(iu, iv);
+    const auto blend = [](F32x4 a, F32x4 b, F32x4 share) { return a + share * (b - a); };
     const auto between = [&](const float* pixels) {
-      const auto two = [&](int first, int second) {
-        const __m128 low = _mm_loadl_pi(zero, reinterpret_cast<const __m64*>(pixels + first));
-        return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(pixels + second));
-      };
-      const __m128 a = two(at[0], at[1]);
-      const __m128 b = two(at[2], at[3]);
-      return blend(_mm_shuffle_ps(a, b, _MM_SHUFFLE(2, 0, 2, 0)),
-                   _mm_shuffle_ps(a, b, _MM_SHUFFLE(3, 1, 3, 1)), fu);
+      const auto pair = [&](int i) { return load_lanes<F32x2>(pixels + i); };
+      const F32x4 a = CAIRN_LANES(pair(at[0]), pair(at[1]), 0, 1, 2, 3);
+      const F32x4 b = CAIRN_LANES(pair(at[2]), pair(at[3]), 0, 1, 2, 3);
+      return blend(CAIRN_LANES(a, b, 0, 2, 4, 6), CAIRN_LANES(a, b, 1, 3, 5, 7), fu);
     };
     const float* pixels = current_.values().data();
-    _mm_storeu_ps(&out->values[static_cast<size_t>(x)], blend(between(pixels), between(pixels + width), fv));
-    const auto rounded_up = [&](__m128 fraction) {
-      return _mm_and_ps(_mm_cmpgt_ps(fraction, all(0.5F)), one);
-    };
-    const auto nearest = indices(_mm_add_ps(iu, rounded_up(fu)), _mm_add_ps(iv, rounded_up(fv)));
-    for (size_t i = 0; i < nearest.size(); ++i)
-      out->weights[static_cast<size_t>(x) + i] = current_.weights()[static_cast<size_t>(nearest[i])];
+    store_lanes(&out->values[static_cast<size_t>(x)], blend(between(pixels), between(pixels + width), fv));
+    const auto rounded_up = [](F32x4 fraction) { return fraction > 0.5F ? F32x4{} + 1.0F : F32x4{}; };
+    const I32x4 nearest = indices(iu + rounded_up(fu), iv + rounded_up(fv));
+    for (int i = 0; i < kLanes; ++i)
+      out->weights[static_cast<size_t>(x + i)] = current_.weights()[static_cast<size_t>(nearest[i])];
     return true;
   }
 
@@ -246,38 +225,36 @@ class Aligner {
     const int width = reference_.width();
     const float* ref = reference_.values().data() + y * width + x;
     const float* cur = here.values.data() + x;
-    const __m128 lane = _mm_setr_ps(0, 1, 2, 3);
-    const __m128 counts = _mm_mul_ps(_mm_loadu_ps(reference_.weights().data() + y * width + x),
-                                     _mm_loadu_ps(here.weights.data() + x));
-    const __m128 weight = _mm_and_ps(_mm_cmpge_ps(lane, _mm_set1_ps(static_cast<float>(skip))), counts);
-    const __m128 quarter =
-        _mm_mul_ps(weight, _mm_set1_ps(0.25F));  // mean of two central differences over two pixels
-    const __m128 ref_x = _mm_sub_ps(_mm_loadu_ps(ref + 1), _mm_loadu_ps(ref - 1));
-    const __m128 ref_y = _mm_sub_ps(_mm_loadu_ps(ref + width), _mm_loadu_ps(ref - width));
-    const __m128 cur_x = _mm_sub_ps(_mm_loadu_ps(cur + 1), _mm_loadu_ps(cur - 1));
-    const __m128 cur_y =
-        _mm_sub_ps(_mm_loadu_ps(below.values.data() + x), _mm_loadu_ps(above.values.data() + x));
-    const __m128 jx = _mm_mul_ps(quarter, _mm_add_ps(ref_x, cur_x));
-    const __m128 jy = _mm_mul_ps(quarter, _mm_add_ps(ref_y, cur_y));
-    const __m128 dx = _mm_add_ps(lane, _mm_set1_ps(static_cast<float>(x) - center_.x()));
-    const __m128 dy = _mm_set1_ps(static_cast<float>(y) - center_.y());
-    const __m128 jt = _mm_sub_ps(_mm_mul_ps(dx, jy), _mm_mul_ps(dy, jx));
-    const __m128 r = _mm_mul_ps(weight, _mm_sub_ps(_mm_loadu_ps(cur), _mm_loadu_ps(ref)));
-    const auto add = [&](Product p, __m128 value) { sums->of[p] = _mm_add_ps(sums->of[p], value); };
-    add(kXX, _mm_mul_ps(jx, jx));
-    add(kXY, _mm_mul_ps(jx, jy));
-    add(kXT, _mm_mul_ps(jx, jt));
+    const auto four = [](const float* p) { return load_lanes<F32x4>(p); };
+    const F32x4 lane = {0, 1, 2, 3};
+    const F32x4 counts = four(reference_.weights().data() + y * width + x) * four(here.weights.data() + x);
+    const F32x4 weight = lane >= static_cast<float>(skip) ? counts : F32x4{};
+    const F32x4 quarter = weight * 0.25F;  // mean of two central differences over two pixels
+    const F32x4 ref_x = four(ref + 1) - four(ref - 1);
+    const F32x4 ref_y = four(ref + width) - four(ref - width);
+    const F32x4 cur_x = four(cur + 1) - four(cur - 1);
+    const F32x4 cur_y = four(below.values.data() + x) - four(above.values.data() + x);
+    const F32x4 jx = quarter * (ref_x + cur_x);
+    const F32x4 jy = quarter * (ref_y + cur_y);
+    const F32x4 dx = lane + (static_cast<float>(x) - center_.x());
+    const float dy = static_cast<float>(y) - center_.y();
+    const F32x4 jt = dx * jy - dy * jx;
+    const F32x4 r = weight * (four(cur) - four(ref));
+    const auto add = [&](Product p, F32x4 value) { sums->of[p] += value; };
+    add(kXX, jx * jx);
+    add(kXY, jx * jy);
+    add(kXT, jx * jt);
     add(kX, jx);
-    add(kYY, _mm_mul_ps(jy, jy));
-    add(kYT, _mm_mul_ps(jy, jt));
+    add(kYY, jy * jy);
+    add(kYT, jy * jt);
     add(kY, jy);
-    add(kTT, _mm_mul_ps(jt, jt));
+    add(kTT, jt * jt);
     add(kT, jt);
-    add(kXR, _mm_mul_ps(jx, r));
-    add(kYR, _mm_mul_ps(jy, r));
-    add(kTR, _mm_mul_ps(jt, r));
+    add(kXR, jx * r);
+    add(kYR, jy * r);
+    add(kTR, jt * r);
     add(kR, r);
-    add(kRR, _mm_mul_ps(r, r));
+    add(kRR, r * r);
     add(kOne, weight);
   }
 
@@ -400,17 +377,17 @@ float tiny_difference(const TinyImage& a, const TinyImage& b) {
   const float* q = b.values().data();
   const size_t n = a.values().size();
   constexpr size_t kChains = 4;  // sums in flight hide the latency of the addition
-  __m128 sums[kChains] = {};
+  F32x4 sums[kChains] = {};
   size_t i = 0;
   for (; i + kChains * kLanes <= n; i += kChains * kLanes) {
     for (size_t k = 0; k < kChains; ++k) {
-      const __m128 d = _mm_sub_ps(_mm_loadu_ps(p + i + k * kLanes), _mm_loadu_ps(q + i + k * kLanes));
-      sums[k] = _mm_add_ps(sums[k], _mm_mul_ps(d, d));
+      const F32x4 d = load_lanes<F32x4>(p + i + k * kLanes) - load_lanes<F32x4>(q + i + k * kLanes);
+      sums[k] += d * d;
     }
   }
   float rest = 0;
   for (; i < n; ++i) rest += (p[i] - q[i]) * (p[i] - q[i]);
-  const __m128 sum = _mm_add_ps(_mm_add_ps(sums[0], sums[1]), _mm_add_ps(sums[2], sums[3]));
+  const F32x4 sum = (sums[0] + sums[1]) + (sums[2] + sums[3]);
   return (sum_of_lanes(sum) + rest) / static_cast<float>(std::max<size_t>(1, std::min(a.count(), b.count())));
 }
 

@@ -48,59 +48,52 @@ void find_one_by_one(const PatchTemplate& patch, const GrayView& image, std::spa
   }
 }
 
-/// Two pixels of a template as a factor for _mm256_madd_epi16.
+/// Two pixels of a template as a factor for multiply_add_pairs().
 using Pairs = std::array<int32_t, kPixels / 2>;
 
-CAIRN_AVX2 CAIRN_INLINE void widen(const PatchTemplate& patch, Pairs* out) {
-  for (size_t i = 0; i < kTemplatePixels; i += kBytesLoaded) {
-    const __m256i wide = _mm256_cvtepu8_epi16(_mm_load_si128(vector_at(&patch.pixels[i])));
-    _mm256_store_si256(reinterpret_cast<__m256i*>(&(*out)[i / 2]), wide);
-  }
+CAIRN_WIDE CAIRN_INLINE void widen(const PatchTemplate& patch, Pairs* out) {
+  for (size_t i = 0; i < kTemplatePixels; i += kBytesLoaded)
+    store_lanes(&(*out)[i / 2], bytes_to_i16x16(&patch.pixels[i]));
 }
 
 /// Lane i: the sum of the products of the template with the window whose upper left pixel is `window` + i.
-CAIRN_AVX2 CAIRN_INLINE __m256i products(const Pairs& pairs, const uint8_t* window, ptrdiff_t stride) {
-  // Bytes (i, i + 1) of a row as 16 bits each, for lane i.
-  const __m256i first = _mm256_setr_epi8(0, -1, 1, -1, 1, -1, 2, -1, 2, -1, 3, -1, 3, -1, 4, -1,  //
-                                         4, -1, 5, -1, 5, -1, 6, -1, 6, -1, 7, -1, 7, -1, 8, -1);
-  const __m256i two = _mm256_setr_epi8(2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0,  //
-                                       2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0);
-  const __m256i second = _mm256_add_epi8(first, two);
-  const __m256i third = _mm256_add_epi8(second, two);
-  const __m256i fourth = _mm256_add_epi8(third, two);
-  __m256i even = _mm256_setzero_si256();
-  __m256i odd = even;
+CAIRN_WIDE CAIRN_INLINE I32x8 products(const Pairs& pairs, const uint8_t* window, ptrdiff_t stride) {
+  // Bytes (i, i + 1) of a row as 16 bits each, for lane i; 2, 4 and 6 bytes farther on for the other pairs.
+  constexpr uint8_t kNone = 255;
+  const U8x32 first = {0, kNone, 1, kNone, 1, kNone, 2, kNone, 2, kNone, 3, kNone, 3, kNone, 4, kNone,
+                       4, kNone, 5, kNone, 5, kNone, 6, kNone, 6, kNone, 7, kNone, 7, kNone, 8, kNone};
+  const U8x32 two = {2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0,  //
+                     2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0, 2, 0};
+  const U8x32 second = first + two;
+  const U8x32 third = second + two;
+  const U8x32 fourth = third + two;
+  I32x8 even{};
+  I32x8 odd{};
 #pragma GCC unroll 8
   for (size_t j = 0; j < kTemplateSize; ++j) {
-    const __m256i row =
-        _mm256_broadcastsi128_si256(_mm_loadu_si128(vector_at(window + static_cast<ptrdiff_t>(j) * stride)));
+    const U8x32 row = load_twice(window + static_cast<ptrdiff_t>(j) * stride);
     const int32_t* pair = &pairs[j * kTemplateSize / 2];
-    const auto times = [&](const __m256i& bytes, int32_t by) CAIRN_AVX2 {
-      return _mm256_madd_epi16(_mm256_shuffle_epi8(row, bytes), _mm256_set1_epi32(by));
+    const auto times = [&](const U8x32& bytes, int32_t by) CAIRN_WIDE {
+      return multiply_add_pairs((I16x16)pick_bytes(row, bytes), (I16x16)(I32x8{} + by));
     };
-    even = _mm256_add_epi32(even, times(first, pair[0]));
-    odd = _mm256_add_epi32(odd, times(second, pair[1]));
-    even = _mm256_add_epi32(even, times(third, pair[2]));
-    odd = _mm256_add_epi32(odd, times(fourth, pair[3]));
+    even += times(first, pair[0]);
+    odd += times(second, pair[1]);
+    even += times(third, pair[2]);
+    odd += times(fourth, pair[3]);
   }
-  return _mm256_add_epi32(even, odd);
+  return even + odd;
 }
 
 /// The exact value rounded down, as zmssd_at() has it.
-CAIRN_AVX2 CAIRN_INLINE __m256i scores(const PatchTemplate& patch, const Pairs& pairs, const GrayView& image,
-                                       const WindowSums& sums, int left, int top) {
-  const __m256i p = products(pairs, image.row(top) + left, image.stride);
-  const __m256i window_sums =
-      _mm256_cvtepu16_epi32(_mm_loadu_si128(reinterpret_cast<const __m128i*>(sums.sums(left, top))));
-  const __m256i window_squares =
-      _mm256_loadu_si256(reinterpret_cast<const __m256i*>(sums.squares(left, top)));
-  const __m256i d = _mm256_sub_epi32(_mm256_set1_epi32(patch.sum), window_sums);
-  const __m256i squares = _mm256_sub_epi32(
-      _mm256_add_epi32(_mm256_set1_epi32(patch.sum_squares), window_squares), _mm256_slli_epi32(p, 1));
-  return _mm256_srai_epi32(_mm256_sub_epi32(_mm256_slli_epi32(squares, 6), _mm256_mullo_epi32(d, d)), 6);
+CAIRN_WIDE CAIRN_INLINE I32x8 scores(const PatchTemplate& patch, const Pairs& pairs, const GrayView& image,
+                                     const WindowSums& sums, int left, int top) {
+  const I32x8 p = products(pairs, image.row(top) + left, image.stride);
+  const I32x8 d = patch.sum - words_to_i32x8(sums.sums(left, top));
+  const I32x8 squares = patch.sum_squares + load_lanes<I32x8>(sums.squares(left, top)) - (p << 1);
+  return ((squares << 6) - d * d) >> 6;
 }
 
-CAIRN_AVX2 void find_avx2(const PatchTemplate& patch, const GrayView& image, const WindowSums& sums,
+CAIRN_WIDE void find_wide(const PatchTemplate& patch, const GrayView& image, const WindowSums& sums,
                           std::span<const PixelRun> runs, Alike* alike) {
   alignas(32) Pairs pairs;
   widen(patch, &pairs);
@@ -111,15 +104,14 @@ CAIRN_AVX2 void find_avx2(const PatchTemplate& patch, const GrayView& image, con
       const int left = std::min(x - kHalf, image.width - kBytesLoaded);
       const int skipped = x - kHalf - left;
       if (skipped == kLanes) {  // the last window of the row
-        find_one_by_one(patch, image, {{{run.row, x, x}}}, Simd::kAvx2, alike);
+        find_one_by_one(patch, image, {{{run.row, x, x}}}, Simd::kWide, alike);
         break;
       }
       const int wanted = std::min(run.last - x + 1, kLanes - skipped);
-      const __m256i all = scores(patch, pairs, image, sums, left, run.row - kHalf);
-      const __m256i below = _mm256_cmpgt_epi32(_mm256_set1_epi32(alike->limit), all);
-      auto bits = static_cast<uint32_t>(_mm256_movemask_ps(_mm256_castsi256_ps(below))) >> skipped;
+      const I32x8 all = scores(patch, pairs, image, sums, left, run.row - kHalf);
+      uint32_t bits = lane_bits(all < alike->limit) >> skipped;
       bits &= (1U << wanted) - 1;
-      if (bits != 0) _mm256_store_si256(reinterpret_cast<__m256i*>(eight.data()), all);
+      if (bits != 0) store_lanes(eight.data(), all);
       for (; bits != 0; bits &= bits - 1) {
         const int lane = std::countr_zero(bits);
         const int score = eight[static_cast<size_t>(skipped + lane)];
@@ -161,8 +153,8 @@ void kernels::find_alike(const PatchTemplate& patch, const GrayView& level_image
                          std::span<const PixelRun> runs, float ratio, int* limit,
                          std::vector<PatchMatch>* out, Simd simd) {
   Alike alike{ratio, *limit, out};
-  if (simd == Simd::kAvx2 && level_image.width >= kBytesLoaded) {
-    find_avx2(patch, level_image, sums, runs, &alike);
+  if (simd == Simd::kWide && level_image.width >= kBytesLoaded) {
+    find_wide(patch, level_image, sums, runs, &alike);
   } else {
     find_one_by_one(patch, level_image, runs, simd, &alike);
   }

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/relocalization/compact.h"
 
-#include <xmmintrin.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -85,19 +83,17 @@ CompactPicture make_compact(const TinyImage& tiny) {
 }
 
 float compact_distance(const float* a, const float* b, float limit) {
-  constexpr size_t kLanes = 4;   // SSE, part of x86-64: the same sums on every machine
+  constexpr size_t kLanes = 4;   // every processor has these: the same sums on every machine
   constexpr size_t kChunk = 16;  // values between two looks at the limit
   static_assert(kCompactSize % kChunk == 0);
   float sum = 0;
   for (size_t begin = 0; begin < kCompactSize && sum <= limit; begin += kChunk) {
-    __m128 sums = _mm_setzero_ps();
+    F32x4 sums{};
     for (size_t i = begin; i < begin + kChunk; i += kLanes) {
-      const __m128 d = _mm_sub_ps(_mm_loadu_ps(a + i), _mm_loadu_ps(b + i));
-      sums = _mm_add_ps(sums, _mm_mul_ps(d, d));
+      const F32x4 d = load_lanes<F32x4>(a + i) - load_lanes<F32x4>(b + i);
+      sums += d * d;
     }
-    alignas(16) float lanes[kLanes];
-    _mm_store_ps(lanes, sums);
-    sum += (lanes[0] + lanes[1]) + (lanes[2] + lanes[3]);
+    sum += (sums[0] + sums[1]) + (sums[2] + sums[3]);
   }
   return sum;
 }

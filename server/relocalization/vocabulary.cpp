@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/relocalization/vocabulary.h"
 
-#include <emmintrin.h>
-
 #include <algorithm>
 #include <limits>
 #include <span>
+
+#include "common/base/simd.h"
 
 namespace cairn {
 
@@ -22,25 +22,26 @@ CellList nearest_cells(const Descriptor& descriptor) {
   // branch, whose outcome nothing could foretell: what is greater moves up by one. Even and odd cells go by
   // themselves, since each step waits for the one before.
   static_assert(kProbedCells == 8 && kVocabularyCells == 256, "a vector of keys of 16 bits");
-  const __m128i least = _mm_setr_epi16(std::numeric_limits<int16_t>::min(), 0, 0, 0, 0, 0, 0, 0);
-  const auto insert = [&](int16_t key, __m128i* best) {
-    const __m128i moved_up = _mm_or_si128(_mm_slli_si128(*best, 2), least);
-    *best = _mm_max_epi16(moved_up, _mm_min_epi16(*best, _mm_set1_epi16(key)));
+  const I16x8 least = I16x8{} + std::numeric_limits<int16_t>::min();
+  const auto insert = [&](int16_t key, I16x8* best) {
+    const I16x8 moved_up = CAIRN_LANES(*best, least, 8, 0, 1, 2, 3, 4, 5, 6);
+    const I16x8 lower = *best < key ? *best : I16x8{} + key;
+    *best = moved_up > lower ? moved_up : lower;
   };
   const auto key_of = [&](int cell) {
     const int distance = std::min<int>(distances[static_cast<size_t>(cell)], 255);
     return static_cast<int16_t>((distance - 128) * 256 + cell);
   };
-  __m128i even = _mm_set1_epi16(std::numeric_limits<int16_t>::max());
-  __m128i odd = even;
+  I16x8 even = I16x8{} + std::numeric_limits<int16_t>::max();
+  I16x8 odd = even;
   for (int cell = 0; cell < static_cast<int>(kVocabularyCells); cell += 2) {
     insert(key_of(cell), &even);
     insert(key_of(cell + 1), &odd);
   }
   std::array<int16_t, kProbedCells> keys;
-  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), odd);
+  store_lanes(keys.data(), odd);
   for (const int16_t key : keys) insert(key, &even);
-  _mm_storeu_si128(reinterpret_cast<__m128i*>(keys.data()), even);
+  store_lanes(keys.data(), even);
   CellList cells;
   std::ranges::transform(keys, cells.begin(), [](int16_t key) { return static_cast<CellId>(key & 0xFF); });
   return cells;

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/world/tile_kernel.h"
 
-#include <immintrin.h>
-
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <numbers>
 #include <optional>
+
+#include "common/base/simd.h"
 
 namespace cairn {
 namespace {
@@ -48,18 +48,16 @@ namespace baseline {
 #include "tests/world/tile_kernel_body.inc"
 }  // namespace baseline
 
-// Only what lies between the two pragmas may use AVX2, not the headers that it calls.
-#pragma GCC push_options
-#pragma GCC target("avx2")
-#define CAIRN_KERNEL_AVX2
-namespace avx2 {
+CAIRN_BEGIN_WIDE
+#define CAIRN_KERNEL_WIDE
+namespace wide {
 #include "tests/world/tile_kernel_body.inc"
-}  // namespace avx2
-#undef CAIRN_KERNEL_AVX2
-#pragma GCC pop_options
+}  // namespace wide
+#undef CAIRN_KERNEL_WIDE
+CAIRN_END_WIDE
 
 constexpr TileKernels kBaseline = {baseline::sample, baseline::develop};
-constexpr TileKernels kAvx2 = {avx2::sample, avx2::develop};
+constexpr TileKernels kWideKernels = {wide::sample, wide::develop};
 
 }  // namespace
 
@@ -85,7 +83,7 @@ const TileKernels& baseline_kernels() {
 }
 
 const TileKernels& best_kernels() {
-  return __builtin_cpu_supports("avx2") != 0 ? kAvx2 : kBaseline;
+  return best_simd() == Simd::kWide ? kWideKernels : kBaseline;
 }
 
 }  // namespace cairn
