@@ -3,67 +3,70 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <vector>
+
+#include "common/image/descriptor_pattern.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kTurns = 32;  ///< orientations of the pattern, 11.25 degrees apart
-constexpr size_t kTests = 256;
+constexpr size_t kTurns = 32;  ///< orientations of the pattern, 11.25 degrees apart
 constexpr int kCentroidRadius = 11;
-constexpr double kSpread = 5.2;  ///< [px] sigma of the test positions (BRIEF's G II: a fifth of the patch)
-constexpr int kReach = kDescriptorRadius - 1;  ///< farthest test position; a turn adds rounding only
 
 struct Test {
   int8_t ax, ay, bx, by;
 };
-using Pattern = std::array<Test, kTests>;
+using Pattern = std::array<Test, kDescriptorTests.size()>;
 
-uint64_t next_random(uint64_t* state) {  // SplitMix64 (Steele et al., OOPSLA 2014)
-  uint64_t z = (*state += 0x9E3779B97F4A7C15ULL);
-  z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9ULL;
-  z = (z ^ (z >> 27)) * 0x94D049BB133111EBULL;
-  return z ^ (z >> 31);
+/// Of a turn from 0 to kTurns, times 2^kTurnCosineBits.
+constexpr int64_t cosine(size_t turn) {
+  if (turn > kTurns / 2) turn = kTurns - turn;
+  return turn > kTurns / 4 ? -kTurnCosines[kTurns / 2 - turn] : kTurnCosines[turn];
+}
+constexpr int64_t sine(size_t turn) {
+  return cosine((turn + 3 * kTurns / 4) % kTurns);
 }
 
-/// A position from the normal distribution, inside the disc.
-std::array<double, 2> draw_position(uint64_t* state) {
-  for (;;) {
-    const double u = (static_cast<double>(next_random(state) >> 11) + 1) * 0x1.0p-53;
-    const double v = static_cast<double>(next_random(state) >> 11) * 0x1.0p-53;
-    const double radius = kSpread * std::sqrt(-2 * std::log(u));
-    if (radius > kReach - 0.5) continue;
-    return {radius * std::cos(2 * std::numbers::pi * v), radius * std::sin(2 * std::numbers::pi * v)};
-  }
-}
-
-std::array<Pattern, kTurns> make_patterns() {
+constexpr std::array<Pattern, kTurns> make_patterns() {
+  constexpr int kBits = kDescriptorTestBits + kTurnCosineBits;
   std::array<Pattern, kTurns> patterns{};
-  uint64_t state = 20081;
-  for (size_t t = 0; t < kTests; ++t) {
-    const auto a = draw_position(&state);
-    auto b = draw_position(&state);
-    while (std::hypot(a[0] - b[0], a[1] - b[1]) < 2) b = draw_position(&state);
-    for (size_t turn = 0; turn < kTurns; ++turn) {
-      const double angle = 2 * std::numbers::pi * static_cast<double>(turn) / kTurns;
-      const double c = std::cos(angle);
-      const double s = std::sin(angle);
-      const auto rounded = [](double value) { return static_cast<int8_t>(std::lround(value)); };
-      patterns[turn][t] = {rounded(c * a[0] - s * a[1]), rounded(s * a[0] + c * a[1]),
-                           rounded(c * b[0] - s * b[1]), rounded(s * b[0] + c * b[1])};
+  for (size_t turn = 0; turn < kTurns; ++turn) {
+    const auto rounded = [](int64_t value) {
+      return static_cast<int8_t>((value + (int64_t{1} << (kBits - 1))) >> kBits);
+    };
+    const int64_t c = cosine(turn);
+    const int64_t s = sine(turn);
+    for (size_t t = 0; t < kDescriptorTests.size(); ++t) {
+      const auto& [ax, ay, bx, by] = kDescriptorTests[t];
+      patterns[turn][t] = {rounded(c * ax - s * ay), rounded(s * ax + c * ay), rounded(c * bx - s * by),
+                           rounded(s * bx + c * by)};
     }
   }
   return patterns;
 }
 
-const std::array<Pattern, kTurns>& patterns() {
-  static const std::array<Pattern, kTurns> made = make_patterns();
-  return made;
-}
+constexpr std::array<Pattern, kTurns> kPatterns = make_patterns();
 
 /// Half widths of the rows of a disc, by |y|.
 constexpr std::array<int, kCentroidRadius + 1> kDisc = {11, 10, 10, 10, 10, 9, 9, 8, 7, 6, 4, 0};
+
+/// The turn nearest to a direction; 0 for none. In integers: every machine finds the same.
+size_t nearest_turn(int64_t x, int64_t y) {
+  size_t quarter = 0;
+  if (y > 0 && x <= 0) {
+    quarter = 1;
+  } else if (x < 0) {
+    quarter = 2;
+  } else if (y < 0) {
+    quarter = 3;
+  }
+  const std::array<int64_t, 4> turned = {x, y, -x, -y};  // by so many quarters back
+  const int64_t along = turned[quarter];
+  const int64_t across = turned[(quarter + 1) % 4];
+  size_t turn = quarter * (kTurns / 4);
+  for (const TurnLimit& limit : kTurnLimits) turn += across * limit.x > along * limit.y ? 1 : 0;
+  return turn % kTurns;
+}
 
 /// Which of the turned patterns fits: direction from the corner to the centre of brightness around it.
 size_t orientation(const GrayView& image, Corner corner) {
@@ -79,9 +82,7 @@ size_t orientation(const GrayView& image, Corner corner) {
     }
     moment_y += dy * sum;
   }
-  const double angle = std::atan2(static_cast<double>(moment_y), static_cast<double>(moment_x));
-  const auto turn = static_cast<int>(std::lround(angle * kTurns / (2 * std::numbers::pi)));
-  return static_cast<size_t>((turn + kTurns) % kTurns);
+  return nearest_turn(moment_x, moment_y);
 }
 
 void smooth_row(const uint8_t* in, int width, uint16_t* padded, uint16_t* out) {
@@ -135,7 +136,7 @@ bool describe(const GrayView& smoothed, Corner corner, Descriptor* out) {
                       corner.x < smoothed.width - kDescriptorRadius &&
                       corner.y < smoothed.height - kDescriptorRadius;
   if (!inside) return false;
-  const Pattern& pattern = patterns()[orientation(smoothed, corner)];
+  const Pattern& pattern = kPatterns[orientation(smoothed, corner)];
   const uint8_t* center = smoothed.row(corner.y) + corner.x;
   const ptrdiff_t stride = smoothed.stride;
   for (size_t word = 0; word < out->size(); ++word) {

@@ -6,6 +6,8 @@
 #include <numbers>
 #include <vector>
 
+#include "common/base/simd.h"
+
 namespace cairn {
 namespace {
 
