@@ -42,7 +42,6 @@ using U16x8 = uint16_t __attribute__((vector_size(16)));
 using I32x4 = int32_t __attribute__((vector_size(16)));
 using U32x4 = uint32_t __attribute__((vector_size(16)));
 using F32x4 = float __attribute__((vector_size(16)));
-using F32x2 = float __attribute__((vector_size(8)));
 using F64x2 = double __attribute__((vector_size(16)));
 using U8x32 = uint8_t __attribute__((vector_size(32)));
 using I16x16 = int16_t __attribute__((vector_size(32)));

@@ -29,6 +29,18 @@ CAIRN_INLINE I32x4 lower_half(I32x8 v) {
 CAIRN_INLINE I32x4 upper_half(I32x8 v) {
   return CAIRN_LANES(v, v, 4, 5, 6, 7);
 }
+CAIRN_INLINE F32x4 lower_half(F32x8 v) {
+  return CAIRN_LANES(v, v, 0, 1, 2, 3);
+}
+CAIRN_INLINE F32x4 upper_half(F32x8 v) {
+  return CAIRN_LANES(v, v, 4, 5, 6, 7);
+}
+CAIRN_INLINE F64x4 lower_half_twice(F64x4 v) {
+  return CAIRN_LANES(v, v, 0, 1, 0, 1);
+}
+CAIRN_INLINE F64x4 upper_half_twice(F64x4 v) {
+  return CAIRN_LANES(v, v, 2, 3, 2, 3);
+}
 CAIRN_INLINE U8x16 lower_half(U8x32 v) {
   return load_lanes<U8x16>(&v);
 }
@@ -84,9 +96,25 @@ CAIRN_INLINE void store_as_bytes(uint8_t* to, I32x8 v) {
   const uint16x4_t lower = vmovn_u32((uint32x4_t)lower_half(v));
   vst1_u8(to, vmovn_u16(vmovn_high_u32(lower, (uint32x4_t)upper_half(v))));
 }
-CAIRN_INLINE U8x32 load_twice(const void* from) {
+CAIRN_INLINE void store_as_bytes(uint8_t* to, U16x8 first, U16x8 second) {
+  vst1q_u8(to, vmovn_high_u16(vmovn_u16(first), second));
+}
+CAIRN_INLINE void store_as_bytes(uint8_t* to, U16x16 first, U16x16 second) {
+  store_as_bytes(to, CAIRN_LANES(first, first, 0, 1, 2, 3, 4, 5, 6, 7),
+                 CAIRN_LANES(first, first, 8, 9, 10, 11, 12, 13, 14, 15));
+  store_as_bytes(to + 16, CAIRN_LANES(second, second, 0, 1, 2, 3, 4, 5, 6, 7),
+                 CAIRN_LANES(second, second, 8, 9, 10, 11, 12, 13, 14, 15));
+}
+CAIRN_INLINE U8x32 load_twice(const uint8_t* from) {
   const auto bytes = load_lanes<U8x16>(from);
   return join<U8x32>(bytes, bytes);
+}
+CAIRN_INLINE F64x4 load_twice(const double* from) {
+  const auto two = load_lanes<F64x2>(from);
+  return join<F64x4>(two, two);
+}
+CAIRN_INLINE F32x4 load_pairs(const float* first, const float* second) {
+  return vcombine_f32(vld1_f32(first), vld1_f32(second));
 }
 CAIRN_INLINE I32x8 load_first(const void* from, int count) {
   I32x8 v = {};
@@ -109,6 +137,22 @@ CAIRN_INLINE U8x32 pick_bytes(U8x32 table, U8x32 which) {
 }
 
 // ---- Arithmetic
+
+CAIRN_INLINE F32x4 smaller(F32x4 a, F32x4 b) {
+  return vbslq_f32(vcltq_f32(a, b), a, b);
+}
+CAIRN_INLINE I32x8 smaller(I32x8 a, I32x8 b) {
+  return join<I32x8>(vminq_s32(lower_half(a), lower_half(b)), vminq_s32(upper_half(a), upper_half(b)));
+}
+CAIRN_INLINE I32x8 larger(I32x8 a, I32x8 b) {
+  return join<I32x8>(vmaxq_s32(lower_half(a), lower_half(b)), vmaxq_s32(upper_half(a), upper_half(b)));
+}
+CAIRN_INLINE U16x8 sums_of_pairs(U8x16 bytes) {
+  return vpaddlq_u8(bytes);
+}
+CAIRN_INLINE U16x16 sums_of_pairs(U8x32 bytes) {
+  return join<U16x16>(vpaddlq_u8(lower_half(bytes)), vpaddlq_u8(upper_half(bytes)));
+}
 
 CAIRN_INLINE I32x4 multiply_add_pairs(I16x8 a, I16x8 b) {
   return vpaddq_s32(vmull_s16(vget_low_s16(a), vget_low_s16(b)), vmull_high_s16(a, b));

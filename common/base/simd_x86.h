@@ -17,6 +17,28 @@ CAIRN_INLINE int round_to_int(float value) {
   return _mm_cvtss_si32(_mm_set_ss(value));
 }
 
+// ---- Halves of wide vectors
+
+CAIRN_WIDE CAIRN_INLINE F32x4 lower_half(F32x8 v) {
+  return _mm256_castps256_ps128(v);
+}
+CAIRN_WIDE CAIRN_INLINE F32x4 upper_half(F32x8 v) {
+  return _mm256_extractf128_ps(v, 1);
+}
+CAIRN_WIDE CAIRN_INLINE I32x4 lower_half(I32x8 v) {
+  return (I32x4)_mm256_castsi256_si128((__m256i)v);
+}
+CAIRN_WIDE CAIRN_INLINE I32x4 upper_half(I32x8 v) {
+  return (I32x4)_mm256_extracti128_si256((__m256i)v, 1);
+}
+/// One half in both.
+CAIRN_WIDE CAIRN_INLINE F64x4 lower_half_twice(F64x4 v) {
+  return _mm256_permute2f128_pd(v, v, 0x00);
+}
+CAIRN_WIDE CAIRN_INLINE F64x4 upper_half_twice(F64x4 v) {
+  return _mm256_permute2f128_pd(v, v, 0x11);
+}
+
 // ---- Wider lanes, from memory
 
 CAIRN_INLINE I16x8 bytes_to_i16x8(const uint8_t* p) {
@@ -62,9 +84,24 @@ CAIRN_WIDE CAIRN_INLINE void store_as_bytes(uint8_t* to, I32x8 v) {
       _mm_packus_epi32(_mm256_castsi256_si128((__m256i)v), _mm256_extracti128_si256((__m256i)v, 1));
   _mm_storel_epi64(reinterpret_cast<__m128i*>(to), _mm_packus_epi16(words, words));
 }
+CAIRN_INLINE void store_as_bytes(uint8_t* to, U16x8 first, U16x8 second) {
+  store_lanes(to, _mm_packus_epi16((__m128i)first, (__m128i)second));
+}
+CAIRN_WIDE CAIRN_INLINE void store_as_bytes(uint8_t* to, U16x16 first, U16x16 second) {
+  const __m256i packed = _mm256_packus_epi16((__m256i)first, (__m256i)second);
+  store_lanes(to, _mm256_permute4x64_epi64(packed, 0b11'01'10'00));
+}
 /// The same sixteen bytes in both halves.
-CAIRN_WIDE CAIRN_INLINE U8x32 load_twice(const void* from) {
-  return (U8x32)_mm256_broadcastsi128_si256(_mm_loadu_si128(static_cast<const __m128i*>(from)));
+CAIRN_WIDE CAIRN_INLINE U8x32 load_twice(const uint8_t* from) {
+  return (U8x32)_mm256_broadcastsi128_si256(_mm_loadu_si128(reinterpret_cast<const __m128i*>(from)));
+}
+CAIRN_WIDE CAIRN_INLINE F64x4 load_twice(const double* from) {
+  return _mm256_broadcast_pd(reinterpret_cast<const __m128d*>(from));
+}
+/// Two from each.
+CAIRN_INLINE F32x4 load_pairs(const float* first, const float* second) {
+  const __m128 low = _mm_loadl_pi(_mm_setzero_ps(), reinterpret_cast<const __m64*>(first));
+  return _mm_loadh_pi(low, reinterpret_cast<const __m64*>(second));
 }
 /// The first `count` lanes; nothing is read beyond them, the rest are 0.
 CAIRN_WIDE CAIRN_INLINE I32x8 load_first(const void* from, int count) {
@@ -82,6 +119,25 @@ CAIRN_WIDE CAIRN_INLINE U8x32 pick_bytes(U8x32 table, U8x32 which) {
 }
 
 // ---- Arithmetic
+
+/// a < b ? a : b, and the other.
+CAIRN_INLINE F32x4 smaller(F32x4 a, F32x4 b) {
+  return _mm_min_ps(a, b);
+}
+CAIRN_WIDE CAIRN_INLINE I32x8 smaller(I32x8 a, I32x8 b) {
+  return (I32x8)_mm256_min_epi32((__m256i)a, (__m256i)b);
+}
+CAIRN_WIDE CAIRN_INLINE I32x8 larger(I32x8 a, I32x8 b) {
+  return (I32x8)_mm256_max_epi32((__m256i)a, (__m256i)b);
+}
+
+/// Lane i: bytes 2i and 2i + 1.
+CAIRN_INLINE U16x8 sums_of_pairs(U8x16 bytes) {
+  return ((U16x8)bytes & 0x00FF) + ((U16x8)bytes >> 8);
+}
+CAIRN_WIDE CAIRN_INLINE U16x16 sums_of_pairs(U8x32 bytes) {
+  return (U16x16)_mm256_maddubs_epi16((__m256i)bytes, _mm256_set1_epi8(1));
+}
 
 /// Lane i: a[2i] * b[2i] + a[2i + 1] * b[2i + 1].
 CAIRN_INLINE I32x4 multiply_add_pairs(I16x8 a, I16x8 b) {

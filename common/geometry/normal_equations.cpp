@@ -27,18 +27,21 @@ NormalEquations sum_two(std::span<const Linearised> observations, std::span<cons
 CAIRN_WIDE NormalEquations sum_four(std::span<const Linearised> observations,
                                     std::span<const double> weights) {
   constexpr size_t kPairs = 3;
-  F64x4 upper[6][kPairs] = {};
-  F64x4 sums[kPairs] = {};
+  F64x4 upper[6][kPairs];
+  F64x4 sums[kPairs];
+  for (auto& row : upper) {
+    for (F64x4& pair : row) pair = F64x4{};
+  }
+  for (F64x4& pair : sums) pair = F64x4{};
   for (size_t i = 0; i < observations.size(); ++i) {
     if (!(weights[i] > 0)) continue;
     const double* j = observations[i].d_residual_d_xi[0].data();
-    const auto xy = load_lanes<F64x2>(observations[i].residual.data());
-    const F64x4 residual = CAIRN_LANES(xy, xy, 0, 1, 0, 1);
+    const F64x4 residual = load_twice(observations[i].residual.data());
 #pragma GCC unroll 3
     for (size_t p = 0; p < kPairs; ++p) {
       const F64x4 weighted = weights[i] * load_lanes<F64x4>(j + 4 * p);
-      const F64x4 even = CAIRN_LANES(weighted, weighted, 0, 1, 0, 1);
-      const F64x4 odd = CAIRN_LANES(weighted, weighted, 2, 3, 2, 3);
+      const F64x4 even = lower_half_twice(weighted);
+      const F64x4 odd = upper_half_twice(weighted);
       sums[p] += weighted * residual;
 #pragma GCC unroll 3
       for (size_t q = p; q < kPairs; ++q) {

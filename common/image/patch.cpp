@@ -108,8 +108,7 @@ struct Spots {
 };
 
 CAIRN_WIDE CAIRN_INLINE I32x8 clamped(I32x8 v) {
-  v = v > 0 ? v : I32x8{};
-  return v < kMaxCoordinate ? v : I32x8{} + kMaxCoordinate;
+  return smaller(larger(v, I32x8{}), I32x8{} + kMaxCoordinate);
 }
 
 CAIRN_WIDE CAIRN_INLINE Spots spots_at(I32x8 u, I32x8 v) {

@@ -139,7 +139,7 @@ CAIRN_WIDE CAIRN_INLINE F32x8 across_wide(const Window& window, int j) {
                CAIRN_LANES(first, last, 2, 3, 9, 10, 6, 7, 13, 14), last);
 }
 CAIRN_WIDE CAIRN_INLINE float sum_of_eight(F32x8 v) {
-  return sum_of_lanes(CAIRN_LANES(v, v, 0, 1, 2, 3) + CAIRN_LANES(v, v, 4, 5, 6, 7));
+  return sum_of_lanes(lower_half(v) + upper_half(v));
 }
 
 CAIRN_WIDE ResidualSums residual_sums_wide(const PatchTemplate& patch, const Window& window) {

@@ -60,7 +60,7 @@ CAIRN_WIDE CAIRN_INLINE int zmssd_wide(const PatchTemplate& patch, const uint8_t
   const I32x8 differences = multiply_add_pairs(sums, I16x16{} + 1);
   const I32x8 wide = CAIRN_LANES(squares, differences, 0, 8, 1, 9, 4, 12, 5, 13) +
                      CAIRN_LANES(squares, differences, 2, 10, 3, 11, 6, 14, 7, 15);
-  const I32x4 pairs = CAIRN_LANES(wide, wide, 0, 1, 2, 3) + CAIRN_LANES(wide, wide, 4, 5, 6, 7);
+  const I32x4 pairs = lower_half(wide) + upper_half(wide);
   const I32x4 both = pairs + CAIRN_LANES(pairs, pairs, 2, 3, 2, 3);
   return zmssd_of_sums(both[0], both[1]);
 }

@@ -14,42 +14,25 @@ void halve_row_scalar(const uint8_t* top, const uint8_t* bottom, uint8_t* out, i
   }
 }
 
-/// Means of as many blocks as V has lanes, of 16 bits.
-template <class V>
-CAIRN_INLINE void means(const uint8_t* top, const uint8_t* bottom, V* out) {
-  V t;
-  V b;
-  load_lanes(top, &t);
-  load_lanes(bottom, &b);
-  const V even = (t & 0x00FF) + (b & 0x00FF);
-  const V odd = (t >> 8) + (b >> 8);
-  *out = (even + odd + 2) >> 2;
-}
-
 void halve_row_narrow(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
+  const auto eight = [&](int x) {
+    return (sums_of_pairs(load_lanes<U8x16>(top + 2 * x)) + sums_of_pairs(load_lanes<U8x16>(bottom + 2 * x)) +
+            2) >>
+           2;
+  };
   int x = 0;
-  for (; x + 16 <= width; x += 16) {
-    U16x8 left;
-    U16x8 right;
-    means(top + 2 * x, bottom + 2 * x, &left);
-    means(top + 2 * x + 16, bottom + 2 * x + 16, &right);
-    store_lanes(out + x, CAIRN_LANES((U8x16)left, (U8x16)right, 0, 2, 4, 6, 8, 10, 12, 14,  //
-                                     16, 18, 20, 22, 24, 26, 28, 30));
-  }
+  for (; x + 16 <= width; x += 16) store_as_bytes(out + x, eight(x), eight(x + 8));
   halve_row_scalar(top, bottom, out, x, width);
 }
 
 CAIRN_WIDE void halve_row_wide(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
+  const auto sixteen = [&](int x) CAIRN_WIDE {
+    return (sums_of_pairs(load_lanes<U8x32>(top + 2 * x)) + sums_of_pairs(load_lanes<U8x32>(bottom + 2 * x)) +
+            2) >>
+           2;
+  };
   int x = 0;
-  for (; x + 32 <= width; x += 32) {
-    U16x16 left;
-    U16x16 right;
-    means(top + 2 * x, bottom + 2 * x, &left);
-    means(top + 2 * x + 32, bottom + 2 * x + 32, &right);
-    store_lanes(out + x,
-                CAIRN_LANES((U8x32)left, (U8x32)right, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28,
-                            30, 32, 34, 36, 38, 40, 42, 44, 46, 48, 50, 52, 54, 56, 58, 60, 62));
-  }
+  for (; x + 32 <= width; x += 32) store_as_bytes(out + x, sixteen(x), sixteen(x + 16));
   halve_row_scalar(top, bottom, out, x, width);
 }
 

@@ -179,29 +179,30 @@ class Aligner {
     extend(x, x + kLanes, out);
     const auto floor_below = [](F32x4 at, float limit) {
       const F32x4 floor = __builtin_convertvector(__builtin_convertvector(at, I32x4), F32x4);
-      return floor < limit ? floor : F32x4{} + limit;
+      return smaller(floor, F32x4{} + limit);
     };
     const F32x4 iu = floor_below(u, max_u - 1);
     const F32x4 iv = floor_below(v, max_v - 1);
     const F32x4 fu = u - iu;
     const F32x4 fv = v - iv;
     const auto indices = [&](F32x4 across, F32x4 down) {
-      return __builtin_convertvector(down * static_cast<float>(width) + across, I32x4);
+      std::array<int, kLanes> index;
+      store_lanes(index.data(), __builtin_convertvector(down * static_cast<float>(width) + across, I32x4));
+      return index;
     };
-    const I32x4 at = indices(iu, iv);
+    const auto at = indices(iu, iv);
     const auto blend = [](F32x4 a, F32x4 b, F32x4 share) { return a + share * (b - a); };
     const auto between = [&](const float* pixels) {
-      const auto pair = [&](int i) { return load_lanes<F32x2>(pixels + i); };
-      const F32x4 a = CAIRN_LANES(pair(at[0]), pair(at[1]), 0, 1, 2, 3);
-      const F32x4 b = CAIRN_LANES(pair(at[2]), pair(at[3]), 0, 1, 2, 3);
+      const F32x4 a = load_pairs(pixels + at[0], pixels + at[1]);
+      const F32x4 b = load_pairs(pixels + at[2], pixels + at[3]);
       return blend(CAIRN_LANES(a, b, 0, 2, 4, 6), CAIRN_LANES(a, b, 1, 3, 5, 7), fu);
     };
     const float* pixels = current_.values().data();
     store_lanes(&out->values[static_cast<size_t>(x)], blend(between(pixels), between(pixels + width), fv));
     const auto rounded_up = [](F32x4 fraction) { return fraction > 0.5F ? F32x4{} + 1.0F : F32x4{}; };
-    const I32x4 nearest = indices(iu + rounded_up(fu), iv + rounded_up(fv));
-    for (int i = 0; i < kLanes; ++i)
-      out->weights[static_cast<size_t>(x + i)] = current_.weights()[static_cast<size_t>(nearest[i])];
+    const auto nearest = indices(iu + rounded_up(fu), iv + rounded_up(fv));
+    for (size_t i = 0; i < nearest.size(); ++i)
+      out->weights[static_cast<size_t>(x) + i] = current_.weights()[static_cast<size_t>(nearest[i])];
     return true;
   }
 
