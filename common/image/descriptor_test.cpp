@@ -178,33 +178,19 @@ TEST(Descriptor, LightAndRollChangeLittleAndAnotherPlaceMuch) {
   EXPECT_GT(elsewhere / kPlaces, 100);
 }
 
-/// Of the descriptors of an image that is made of integers and has texture in every direction.
 uint64_t hash_of_descriptors() {
-  constexpr int kSide = 27 * 16;
-  GrayImage image;
-  image.resize(kSide, kSide);
-  uint32_t state = 1;
-  for (int y = 0; y < kSide; ++y) {
-    for (int x = 0; x < kSide; ++x) {
-      state = state * 1664525U + 1013904223U;
-      const int u = (x * 7 + y * 3) % 61;
-      const int v = (y * 5 - x * 2 + 2 * kSide) % 83;
-      image.row(y)[x] = static_cast<uint8_t>((state >> 26) + static_cast<uint32_t>(u * v % 191));
-    }
-  }
+  constexpr int kSide = 432;
   GrayImage smoothed;
-  smooth_for_descriptors(image, &smoothed);
-  uint64_t hash = 0xCBF29CE484222325ULL;  // FNV-1a
+  smooth_for_descriptors(test::integer_image(kSide, kSide).view(), &smoothed);
+  test::Hash hash;
   for (int16_t y = kDescriptorRadius; y < kSide - kDescriptorRadius; y += 7) {
     for (int16_t x = kDescriptorRadius; x < kSide - kDescriptorRadius; x += 7) {
       Descriptor descriptor{};
       EXPECT_TRUE(describe(smoothed, {x, y}, &descriptor));
-      for (const uint64_t word : descriptor) {
-        for (int byte = 0; byte < 8; ++byte) hash = (hash ^ (word >> (8 * byte) & 0xFF)) * 0x100000001B3ULL;
-      }
+      hash.add(descriptor);
     }
   }
-  return hash;
+  return hash.value;
 }
 
 TEST(Descriptor, IsOnEveryMachineWhatMapsAndPeersHave) {

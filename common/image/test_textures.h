@@ -3,8 +3,12 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
+#include <cstring>
 #include <random>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/simd.h"
@@ -18,6 +22,34 @@ inline std::vector<Simd> simd_variants() {
   std::vector<Simd> variants = {Simd::kScalar, Simd::kNarrow};
   if (best_simd() == Simd::kWide) variants.push_back(Simd::kWide);
   return variants;
+}
+
+/// FNV-1a of bytes: what golden tests compare. Both processors that there are keep the low byte first.
+struct Hash {
+  uint64_t value = 0xCBF29CE484222325ULL;
+
+  template <class T>
+  void add(const T& what) {
+    static_assert(std::has_unique_object_representations_v<T> || std::is_floating_point_v<T>, "no padding");
+    std::array<uint8_t, sizeof(T)> bytes;
+    std::memcpy(bytes.data(), &what, sizeof(T));
+    for (const uint8_t byte : bytes) value = (value ^ byte) * 0x100000001B3ULL;
+  }
+};
+
+/// Texture in every direction with some noise, made of integers: the same on every machine.
+inline GrayImage integer_image(int width, int height) {
+  GrayImage image(width, height);
+  uint32_t state = 1;
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      state = state * 1664525U + 1013904223U;
+      const int u = (x * 7 + y * 3) % 61;
+      const int v = (y * 5 - x * 2 + 2 * width) % 83;
+      image.row(y)[x] = static_cast<uint8_t>((state >> 26) + static_cast<uint32_t>(u * v % 191));
+    }
+  }
+  return image;
 }
 
 /// A random smooth function of the plane or of space: a sum of plane waves, mean 128, known everywhere.
