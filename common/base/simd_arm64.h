@@ -7,8 +7,15 @@
 /// explained.
 namespace cairn {
 
+[[nodiscard]] inline bool has_wide() {
+  return true;
+}
+/// A vector of 32 bytes is two registers, which the compiler keeps in memory now and then.
 [[nodiscard]] inline Simd best_simd() {
-  return Simd::kWide;  // the same registers as kNarrow, and some kernels have no other variant
+  return Simd::kNarrow;
+}
+[[nodiscard]] inline bool takes_wide(Simd simd) {
+  return simd != Simd::kScalar;
 }
 
 CAIRN_INLINE int round_to_int(float value) {

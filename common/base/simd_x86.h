@@ -6,10 +6,17 @@
 /// Included by simd.h, which says what this is.
 namespace cairn {
 
-/// The best variant of this machine (SSE2 is part of x86-64).
+/// Whether this machine may be asked for kWide (SSE2, for kNarrow, is part of x86-64).
+[[nodiscard]] inline bool has_wide() {
+  static const bool has = __builtin_cpu_supports("avx2") != 0;
+  return has;
+}
 [[nodiscard]] inline Simd best_simd() {
-  static const Simd best = __builtin_cpu_supports("avx2") ? Simd::kWide : Simd::kNarrow;
-  return best;
+  return has_wide() ? Simd::kWide : Simd::kNarrow;
+}
+/// Of a kernel that has but the scalar and the wide variant: whether the latter is the one for `simd`.
+[[nodiscard]] inline bool takes_wide(Simd simd) {
+  return simd == Simd::kWide;
 }
 
 /// The nearest integer, halves to the even one.

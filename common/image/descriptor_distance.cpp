@@ -93,7 +93,7 @@ constexpr Variant kByVectors = {
 };
 
 const Variant& variant(Simd simd) {
-  if (simd == Simd::kWide && can_count_vectors()) return kByVectors;
+  if (takes_wide(simd) && can_count_vectors()) return kByVectors;
   return simd != Simd::kScalar && can_count_words() ? kByWords : kPlain;
 }
 

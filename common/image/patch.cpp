@@ -378,7 +378,7 @@ bool kernels::make_template(const SourcePatch& source, const Warp& level0_from_s
   const std::optional<SampleGrid> grid = sample_grid(level0_from_source, level);
   if (!grid) return false;
   RingedTemplate ringed;
-  if (simd == Simd::kWide) {
+  if (takes_wide(simd)) {
     warp_single_wide(source, *grid, &ringed);
   } else {
     warp_scalar(source, *grid, &ringed);
@@ -405,7 +405,7 @@ bool kernels::make_smeared_template(const SourcePatch& source, const Warp& level
   while (!fits()) along *= 0.8F;
   const SmearWays ways = smear_ways(*grid, along, aside);
   RingedTemplate ringed;
-  if (simd == Simd::kWide) {
+  if (takes_wide(simd)) {
     warp_smeared_wide(source, *grid, ways, &ringed);
   } else {
     warp_smeared_scalar(source, *grid, ways, &ringed);

@@ -20,7 +20,7 @@ namespace cairn::test {
 /// The variants that this machine has, the reference first.
 inline std::vector<Simd> simd_variants() {
   std::vector<Simd> variants = {Simd::kScalar, Simd::kNarrow};
-  if (best_simd() == Simd::kWide) variants.push_back(Simd::kWide);
+  if (has_wide()) variants.push_back(Simd::kWide);
   return variants;
 }
 
