@@ -89,7 +89,7 @@ Matrix6d NormalEquations::information() const {
 }
 
 SumLanes best_sum_lanes() {
-  static const SumLanes best = best_simd() == Simd::kWide ? SumLanes::kFour : SumLanes::kTwo;
+  static const SumLanes best = takes_wide(best_simd()) ? SumLanes::kFour : SumLanes::kTwo;
   return best;
 }
 
