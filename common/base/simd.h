@@ -67,6 +67,10 @@ CAIRN_INLINE V load_lanes(const void* from) {
   return static_cast<const UnalignedLanes<V>*>(from)->lanes;
 }
 template <class V>
+CAIRN_WIDE CAIRN_INLINE V load_wide(const void* from) {
+  return static_cast<const UnalignedLanes<V>*>(from)->lanes;
+}
+template <class V>
 CAIRN_INLINE void store_lanes(void* to, const V& v) {
   static_cast<UnalignedLanes<V>*>(to)->lanes = v;
 }

@@ -39,13 +39,13 @@ CAIRN_WIDE NormalEquations sum_four(std::span<const Linearised> observations,
     const F64x4 residual = load_twice(observations[i].residual.data());
 #pragma GCC unroll 3
     for (size_t p = 0; p < kPairs; ++p) {
-      const F64x4 weighted = weights[i] * load_lanes<F64x4>(j + 4 * p);
+      const F64x4 weighted = weights[i] * load_wide<F64x4>(j + 4 * p);
       const F64x4 even = lower_half_twice(weighted);
       const F64x4 odd = upper_half_twice(weighted);
       sums[p] += weighted * residual;
 #pragma GCC unroll 3
       for (size_t q = p; q < kPairs; ++q) {
-        const auto columns = load_lanes<F64x4>(j + 4 * q);
+        const auto columns = load_wide<F64x4>(j + 4 * q);
         upper[2 * p][q] += even * columns;
         upper[2 * p + 1][q] += odd * columns;
       }

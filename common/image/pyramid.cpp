@@ -27,7 +27,7 @@ void halve_row_narrow(const uint8_t* top, const uint8_t* bottom, uint8_t* out, i
 
 CAIRN_WIDE void halve_row_wide(const uint8_t* top, const uint8_t* bottom, uint8_t* out, int width) {
   const auto sixteen = [&](int x) CAIRN_WIDE {
-    return (sums_of_pairs(load_lanes<U8x32>(top + 2 * x)) + sums_of_pairs(load_lanes<U8x32>(bottom + 2 * x)) +
+    return (sums_of_pairs(load_wide<U8x32>(top + 2 * x)) + sums_of_pairs(load_wide<U8x32>(bottom + 2 * x)) +
             2) >>
            2;
   };

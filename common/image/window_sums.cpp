@@ -89,7 +89,7 @@ CAIRN_WIDE CAIRN_INLINE I32x8 scores(const PatchTemplate& patch, const Pairs& pa
                                      const WindowSums& sums, int left, int top) {
   const I32x8 p = products(pairs, image.row(top) + left, image.stride);
   const I32x8 d = patch.sum - words_to_i32x8(sums.sums(left, top));
-  const I32x8 squares = patch.sum_squares + load_lanes<I32x8>(sums.squares(left, top)) - (p << 1);
+  const I32x8 squares = patch.sum_squares + load_wide<I32x8>(sums.squares(left, top)) - (p << 1);
   return ((squares << 6) - d * d) >> 6;
 }
 
