@@ -58,7 +58,7 @@ constexpr const char* kFooter =
     "  cairnctl maps purge bench                       removes a deleted map for good, once confirmed\n"
     "  cairnctl labels                                 lists the labels of all maps\n"
     "  cairnctl labels desk rename 3 'small vice'\n"
-    "  cairnctl labels desk remove 3\n"
+    "  cairnctl labels desk remove 3                   once confirmed\n"
     "  cairnctl rights grant phone-1 desk write        who may do what; see `cairnctl rights --help`\n"
     "  cairnctl map desk freeze                        it takes nothing from anybody\n"
     "  cairnctl map desk tag monday                    keeps its state\n"
@@ -449,6 +449,10 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
     CLI::App* sub = map->add_subcommand(word, help);
     sub->callback([action, verb] {
       *action = [verb](AdminClient* client, const Options& o) {
+        if (o.for_good) {
+          const Status meant = confirm(o.yes, "Delete map '" + o.map + "' for good? It cannot be had back.");
+          if (!meant) return meant;
+        }
         return change_map(client, o, {{"verb", verb}, {"name", o.new_name}, {"for_good", o.for_good}});
       };
     });
@@ -459,8 +463,9 @@ void describe(CLI::App* app, Options* options, Action* action, AccessAction* acc
       ->add_option("NAME", options->new_name, "a-z, 0-9 and -")
       ->required()
       ->check(fault_of_word);
-  add("delete", "takes it out of service; with --store it can be had back", "delete")
-      ->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
+  CLI::App* gone = add("delete", "takes it out of service; with --store it can be had back", "delete");
+  gone->add_flag("--for-good", options->for_good, "from a server without --store, where it cannot");
+  add_yes(gone, &options->yes);
   add("undelete", "puts it back into service", "undelete");
   describe_freeze(map, &options->map, access);
   describe_extent(map, &options->map, access);
@@ -495,9 +500,12 @@ void describe_labels(CLI::App* app, Options* options, Action* action) {
   });
   CLI::App* remove = labels->add_subcommand("remove", "says nothing any more there");
   remove->add_option("LABEL", options->label, "its id")->required()->check(check_label_id);
+  add_yes(remove, &options->yes);
   remove->callback([action] {
-    *action = [](AdminClient* client, const Options& o) {
-      return change_label(client, o, {{"verb", "label-remove"}});
+    *action = [](AdminClient* client, const Options& o) -> Status {
+      const std::string which = "label " + std::to_string(o.label) + " of map '" + o.map + "'";
+      const Status meant = o.map.empty() ? Status() : confirm(o.yes, "Remove " + which + " for good?");
+      return meant ? change_label(client, o, {{"verb", "label-remove"}}) : meant;
     };
   });
 }

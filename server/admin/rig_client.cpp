@@ -63,7 +63,10 @@ std::optional<wire::RigState> RigClient::next_state() {
   (void)waiter_.wait(kPeriod);
   std::optional<wire::RigState> newest;
   for (auto& sample : states_.take()) {
-    if (!sample.message) continue;
+    // A rig that says to be another is believed neither of them.
+    if (!sample.message ||
+        states_.partition_of(sample.publication) != wire::rig_partition(sample.message->rig))
+      continue;
     if (sample.message->rig == options_.rig) {
       newest = std::move(sample.message);
     } else {

@@ -103,7 +103,11 @@ TEST_F(LabelAdministrationTest, WhatAnOperatorChangesAllSeeAndTheStoreKeeps) {
   EXPECT_EQ(said.exit, 0) << said.text;
   EXPECT_THAT(said.text, HasSubstr("small vice"));
   EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice", "rude"}; }));
-  said = cairnctl("labels map-1 remove " + std::to_string(rude.value));
+  said = cairnctl("labels map-1 remove " + std::to_string(rude.value) + " </dev/null");
+  EXPECT_EQ(said.exit, 2) << "nobody can be asked: " << said.text;
+  EXPECT_THAT(said.text, HasSubstr("Say --yes if so"));
+  EXPECT_EQ(texts(*anna_).size(), 2U);
+  said = cairnctl("labels map-1 remove --yes " + std::to_string(rude.value));
   EXPECT_EQ(said.exit, 0) << said.text;
   EXPECT_EQ(said.text, "label " + std::to_string(rude.value) + " of map-1 removed: rude\n");
   EXPECT_TRUE(eventually([&] { return texts(*anna_) == Texts{"small vice"}; }));
@@ -125,15 +129,15 @@ TEST_F(LabelAdministrationTest, WhatIsNotThereIsNamedWithTheRemedy) {
     int exit;
     std::vector<std::string> named;
   };
-  for (const Case& c :
-       std::vector<Case>{{"labels attic", 5, {"'attic'", "cairnctl maps"}},
-                         {"labels attic remove 1", 5, {"'attic'", "cairnctl maps"}},
-                         {"labels map-1 remove 77", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
-                         {"labels map-1 rename 77 x", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
-                         {"labels map-1 rename " + id + " ' '", 2, {"label " + id, "needs a text"}},
-                         {"labels map-1 rename " + id + " \"$(printf 'a\\nb')\"", 2, {"TEXT", "U+000A"}},
-                         {"labels remove 1", 2, {"of which map"}},
-                         {"labels map-1 remove vice", 2, {"vice"}}}) {
+  for (const Case& c : std::vector<Case>{
+           {"labels attic", 5, {"'attic'", "cairnctl maps"}},
+           {"labels attic remove 1 --yes", 5, {"'attic'", "cairnctl maps"}},
+           {"labels map-1 remove 77 --yes", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
+           {"labels map-1 rename 77 x", 5, {"label 77", "'map-1'", "cairnctl labels map-1"}},
+           {"labels map-1 rename " + id + " ' '", 2, {"label " + id, "needs a text"}},
+           {"labels map-1 rename " + id + " \"$(printf 'a\\nb')\"", 2, {"TEXT", "U+000A"}},
+           {"labels remove 1", 2, {"of which map"}},
+           {"labels map-1 remove vice", 2, {"vice"}}}) {
     const Said said = cairnctl(c.words);
     EXPECT_EQ(said.exit, c.exit) << c.words << ": " << said.text;
     for (const std::string& word : c.named) EXPECT_THAT(said.text, HasSubstr(word)) << c.words;

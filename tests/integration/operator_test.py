@@ -83,7 +83,7 @@ class Operator(OnTheDesk):
         self.ctl("fly", expect=USAGE)
         self.assertEqual(self.ctl("labels", "map-1"), [])
         self.assertEqual(self.ctl("labels"), [])
-        said = self.ctl("labels", "map-1", "remove", 7, expect=REFUSED)
+        said = self.ctl("labels", "map-1", "remove", 7, "--yes", expect=REFUSED)
         self.assertIn("label 7 of map 'map-1'", said)
         self.assertIn("cairnctl labels map-1", said)
         self.assertIn("no map 'nowhere'; `cairnctl maps`", self.ctl("labels", "nowhere", expect=REFUSED))
@@ -213,7 +213,9 @@ class Operator(OnTheDesk):
             self.assertEqual(done.returncode, 0, done.stderr)
             self.assertIn("--for-good", self.ctl("map", "map-1", "delete", expect=REFUSED, server=server))
             self.assertEqual(self.names(server), ["map-1"])
-            self.assertEqual(self.say("map", "map-1", "delete", "--for-good", server=server), "map-1 removed for good\n")
+            self.assertIn("Say --yes if so", self.ctl("map", "map-1", "delete", "--for-good", expect=USAGE, server=server))
+            self.assertEqual(self.names(server), ["map-1"])
+            self.assertEqual(self.say("map", "map-1", "delete", "--for-good", "--yes", server=server), "map-1 removed for good\n")
             self.assertEqual(self.names(server), [])
 
     def test_limits_hold_for_maps_from_elsewhere_too(self):
