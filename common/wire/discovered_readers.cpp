@@ -35,7 +35,8 @@ std::vector<DiscoveredReader> DiscoveredReaders::take() {
     const auto* endpoint = static_cast<const dds_builtintopic_endpoint_t*>(sample);
     const uint64_t handle = info.instance_handle;
     if (info.valid_data && endpoint->participant_instance_handle != own && !known_.contains(handle)) {
-      DiscoveredReader reader{handle, endpoint->topic_name, partitions_of(endpoint->qos), false};
+      DiscoveredReader reader{handle, endpoint->topic_name, partitions_of(endpoint->qos), false,
+                              endpoint->participant_instance_handle};
       changes.push_back(reader);
       known_.emplace(handle, std::move(reader));
     }

@@ -16,6 +16,7 @@ struct DiscoveredReader {
   std::string topic;
   std::vector<std::string> partitions;
   bool gone = false;
+  uint64_t participant = 0;  ///< whose it is: DiscoveredParticipant::handle
 };
 
 /// Tells which readers other participants have: the server makes a client's writers when the client's readers

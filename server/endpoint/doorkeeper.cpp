@@ -40,10 +40,14 @@ bool Doorkeeper::is_to_be_told(IdentityRole role, const std::string& name, Monot
 }
 
 std::vector<wire::RefusedPeer> Doorkeeper::refused_to_be_told(MonotonicTime now) {
-  if (refused_ == nullptr || !keys_.is_secured()) return {};
+  if (!keys_.is_secured()) return {};
   std::erase_if(refused_told_, [now](const auto& known) { return now - known.second >= kTellInterval; });
+  std::vector<wire::RefusedPeer> refused;
+  if (refused_ != nullptr) refused = refused_->take();
+  for (const std::string& says : strangers_.take(now))
+    refused.push_back({"somebody", "no keys of this site were shown (" + says + ")"});
   std::vector<wire::RefusedPeer> told;
-  for (wire::RefusedPeer& peer : refused_->take()) {
+  for (wire::RefusedPeer& peer : refused) {
     // That there are many is on record then.
     if (refused_told_.size() >= kMostRefusedTold || !refused_told_.try_emplace(peer, now).second) continue;
     told.push_back(std::move(peer));

@@ -13,6 +13,7 @@
 #include "common/base/time.h"
 #include "common/wire/refused_peers.h"
 #include "server/access/principal.h"
+#include "server/endpoint/strangers.h"
 #include "server/keys/site_keys.h"
 
 namespace cairn {
@@ -44,6 +45,13 @@ class Doorkeeper {
   /// Whether it is time to say (again) that somebody who was turned away goes on trying.
   [[nodiscard]] bool is_to_be_told(IdentityRole role, const std::string& name, MonotonicTime now);
 
+  /// Peers that come, are let in by the middleware, and go.
+  void came(uint64_t participant, std::string says, MonotonicTime now) {
+    if (keys_.is_secured()) strangers_.came(participant, std::move(says), now);
+  }
+  void is_let_in(uint64_t participant) { strangers_.is_let_in(participant); }
+  void gone(uint64_t participant) { strangers_.gone(participant); }
+
   /// Whom the middleware has not let in, and of whom that is to be said (again): of few at a time.
   [[nodiscard]] std::vector<wire::RefusedPeer> refused_to_be_told(MonotonicTime now);
 
@@ -63,6 +71,7 @@ class Doorkeeper {
   bool is_changed_ = false;                                         ///< since look() said so
   std::map<std::pair<IdentityRole, std::string>, RateLimit> told_;  ///< of the register's revoked names
   std::shared_ptr<wire::RefusedPeers> refused_;
+  Strangers strangers_;
   std::map<wire::RefusedPeer, MonotonicTime> refused_told_;  ///< when; few: who tries chooses his name
   RateLimit trouble_;
   RateLimit unknown_operator_;

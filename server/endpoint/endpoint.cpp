@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/wire/partition.h"
+#include "server/endpoint/newest_questions.h"
 #include "server/service/admin_reply.h"
 
 namespace cairn {
@@ -30,6 +31,8 @@ bool is_map_topic(std::string_view topic) {
 Result<Endpoint::Readers> Endpoint::make_readers(const wire::Participant& participant) {
   auto discovered = wire::DiscoveredReaders::create(participant);
   if (!discovered) return tl::unexpected(discovered.error());
+  auto participants = wire::DiscoveredParticipants::create(participant);
+  if (!participants) return tl::unexpected(participants.error());
   auto readers = wire::create_all<wire::Reader<wire::CameraMessage>, wire::Reader<wire::TrackerStateMessage>,
                                   wire::Reader<wire::MapSeed>, wire::Reader<wire::KeyframeOffer>,
                                   wire::Reader<wire::RelocQuery>, wire::Reader<wire::ClientRequest>>(
@@ -42,15 +45,15 @@ Result<Endpoint::Readers> Endpoint::make_readers(const wire::Participant& partic
   if (!rigs) return tl::unexpected(rigs.error());
   auto waiter = wire::Waiter::create(participant);
   if (!waiter) return tl::unexpected(waiter.error());
-  if (Status attached = waiter->attach(
-          {*discovered, cameras, states, seeds, offers, queries, client_requests, *requests, *rigs});
+  if (Status attached = waiter->attach({*discovered, *participants, cameras, states, seeds, offers, queries,
+                                        client_requests, *requests, *rigs});
       !attached) {
     return tl::unexpected(attached.error());
   }
   return Readers{
-      std::move(*discovered), {std::move(cameras)}, {std::move(states)},          {std::move(seeds)},
-      {std::move(offers)},    {std::move(queries)}, {std::move(client_requests)}, {std::move(*requests)},
-      {std::move(*rigs)},     std::move(*waiter)};
+      std::move(*discovered), std::move(*participants), {std::move(cameras)}, {std::move(states)},
+      {std::move(seeds)},     {std::move(offers)},      {std::move(queries)}, {std::move(client_requests)},
+      {std::move(*requests)}, {std::move(*rigs)},       std::move(*waiter)};
 }
 
 Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options, MapService::Lanes lanes,
@@ -185,6 +188,7 @@ void Endpoint::take_commands(Inlet<Message>* inlet, const Use& use) {
 
 void Endpoint::take_messages() {
   for (const wire::DiscoveredReader& reader : readers_.discovered.take()) on_discovered(reader);
+  take_participants();  // who came and went meanwhile has been seen to be let in
   const auto hand_over = [this](const Principal& who, const auto&, auto message) {
     service_.take(who, std::move(message));
   };
@@ -200,13 +204,13 @@ void Endpoint::take_messages() {
   take_rigs();
 }
 
-/// Of each client the newest counts.
 void Endpoint::take_questions() {
-  std::map<std::string, std::pair<Principal, wire::RelocQuery>> newest;
+  NewestQuestions newest;
   take_commands(&readers_.queries, [&newest](const Principal& who, const auto&, wire::RelocQuery question) {
-    newest.insert_or_assign(who.name, std::pair(who, std::move(question)));
+    newest.put(who, std::move(question));
   });
-  for (auto& [name, asked] : newest) service_.take(asked.first, std::move(asked.second));
+  newest.hand_over(
+      [this](const Principal& who, wire::RelocQuery question) { service_.take(who, std::move(question)); });
 }
 
 void Endpoint::take_states() {
@@ -273,7 +277,18 @@ void Endpoint::forget_gone_publications() {
          readers_.client_requests, readers_.requests, readers_.rigs);
 }
 
+void Endpoint::take_participants() {
+  for (wire::DiscoveredParticipant& peer : readers_.participants.take()) {
+    if (peer.gone) {
+      door_.gone(peer.handle);
+    } else {
+      door_.came(peer.handle, std::move(peer.says), clock_->now());
+    }
+  }
+}
+
 void Endpoint::on_discovered(const wire::DiscoveredReader& reader) {
+  if (!reader.gone) door_.is_let_in(reader.participant);
   if (reader.partitions.size() != 1) return;
   const auto identity = wire::parse_partition(reader.partitions.front());
   if (!identity) return;

@@ -13,6 +13,7 @@
 
 #include "common/base/log.h"
 #include "common/base/rate_limit.h"
+#include "common/wire/discovered_participants.h"
 #include "common/wire/discovered_readers.h"
 #include "common/wire/participant.h"
 #include "common/wire/rig_messages.h"
@@ -53,6 +54,7 @@ class Endpoint : private ServiceOutput {
  private:
   struct Readers {
     wire::DiscoveredReaders discovered;
+    wire::DiscoveredParticipants participants;
     Inlet<wire::CameraMessage> cameras;
     Inlet<wire::TrackerStateMessage> states;
     Inlet<wire::MapSeed> seeds;
@@ -83,6 +85,7 @@ class Endpoint : private ServiceOutput {
   void forget_gone_publications();
 
   // Who is there.
+  void take_participants();
   void on_discovered(const wire::DiscoveredReader& reader);
   void connect(const std::string& name, ClientLink* link);
   void disconnect(const std::string& name, ClientLink* link);

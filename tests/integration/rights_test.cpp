@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "common/base/utc.h"
@@ -317,6 +318,14 @@ TEST_F(KeysOverDds, AForeignCertificateNoneAndOneThatHasExpiredPassNothing) {
     expect_nothing_passes(*session);
     EXPECT_NE(session->status().link, ServerLink::kConnected);
     EXPECT_EQ(session->snapshot(), nullptr);
+    if (!options.security.empty()) continue;
+    EXPECT_TRUE(eventually([&] {
+      raw.spin();
+      const json entries = audit_of("not let in");
+      return std::any_of(entries.begin(), entries.end(), [](const json& entry) {
+        return entry["outcome"].get<std::string>().starts_with("no keys of this site were shown (process ");
+      });
+    })) << "who has no certificate at all is on record";
   }
   ASSERT_TRUE(eventually([&] { return expiring->status().link != ServerLink::kConnected; }));
   expect_nothing_passes(*expiring);

@@ -18,7 +18,7 @@ enum class QosClass : uint8_t {
   kQuestion,  ///< query of a client, whose key anybody may claim: as kClaim
   kOrder,     ///< every one of the last few of all writers of a key; nothing any more after 100 ms
   kStream,    ///< newest value, lost ones are not repeated; silent writers are seen within 3 s
-  kPresence,  ///< stream of a client, whose key anybody may claim: as kClaim
+  kPresence,  ///< stream of a client or a rig, whose key anybody may claim: as kClaim
 };
 
 /// Commands that a writer keeps for repetition. More than any credit, so none is overwritten unacknowledged;
