@@ -4,7 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "server/mapping/map_maker.h"
+#include "server/store/epochs.h"
 #include "server/store/kept_map_fixture.h"
 #include "server/store/store_check.h"
 
@@ -60,6 +63,27 @@ class DropContributor : public testing::KeptMapFixture {
       names.push_back(std::to_string(keyframe.value) + " " + client);
     return names;
   }
+  /// Of a frame like that of step 8, with the points of keyframe 4.
+  [[nodiscard]] KeptProposal proposal(uint64_t number, const std::string& client, KeyframeId reference,
+                                      const StoredMap& map) {
+    const auto seen =
+        std::ranges::find(map.record.measurements, KeyframeId{4}, &MeasurementsRecord::keyframe);
+    const SE3& pose = map.record.keyframes[3].camera_from_map;
+    KeptProposal made;
+    ProposalRecord& r = made.record;
+    r.summary.number = number;
+    r.summary.client = client;
+    r.summary.epoch = map.header.epoch;
+    r.summary.camera_from_map = pose;
+    r.summary.mean_depth = 1;
+    r.reference = reference;
+    r.camera_from_reference = pose * map.record.keyframes[reference.value - 1].camera_from_map.inverse();
+    r.camera = input_.camera->parameters();
+    for (const Measurement& m : seen->measurements)
+      r.measurements.push_back({m.point, m.level, m.pixel.cast<float>()});
+    made.picture = encode_image_row(*scene_.render(testing::Scene::pose(8), 8));
+    return made;
+  }
   void expect_sound(size_t keyframes) {
     const auto check = check_part(folder_ / "store", "maps/" + to_hex(header_.id.bytes) + ".cairnmap", {});
     EXPECT_THAT(check.faults, IsEmpty());
@@ -96,6 +120,42 @@ TEST_F(DropContributor, TheRestIsAMapThatGoesOnAndKnowsNothingOfHim) {
   EXPECT_THAT(restored->repairs, IsEmpty());
   maker_ = std::move(restored->maker);
   EXPECT_EQ(offer(11).verdict, KeyframeVerdict::kAccepted);
+}
+
+TEST_F(DropContributor, OnlyHisProposalsGoAndNoNumberComesAgain) {
+  keep();
+  const StoredMap before = *store_->load(header_.id);
+  MapUpdate update;
+  update.proposals = {proposal(1, "carl", KeyframeId{4}, before), proposal(2, "bob", KeyframeId{4}, before),
+                      proposal(3, "carl", KeyframeId{5}, before), proposal(4, "bob", KeyframeId{4}, before)};
+  ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
+  ASSERT_TRUE(drop("bob"));
+  const StoredMap after = *store_->load(header_.id);
+  EXPECT_EQ(after.last_proposal, 4U);
+  ASSERT_THAT(after.proposals, SizeIs(2));
+  for (const ProposalSummary& told : after.proposals) {
+    SCOPED_TRACE(std::to_string(told.number));
+    EXPECT_EQ(told.client, "carl");
+    const auto kept = store_->read_proposal(header_.id, told.number);
+    ASSERT_TRUE(kept) << kept.error().message;
+    const ProposalRecord& r = kept->record;
+    const auto same = ids_in_common(after.epochs, told.epoch, after.header.epoch);
+    ASSERT_TRUE(same) << "it can be accepted still";
+    ASSERT_LE(r.reference.value, after.record.keyframes.size());
+    const SE3 pose = r.camera_from_reference * after.record.keyframes[r.reference.value - 1].camera_from_map;
+    EXPECT_LT((pose.center() - told.camera_from_map.center()).norm(), 1e-6);
+    EXPECT_EQ(r.reference, KeyframeId{3}) << "carl's, the nearest, as it is called now";
+    const auto seen =
+        std::ranges::find(after.record.measurements, KeyframeId{3}, &MeasurementsRecord::keyframe);
+    ASSERT_EQ(r.measurements.size(), seen->measurements.size());
+    for (size_t i = 0; i < r.measurements.size(); ++i)
+      EXPECT_EQ(r.measurements[i].id, seen->measurements[i].point);
+  }
+  expect_sound(3);
+  update = {};
+  update.removed_proposals = {1, 3};
+  ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
+  EXPECT_EQ(store_->load(header_.id)->last_proposal, 4U);
 }
 
 TEST_F(DropContributor, WhatIsNotAcceptedHasNotHappened) {

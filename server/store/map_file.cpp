@@ -21,6 +21,7 @@ namespace {
 
 constexpr int kLongLog = 1000;  ///< [pages of 4 kB] from which tidy() writes it back
 constexpr int64_t kDecisionsKept = 10'000;
+constexpr int64_t kFirstDecision = 1;  ///< on the seed: it stays, and with it who made the map
 constexpr int kSchemaWithContributors = 8;
 
 /// Rows of table map.
@@ -221,7 +222,8 @@ Status MapFile::put(const MapUpdate& update) {
     const auto last = database_.number("SELECT coalesce(max(id), 0) FROM decisions");
     if (!last) return tl::unexpected(last.error());
     put_if_good("decisions", static_cast<uint64_t>(*last + 1), encode_decision(d));
-    if (done) done = remove("decisions", *last + 1 - kDecisionsKept);
+    const int64_t oldest = *last + 1 - kDecisionsKept;
+    if (done && oldest > kFirstDecision) done = remove("decisions", oldest);
   }
   std::vector<Contribution> contributions = update.contributions;
   for (const DecisionRecord& d : update.decisions) {

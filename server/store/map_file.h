@@ -79,6 +79,7 @@ struct MapUpdate {
   std::vector<Contribution> contributions = {};  ///< beside those in `decisions`
   std::vector<KeptProposal> proposals = {};      ///< new ones
   std::vector<uint64_t> removed_proposals = {};
+  uint64_t last_proposal = 0;  ///< the highest number ever given, beside those of `proposals`
 };
 
 /// A state of the map that can be had back.
@@ -105,6 +106,7 @@ struct StoredMap {
   std::vector<ProposalSummary> proposals;
   uint64_t last_proposal = 0;       ///< the highest number that was given to one
   std::vector<std::string> damage;  ///< rows and tables that could not be read, named; not part of the rest
+  std::vector<std::string> lost_proposals = {};  ///< likewise, of proposals: the map is whole without them
 };
 
 /// An image as it stands in the file, with a sound checksum: decode_image_row().
@@ -177,6 +179,10 @@ class MapFile {
   [[nodiscard]] Result<sqlite::Reading> read_as_of_now();
   /// A keyframe that was kept aside. Error kDamaged: it is missing, or damaged.
   [[nodiscard]] Result<KeptProposal> read_proposal(uint64_t number);
+  /// The rows of proposals that could not be read; their numbers are not given again. `read`: by load().
+  Status forget_lost_proposals(const StoredMap& read);
+  /// What is wrong with their pictures.
+  [[nodiscard]] std::vector<std::string> check_proposals();
   /// Removes all proposals, and what they showed from the file: for one that leaves the server.
   Status erase_proposals();
   /// Reads everything; what is damaged is named and left out.

@@ -80,6 +80,22 @@ TEST_F(MapFileTest, WhatIsReadIsWhatWasWritten) {
   EXPECT_EQ(restored->maker->statistics().measurements, maker_->statistics().measurements);
 }
 
+TEST_F(MapFileTest, WhoMadeTheMapIsKnownHoweverMuchWasDecidedSince) {
+  start();
+  MapUpdate first = take_update();
+  first.decisions = {decision(1)};
+  first.decisions[0].kind = CommandKind::kSeed;
+  auto file = MapFile::create(path_, header_, first);
+  ASSERT_TRUE(file) << file.error().message;
+  MapUpdate more;
+  for (uint64_t seq = 2; seq < 10'100; ++seq) more.decisions.push_back(decision(seq));
+  ASSERT_TRUE(file->write({&more, 1}));
+  const StoredMap stored = file->load();
+  EXPECT_THAT(stored.decisions, SizeIs(10'001));
+  EXPECT_EQ(stored.decisions[0].kind, CommandKind::kSeed);
+  EXPECT_EQ(stored.decisions[1].seq, 100U);
+}
+
 TEST_F(MapFileTest, ImagesAreReadOneByOneAsTheyWereWritten) {
   keep();
   auto file = MapFile::open(path_);

@@ -2,10 +2,12 @@
 //
 // Keyframes that were kept aside. They are no part of the map's state: tags and roll-backs leave them alone.
 #include <algorithm>
+#include <set>
 
 #include "server/store/bytes.h"
 #include "server/store/map_file.h"
 #include "server/store/proposal_codec.h"
+#include "server/store/row_codec.h"
 #include "server/store/rows.h"
 
 namespace cairn {
@@ -15,16 +17,19 @@ namespace {
 /// been dropped since.
 constexpr int64_t kLastNumberRow = 0;
 
+/// No map has had so many: what is beyond was not written by us, and others must follow it.
+constexpr uint64_t kMostNumber = uint64_t{1} << 48;
+
 std::optional<uint64_t> decode_last_number(std::span<const uint8_t> row) {
   ByteReader in(row);
   const auto last = in.get<uint64_t>();
-  return in.finished() ? std::optional(last) : std::nullopt;
+  return in.finished() && last <= kMostNumber ? std::optional(last) : std::nullopt;
 }
 
 }  // namespace
 
 Status MapFile::put_proposals(const MapUpdate& update) {
-  uint64_t last = 0;
+  uint64_t last = update.last_proposal;
   Status done;
   for (const KeptProposal& p : update.proposals) {
     const auto id = static_cast<int64_t>(p.record.summary.number);
@@ -56,11 +61,54 @@ void MapFile::load_proposals(StoredMap* map) {
         }
         auto proposal = decode_proposal(id, data);
         if (!proposal) return false;
-        map->last_proposal = std::max(map->last_proposal, proposal->summary.number);
         map->proposals.push_back(std::move(proposal->summary));
         return true;
       },
-      &map->damage);
+      &map->lost_proposals);
+  // Of those that could not be read, too.
+  const auto highest = database_.number("SELECT coalesce(max(id), 0) FROM proposals");
+  const uint64_t last = highest && *highest > 0 ? static_cast<uint64_t>(*highest) : 0;
+  if (last <= kMostNumber) map->last_proposal = std::max(map->last_proposal, last);
+}
+
+Status MapFile::forget_lost_proposals(const StoredMap& read) {
+  std::set<int64_t> sound;
+  for (const ProposalSummary& p : read.proposals) sound.insert(static_cast<int64_t>(p.number));
+  std::vector<int64_t> lost;
+  {
+    auto query = database_.prepare("SELECT id FROM proposals");
+    if (!query) return tl::unexpected(query.error());
+    while (true) {
+      const auto row = query->step();
+      if (!row) return tl::unexpected(row.error());
+      if (!*row) break;
+      if (!sound.contains(query->integer(0))) lost.push_back(query->integer(0));
+    }
+  }
+  auto transaction = sqlite::Transaction::begin(&database_);
+  if (!transaction) return tl::unexpected(transaction.error());
+  Status done;
+  for (const int64_t id : lost) {
+    if (done) done = remove("proposals", id);
+    if (done) done = remove("proposal_pictures", id);
+  }
+  MapUpdate anew;
+  anew.last_proposal = read.last_proposal;
+  if (done) done = put_proposals(anew);
+  return done ? transaction->commit() : done;
+}
+
+std::vector<std::string> MapFile::check_proposals() {
+  std::vector<std::string> faults;
+  StoredMap map;
+  load_proposals(&map);
+  for (const ProposalSummary& p : map.proposals) {
+    const auto kept = read_proposal(p.number);
+    if (!kept || decode_image_row(kept->picture) == nullptr)
+      faults.push_back("table proposal_pictures, row " + std::to_string(p.number) +
+                       ": the picture is missing or damaged");
+  }
+  return faults;
 }
 
 Result<KeptProposal> MapFile::read_proposal(uint64_t number) {
@@ -77,12 +125,12 @@ Result<KeptProposal> MapFile::read_proposal(uint64_t number) {
 }
 
 Status MapFile::erase_proposals() {
-  const auto rows = database_.number("SELECT count(*) FROM proposals");
+  const auto rows = database_.number("SELECT count(*) FROM proposals WHERE id > 0");
   if (!rows) return tl::unexpected(rows.error());
   if (*rows == 0) return {};
   // Overwritten, too: the file goes to others.
-  Status done =
-      database_.execute("PRAGMA secure_delete = ON; DELETE FROM proposals; DELETE FROM proposal_pictures");
+  Status done = database_.execute(
+      "PRAGMA secure_delete = ON; DELETE FROM proposals WHERE id <> 0; DELETE FROM proposal_pictures");
   return done ? write_back() : done;
 }
 

@@ -11,6 +11,7 @@
 #include "server/store/proposal_codec.h"
 #include "server/store/sqlite.h"
 #include "server/store/store.h"
+#include "server/store/store_check.h"
 
 namespace cairn {
 namespace {
@@ -143,9 +144,64 @@ TEST_F(ProposalsTest, ADamagedOneIsNamedAndTheMapIsWhole) {
   auto file = MapFile::open(path);
   ASSERT_TRUE(file);
   const StoredMap stored = file->load();
-  EXPECT_THAT(stored.damage, ElementsAre(HasSubstr("proposals")));
+  EXPECT_THAT(stored.damage, IsEmpty());
+  EXPECT_THAT(stored.lost_proposals, ElementsAre(HasSubstr("table proposals, row 1")));
   EXPECT_THAT(stored.proposals, SizeIs(1));
   EXPECT_EQ(stored.record.keyframe_count, 2U);
+}
+
+TEST_F(ProposalsTest, ADamagedOneKeepsNothingFromWorkingAndGoesWithTheNextStart) {
+  ASSERT_TRUE(store_->tag(header_.id, {0, "bare", Timestamp{7}, "operator ann", 0, 0, 0, 0}));
+  keep({proposal(1), proposal(2), proposal(3)});
+  const auto path = store_->path_of(header_.id);
+  const std::string part = "maps/" + path.filename().string();
+  store_.reset();
+  {
+    auto raw = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(raw && raw->execute("UPDATE proposals SET data = x'00' WHERE id IN (0, 3);"
+                                    "UPDATE proposal_pictures SET data = x'00' WHERE id = 2"));
+  }
+  store_ = std::move(*Store::open(folder_ / "store", null_logger()));
+  FileCheck check = check_part(folder_ / "store", part, {});
+  EXPECT_THAT(check.faults, IsEmpty());
+  EXPECT_THAT(check.lost_proposals,
+              ElementsAre(HasSubstr("table proposals, row 0"), HasSubstr("table proposals, row 3"),
+                          HasSubstr("table proposal_pictures, row 1"), HasSubstr("proposal_pictures, row 2")))
+      << "and the picture of 1 is none";
+  EXPECT_THAT(check.remedy, HasSubstr("the map is whole"));
+  size_t shown = 0;
+  const Status rolled_back = store_->roll_back(header_.id, "bare", {0, "", Timestamp{8}, "ann", 0, 0, 0, 0},
+                                               [&shown](const StoredMap& state) {
+                                                 EXPECT_THAT(state.damage, IsEmpty());
+                                                 shown = state.proposals.size();
+                                                 return Status();
+                                               });
+  ASSERT_TRUE(rolled_back) << rolled_back.error().message;
+  EXPECT_EQ(shown, 2U);
+  EXPECT_TRUE(store_->copy_map(header_.id, MapId{{7, 2}}, "copy"));
+
+  const auto stored = store_->load(header_.id);
+  ASSERT_TRUE(stored);
+  EXPECT_THAT(stored->damage, IsEmpty());
+  EXPECT_EQ(stored->last_proposal, 3U);
+  EXPECT_THAT(numbers(), ElementsAre(1, 2));
+  check = check_part(folder_ / "store", part, {});
+  EXPECT_THAT(check.lost_proposals, SizeIs(2)) << "the pictures: those can be dropped";
+  keep({}, {1, 2});
+  check = check_part(folder_ / "store", part, {});
+  EXPECT_THAT(check.lost_proposals, IsEmpty());
+  EXPECT_EQ(store_->load(header_.id)->last_proposal, 3U) << "no number comes again";
+}
+
+TEST_F(ProposalsTest, NoNumberComesAgainWhereAnArchiveOfTheMapIsTakenInAgain) {
+  keep({proposal(1), proposal(4)});
+  const auto archive = folder_ / "desk.cairnmap";
+  ASSERT_TRUE(store_->export_map(header_.id, archive));
+  ASSERT_TRUE(store_->remove(header_.id));
+  ASSERT_TRUE(store_->purge(header_.id));
+  const auto back = store_->import_map(archive);
+  ASSERT_TRUE(back) << back.error().message;
+  EXPECT_EQ(store_->load(header_.id)->last_proposal, 4U);
 }
 
 TEST_F(ProposalsTest, NoBytesDoHarm) {

@@ -372,7 +372,17 @@ Result<StoredMap> Store::load(MapId map) {
   const auto epoch = next_epoch(map, file->header().epoch);
   if (!epoch) return tl::unexpected(epoch.error());
   if (Status begun = file->begin_epoch(*epoch); !begun) return tl::unexpected(begun.error());
-  return file->load();
+  StoredMap read = file->load();
+  if (read.lost_proposals.empty()) return read;
+  note_lost_proposals(map, read);
+  const Status gone = file->forget_lost_proposals(read);
+  if (!gone) log_->error("map {}: {}", to_hex(map.bytes), gone.error().message);  // with the next start
+  return read;
+}
+
+void Store::note_lost_proposals(MapId map, const StoredMap& read) const {
+  for (const std::string& row : read.lost_proposals)
+    log_->error("map {}: {}; the proposal is lost, the map is whole", to_hex(map.bytes), row);
 }
 
 // ---- changes
@@ -643,8 +653,8 @@ Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const 
   if (const Status is_free = check_is_free(read.header); !is_free) return tl::unexpected(is_free.error());
   // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
-  const MapUpdate whole{
-      std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
+  MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
+  whole.last_proposal = read.last_proposal;
   if (Status made = make(read.header, whole, archive); !made) return tl::unexpected(made.error());
   return map;
 }

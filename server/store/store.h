@@ -82,9 +82,10 @@ class Store {
   /// Where the file of a map in use is. By any thread.
   [[nodiscard]] std::filesystem::path path_of(MapId map) const;
 
-  /// All of a map, which has begun a new epoch that is persisted: later than those of the file, and than any
-  /// in which a map of that id has been served from here, be it that another copy of it was deleted and
-  /// purged. Different maps may be loaded at the same time, by any thread. Errors: as MapFile::open().
+  /// All of a map, but for rows of proposals that are damaged, which are removed and named in the log. It has
+  /// begun a new epoch that is persisted: later than those of the file, and than any in which a map of that
+  /// id has been served from here, be it that another copy of it was deleted and purged. Different maps may
+  /// be loaded at the same time, by any thread. Errors: as MapFile::open().
   [[nodiscard]] Result<StoredMap> load(MapId map);
 
   /// Adds a map. Error kRefused when its id is in use; nothing that is there is overwritten.
@@ -101,6 +102,8 @@ class Store {
   /// connection of its own, beside the thread that writes other maps: after let_go(), and nobody writes this
   /// map.
   Status roll_back(MapId map, const std::string& name, MapTag before, const AcceptState& accept);
+  /// Says in the log which proposals could not be read of a map that goes on without them.
+  void note_lost_proposals(MapId map, const StoredMap& read) const;
   /// Another connection is about to change the map's file, or has done so: it is opened anew when it is
   /// needed.
   void let_go(MapId map) { close(map); }

@@ -27,6 +27,10 @@ constexpr size_t kAuditEntries = 1000;  ///< at a time
 constexpr const char* kMapRemedy =
     "a start sets the file aside and serves what can be saved of it; an archive or a backup has it whole: "
     "`cairnctl map NAME delete`, `cairnctl maps purge`, `cairnctl maps import`, or `cairnctl restore`";
+constexpr const char* kProposalRemedy =
+    "the map is whole without these proposals: `cairnctl proposals drop` those that are listed still, the "
+    "next "
+    "start removes the others; a backup may have them";
 constexpr const char* kDeletedRemedy = "`cairnctl maps purge ID` removes it; a backup may have it whole";
 constexpr const char* kCatalogueRemedy =
     "a start begins it anew, and clients lose what was not decided yet; no map is lost";
@@ -76,6 +80,8 @@ void check_map(const fs::path& path, FileInUse in_use, FileCheck* found) {
   if (path.stem() != to_hex(map.header.id.bytes))
     faults.push_back("it is the file of another map, " + to_hex(map.header.id.bytes));
   for (const std::string& fault : faults) found->faults.push_back(path.string() + ": " + fault);
+  for (const auto& lost : {map.lost_proposals, file->check_proposals()})
+    for (const std::string& row : lost) found->lost_proposals.push_back(path.string() + ": " + row);
 }
 
 void check_catalogue(const fs::path& path, FileCheck* found) {
@@ -144,7 +150,7 @@ FileCheck check_part(const fs::path& folder, const std::string& part, const Chec
     check_map(path, in_use, &found);
     found.remedy = part.starts_with("deleted/") ? kDeletedRemedy : kMapRemedy;
   }
-  if (found.faults.empty()) found.remedy.clear();
+  if (found.faults.empty()) found.remedy = found.lost_proposals.empty() ? "" : kProposalRemedy;
   return found;
 }
 
