@@ -60,6 +60,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   service.mapping.adjuster = options.adjuster;
   service.relocalization.method = options.relocalizer;
   service.max_maps = options.max_maps;
+  service.max_maps_per_client = options.max_maps_per_client;
   service.max_memory_bytes = options.max_memory_mb * 1'000'000;
   service.max_keyframes = options.max_keyframes;
   service.max_labels = options.max_labels;

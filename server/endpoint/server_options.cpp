@@ -63,6 +63,8 @@ constexpr OptionRow kOptions[] = {
      "alike for the place, wherever that is [improved]",
      true},
     {"max-maps", "N", "maps at most [1000]", true},
+    {"max-maps-per-client", "N",
+     "maps that one client may have made at most; deleted ones do not count [200]", true},
     {"max-memory", "MB", "memory of all maps at most [half of the machine's]", true},
     {"max-keyframes", "N", "keyframes of a map at most [2000]", true},
     {"max-labels", "N", "labels of a map at most, up to 1000 [1000]", true},
@@ -177,10 +179,10 @@ Result<ServerOptions> translate(const Words& words) {
     } else if (name == "relocalizer") {
       if (value != "improved" && value != "paper") return refuse("expected improved or paper");
       options.relocalizer = value == "improved" ? RelocMethod::kImproved : RelocMethod::kPaper;
-    } else if (name == "max-maps") {
+    } else if (name == "max-maps" || name == "max-maps-per-client") {
       const auto maps = to_number<size_t>(value);
       if (!maps || *maps == 0) return refuse("expected a number from 1 on");
-      options.max_maps = *maps;
+      (name == "max-maps" ? options.max_maps : options.max_maps_per_client) = *maps;
     } else if (name == "max-memory") {
       const auto megabytes = to_number<uint64_t>(value);
       if (!megabytes || *megabytes == 0 || *megabytes > kMostMegabytes) {

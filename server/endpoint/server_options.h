@@ -27,6 +27,7 @@ struct ServerOptions {
   Adjuster adjuster = Adjuster::kOwn;
   RelocMethod relocalizer = RelocMethod::kImproved;
   size_t max_maps = 1000;
+  size_t max_maps_per_client = MapServiceOptions().max_maps_per_client;
   uint64_t max_memory_mb = half_of_memory_mb();  ///< of all maps together
   size_t max_keyframes = MapServiceOptions().max_keyframes;
   size_t max_labels = MapServiceOptions().max_labels;

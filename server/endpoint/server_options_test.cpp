@@ -68,14 +68,16 @@ TEST_F(ServerOptionsTest, DefaultsServeThisMachine) {
   EXPECT_EQ(options.profile, "loopback");
   EXPECT_EQ(options.seed, 0U);
   EXPECT_EQ(options.max_maps, 1000U);
+  EXPECT_EQ(options.max_maps_per_client, 200U);
   EXPECT_GT(options.max_memory_mb, 0U);
 }
 
 TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   const ServerOptions options = accepted({"--max-maps", "3", "--max-memory=512", "--stats", "server.json"});
   EXPECT_EQ(options.stats, "server.json");
-  const ServerOptions limited =
-      accepted({"--max-keyframes=50", "--max-labels=20", "--keyframe-rate=0.5", "--question-rate=0"});
+  const ServerOptions limited = accepted({"--max-maps-per-client=7", "--max-keyframes=50", "--max-labels=20",
+                                          "--keyframe-rate=0.5", "--question-rate=0"});
+  EXPECT_EQ(limited.max_maps_per_client, 7U);
   EXPECT_EQ(limited.max_keyframes, 50U);
   EXPECT_EQ(limited.max_labels, 20U);
   EXPECT_EQ(limited.rates.keyframes, 0.5);
@@ -87,6 +89,7 @@ TEST_F(ServerOptionsTest, LimitsAreNumbersFromOne) {
   EXPECT_EQ(options.max_memory_mb, 512U);
   for (const char* none : {"0", "-1", "many"}) {
     EXPECT_EQ(refused({"--max-maps", none}).code, 2);
+    EXPECT_EQ(refused({"--max-maps-per-client", none}).code, 2);
     EXPECT_EQ(refused({"--max-keyframes", none}).code, 2);
     EXPECT_EQ(refused({"--max-labels", none}).code, 2);
     EXPECT_EQ(refused({"--max-memory", none}).code, 2);
@@ -182,12 +185,12 @@ TEST_F(ServerOptionsTest, WhatIsNotThereYetIsRefusedOnlyWhenUsed) {
 TEST_F(ServerOptionsTest, HelpHasExamplesAndEveryOptionOfTheContract) {
   const EarlyExit help = refused({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* word :
-       {"Examples:",     "--config",        "--store",      "--domain",        "--listen",
-        "--profile",     "--security",      "--http",       "--seed",          "--max-maps",
-        "--max-memory",  "--max-keyframes", "--max-labels", "--keyframe-rate", "--question-rate",
-        "--relocalizer", "--rest-after",    "--drop-after", "--keep-deleted",  "--wearer-rule",
-        "--wearers",     "--stats",         "--lockstep"}) {
+  for (const char* word : {"Examples:",    "--config",        "--store",         "--domain",
+                           "--listen",     "--profile",       "--security",      "--http",
+                           "--seed",       "--max-maps",      "--max-memory",    "--max-keyframes",
+                           "--max-labels", "--keyframe-rate", "--question-rate", "--relocalizer",
+                           "--rest-after", "--drop-after",    "--keep-deleted",  "--wearer-rule",
+                           "--wearers",    "--stats",         "--lockstep",      "--max-maps-per-client"}) {
     EXPECT_THAT(help.text, HasSubstr(word));
   }
   EXPECT_EQ(refused({"--version"}).code, 0);

@@ -38,6 +38,7 @@ class CameraList {
   Status put(wire::PeerId process, const wire::CameraMessage& message);
   /// `process` holds the name: its cameras are meant from now on.
   void set_holder(wire::PeerId process) { holder_ = process; }
+  [[nodiscard]] bool is_holder(wire::PeerId process) const { return holder_ == process; }
   /// A camera of the holder's, until the next call of put(); null when it has not announced it (yet).
   [[nodiscard]] const AnnouncedCamera* find(uint32_t camera, uint32_t version) const;
 
@@ -62,7 +63,7 @@ inline constexpr size_t kMaxClients = 256;
 /// What the server keeps of one client name. The gates outlive the connection: the same process may come back
 /// with commands that were decided long ago.
 struct Client {
-  explicit Client(const RateLimits& limits) : rates(limits) {}
+  explicit Client(const RateLimits& limits) : rates(limits), others_rates(limits) {}
   std::string name;
   ClientId id;
   Principal::Proof proof = Principal::Proof::kClaimed;  ///< of the name, by whoever spoke under it last
@@ -71,7 +72,8 @@ struct Client {
   SeedGate seed_gate;
   RequestGate request_gate;
   PendingOffers pending_offers;
-  ClientRates rates;
+  ClientRates rates;         ///< of the process that holds the name
+  ClientRates others_rates;  ///< of all others that say something under it
   bool seed_in_work = false;
   bool query_in_work = false;
   CameraList cameras;

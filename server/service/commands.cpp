@@ -92,6 +92,7 @@ void MapService::take(const Principal& who, wire::MapSeed message) {
   const Ruling ruling = options_.access->on_creating(client.principal());
   if (ruling.right < Right::kWrite) return refuse(ruling.reason);
   if (std::string why = why_full(); !why.empty()) return refuse(std::move(why));
+  if (std::string why = why_maker_is_full(client); !why.empty()) return refuse(std::move(why));
   if (std::string why = store_ ? store_->trouble() : ""; !why.empty()) return refuse(std::move(why));
 
   client.seed_in_work = true;
@@ -112,19 +113,37 @@ void MapService::take(const Principal& who, wire::MapSeed message) {
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
   job.lockstep = message.lockstep;
+  const MapId map = job.input.map;
+  const size_t bytes = job.first_image.bytes.size() + job.second_image.bytes.size();
+  job.pending =
+      client.pending_offers.add({PendingOffers::Kind::kSeed, map, ruling.extent}, bytes, waiting_bytes_);
+  const auto pending = job.pending;
 
   job.origin = {client.name, message.command};
-  const MapId map = job.input.map;
   auto runner = make_runner(map);
-  maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}}).seeding = true;
+  MapEntry& entry = maps_.add(map, MapEntry{job.input.map_name, runner, {}, {}, {}});
+  entry.seeding = true;
+  entry.maker = client.name;
   verdict.map = map;
   if (may_die_young) young_.made(map, client.name, message.command.session);
-  runner->start(std::move(job),
-                [this, name = client.name, verdict](Result<SeedResult> result, MapSnapshotPtr snapshot) {
-                  post_([this, name, verdict, result = std::move(result), snapshot = std::move(snapshot)] {
-                    on_seed_decided(name, verdict, result, snapshot);
-                  });
-                });
+  runner->start(std::move(job), [this, name = client.name, verdict, pending](Result<SeedResult> result,
+                                                                             MapSnapshotPtr snapshot) {
+    post_([this, name, verdict, pending, result = std::move(result), snapshot = std::move(snapshot)] {
+      if (!result || !pending->is_withdrawn()) return on_seed_decided(name, verdict, result, snapshot);
+      take_out(verdict.map);
+      on_seed_decided(name, verdict, fail(ErrorCode::kRefused, kSeedWithdrawn), nullptr);
+    });
+  });
+}
+
+/// It is in the store by now, and nobody has been told of it.
+void MapService::take_out(MapId map) {
+  if (const MapEntry* entry = maps_.find(map)) entry->runner->retire();
+  if (store_ == nullptr) return;
+  store_->run([map, log = log_](Store& store) {
+    const Status gone = store.undo_import(map);
+    if (!gone) log->error("a map that was not to be made is still there: {}", gone.error().message);
+  });
 }
 
 void MapService::on_seed_decided(const std::string& client_name, wire::SeedVerdict verdict,
@@ -222,7 +241,8 @@ void MapService::take(const Principal& who, wire::KeyframeOffer message) {
   job.epoch = message.epoch;
   job.image = std::move(message.image);
   job.lockstep = message.lockstep;
-  job.pending = client.pending_offers.add(message.map, ruling.extent, job.image.bytes.size(), waiting_bytes_);
+  job.pending = client.pending_offers.add({PendingOffers::Kind::kKeyframe, message.map, ruling.extent},
+                                          job.image.bytes.size(), waiting_bytes_);
   outcome.epoch = entry->snapshot->epoch;
   entry->used_at = clock_.now();
   const auto done = [this, name = client.name, session, outcome, arrived = clock_.now(),
@@ -468,6 +488,14 @@ std::string MapService::why_full() const {
   if (maps_.all().size() >= options_.max_maps)
     return "the server is full: " + std::to_string(maps_.all().size()) + " maps (--max-maps)";
   return why_memory_is_full();
+}
+
+std::string MapService::why_maker_is_full(const Client& client) const {
+  const auto made =
+      std::ranges::count_if(maps_.all(), [&](const auto& map) { return map.second.maker == client.name; });
+  if (static_cast<size_t>(made) < options_.max_maps_per_client) return {};
+  return "this client has made " + std::to_string(made) +
+         " of the maps here, which is all that one may have (--max-maps-per-client)";
 }
 
 void MapService::write_verdicts(Client& client) {

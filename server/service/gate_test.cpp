@@ -228,6 +228,17 @@ TEST(Presence, TheSameProcessMayMatchAnewOrBeginAnotherSession) {
   EXPECT_TRUE(presence.holds("anna", SessionId{43}));
 }
 
+TEST(Presence, WhatTheHolderSaysIsToldByItsPublication) {
+  Presence presence;
+  MonotonicTime now{};
+  EXPECT_FALSE(presence.is_holder("anna", kFirst));
+  (void)presence.heard("anna", kSession, kFirst, now);
+  (void)presence.heard("anna", SessionId{43}, kSecond, now);
+  EXPECT_TRUE(presence.is_holder("anna", kFirst));
+  EXPECT_FALSE(presence.is_holder("anna", kSecond));
+  EXPECT_FALSE(presence.is_holder("bob", kFirst));
+}
+
 TEST(Presence, TheNameIsFreeWhenItsHolderIsSilentOrGone) {
   Presence presence;
   MonotonicTime now{};

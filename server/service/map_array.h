@@ -11,6 +11,7 @@
 #include <random>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "common/map/snapshot.h"
 #include "common/wire/messages.h"
@@ -49,11 +50,13 @@ struct MapEntry {
   MonotonicTime used_at = {};                  ///< when it last changed or was offered a keyframe
   std::optional<Timestamp> localized_at = {};  ///< when a tracker last said that it is found in it
   OfferTimes offer_times{};
-  int offers_in_work = 0;       ///< each may wake it
-  std::string name_to_be = {};  ///< while it is being kept: taken already
-  bool leaving = false;         ///< it is being deleted
-  bool rolling_back = false;    ///< another state of it is about to take its place
-  size_t bytes_published = 0;   ///< of the snapshot's points
+  int offers_in_work = 0;                ///< each may wake it
+  std::string name_to_be = {};           ///< while it is being kept: taken already
+  bool leaving = false;                  ///< it is being deleted
+  bool rolling_back = false;             ///< another state of it is about to take its place
+  std::string maker = {};                ///< the client that made it; empty: an operator, or it is not known
+  std::vector<EpochRecord> epochs = {};  ///< of the map; empty: the present one only
+  size_t bytes_published = 0;            ///< of the snapshot's points
 };
 
 /// To who asks anything of a map meanwhile.

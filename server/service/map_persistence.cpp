@@ -56,7 +56,7 @@ MapPersistence::MapPersistence(std::unique_ptr<Store> store, Runtime runtime, Lo
       unloaded_(store_->unplaced()),
       clock_(std::move(runtime.clock)),
       writer_(std::move(runtime.writer)),
-      beside_(std::move(runtime.beside)),
+      beside_(std::make_shared<HeldLane>(std::move(runtime.beside))),
       examiner_(std::move(runtime.examiner)) {
   writer_->begin([this] { return work(); });
 }
@@ -127,7 +127,8 @@ Result<RestoredMap> MapPersistence::settle(Loaded loaded) {
   forget_unloaded(loaded.map);
   RestoredMap& map = *loaded.restored;
   if (!loaded.damage.empty()) {
-    const MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}, map.contributions};
+    MapUpdate saved{map.maker->take_changes(), map.decisions, map.labels, {}, map.contributions};
+    saved.last_proposal = map.last_proposal;
     map.proposals.clear();  // they stay in the damaged file
     const auto aside = store_->replace(map.header, saved, loaded.damage);
     log_->error("map {} ({}) goes on without what is damaged; {}", name, map.header.name,
@@ -199,8 +200,10 @@ void MapPersistence::change_state(MapId map, const MapMakerOptions& options, Res
                                   StateChange how) {
   run([this, map, options, images, how = std::move(how)](Store& writers) {
     writers.let_go(map);
-    run_beside([this, map, options, images, how](Store& store) {
+    beside_->submit_within(how.place, [this, map, options, images, how] {
+      Store& store = *store_;
       const AcceptState accept = [&](StoredMap state) -> Status {
+        store.note_lost_proposals(map, state);
         Loaded loaded = make_ready(map, std::move(state), options, images);
         if (!loaded.damage.empty()) return fail(ErrorCode::kDamaged, loaded.damage.front());
         if (!loaded.restored) return tl::unexpected(loaded.restored.error());
@@ -255,6 +258,10 @@ void MapPersistence::post(Job job) {
 
 void MapPersistence::run_beside(std::function<void(Store& store)> task) {
   beside_->submit([this, task = std::move(task)] { task(*store_); });
+}
+
+void MapPersistence::hold_beside(std::function<void(HeldLane::Hold place)> then) {
+  beside_->hold(std::move(then));
 }
 
 void MapPersistence::run_examination(std::function<void(const std::filesystem::path& folder)> task) {

@@ -15,6 +15,7 @@
 #include "server/relocalization/place_index.h"
 #include "server/service/clock.h"
 #include "server/service/executor.h"
+#include "server/service/held_lane.h"
 #include "server/store/store.h"
 
 namespace cairn {
@@ -103,6 +104,7 @@ class MapPersistence {
   /// durable. One that is damaged, or that `take` throws at, is not put there. `done` is called by the
   /// writer, with what has come of it: an error, and nothing has happened.
   struct StateChange {
+    HeldLane::Hold place;  ///< of hold_beside()
     std::function<Status(Store& store, const AcceptState& accept)> change;
     std::function<void(RestoredMap map)> take;
     std::function<void(const Status& changed)> done;
@@ -123,6 +125,9 @@ class MapPersistence {
   /// What takes seconds and leaves open maps alone (archives, deleted maps), one task after another, while
   /// maps are being written; dropped at the end.
   void run_beside(std::function<void(Store& store)> task);
+  /// Waits for all that: `then` is called by that thread, and nothing else begins there while its `place`
+  /// lives. For what a map is stopped for: it is stopped after the wait.
+  void hold_beside(std::function<void(HeldLane::Hold place)> then);
   /// What takes minutes and only reads, at whatever file: nobody waits for it. Dropped at the end.
   void run_examination(std::function<void(const std::filesystem::path& folder)> task);
   /// After so many failures, one after another, of what is tried again for reasons of one map's own: twice as
@@ -185,7 +190,7 @@ class MapPersistence {
 
   const std::shared_ptr<const Clock> clock_;
   std::unique_ptr<Turns> writer_;
-  std::unique_ptr<Executor> beside_;
+  std::shared_ptr<HeldLane> beside_;
   std::unique_ptr<Executor> examiner_;
 };
 

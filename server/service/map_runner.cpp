@@ -39,6 +39,10 @@ wire::OfferDecision to_decision(KeyframeVerdict verdict) {
   return wire::OfferDecision::kDamaged;
 }
 
+bool is_withdrawn(const std::shared_ptr<const PendingOffer>& pending) {
+  return pending != nullptr && pending->is_withdrawn();
+}
+
 bool fits(const GrayImage& image, const Camera& camera) {
   return image.width() == camera.width() && image.height() == camera.height();
 }
@@ -103,6 +107,10 @@ void MapRunner::start(SeedJob job, SeedDone done) {
 }
 
 void MapRunner::answer_seed(const SeedJob& job, Result<SeedResult> result, const SeedDone& done) {
+  if (is_withdrawn(job.pending)) {
+    stopping_ = true;
+    return done(fail(ErrorCode::kRefused, kSeedWithdrawn), nullptr);
+  }
   const bool published = !frozen_ && guarded([this] { publish(); });
   const bool handed_in = published && guarded([&] { keep_seed(job, *result, done); });
   if (!handed_in) return done(fail(ErrorCode::kInternal, kInternalError), nullptr);
@@ -165,6 +173,7 @@ void MapRunner::freeze(const std::string& why) {
 }
 
 Result<SeedResult> MapRunner::make_map(SeedJob* job) {
+  if (is_withdrawn(job->pending)) return fail(ErrorCode::kRefused, kSeedWithdrawn);
   for (auto [message, image] : {std::pair{&job->first_image, &job->input.first_image},
                                 std::pair{&job->second_image, &job->input.second_image}}) {
     Result<GrayImagePtr> decoded = decode_image(*message);
@@ -253,7 +262,7 @@ bool MapRunner::refer_to_earlier(OfferJob* job) const {
 OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
   using wire::OfferDecision;
   if (has_ended()) return ended();
-  if (job.pending && job.pending->is_withdrawn()) {
+  if (is_withdrawn(job.pending)) {
     return {OfferDecision::kNoRight,
             "what this client may add to the map has changed while its keyframe waited",
             {},

@@ -41,6 +41,7 @@ struct SeedJob {
   wire::ImageMessage first_image;
   wire::ImageMessage second_image;
   bool lockstep = false;
+  std::shared_ptr<const PendingOffer> pending = {};  ///< nothing: it cannot be withdrawn
 };
 
 struct OfferJob {
@@ -52,6 +53,10 @@ struct OfferJob {
   bool lockstep = false;
   std::shared_ptr<const PendingOffer> pending = {};  ///< nothing: it cannot be withdrawn
 };
+
+/// Why nothing comes of a seed that was withdrawn.
+inline constexpr const char* kSeedWithdrawn =
+    "whether this client may make maps has changed while its map was being made";
 
 /// A state of the map to be shown to others.
 struct MapRevision {
@@ -108,7 +113,7 @@ class MapRunner : public std::enable_shared_from_this<MapRunner> {
   MapRunner(Lanes lanes, const MapMakerOptions& options, MapPersistence* store, Listener listener,
             std::shared_ptr<const Clock> clock, Logger log, WorkTimes* times = nullptr);
 
-  /// Makes the map; to be called once, before anything else.
+  /// Makes the map, unless the seed is withdrawn meanwhile; to be called once, before anything else.
   void start(SeedJob job, SeedDone done);
   /// Takes up a map from the store; to be called once, before anything else. Its first revision.
   [[nodiscard]] MapRevision resume(RestoredMap restored);

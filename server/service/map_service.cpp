@@ -200,9 +200,10 @@ std::optional<FollowedMap> MapService::follow(const Principal& who, MapId map) c
 void MapService::take(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera) {
   Client& client = client_of(who);
   const MonotonicTime now = clock_.now();
-  const Status taken = client.rates.judge(ClientRates::Kind::kCamera, now) == ClientRates::Judgement::kTake
+  ClientRates& rates = client.cameras.is_holder(process) ? client.rates : client.others_rates;
+  const Status taken = rates.judge(ClientRates::Kind::kCamera, now) == ClientRates::Judgement::kTake
                            ? client.cameras.put(process, camera)
-                           : fail(ErrorCode::kRefused, client.rates.why(ClientRates::Kind::kCamera));
+                           : fail(ErrorCode::kRefused, rates.why(ClientRates::Kind::kCamera));
   if (taken) client.camera_missed_at.reset();
   if (!taken && client.camera_warning.due(now))
     log_->warn("{}: camera {} refused: {}", client.name, camera.camera, taken.error().message);
@@ -216,7 +217,8 @@ bool MapService::take(const Principal& who, wire::PublicationHandle publication,
                       std::optional<wire::PeerId> process, const wire::TrackerStateMessage& message) {
   Client& client = client_of(who);
   const MonotonicTime now = clock_.now();
-  if (client.rates.judge(ClientRates::Kind::kState, now) != ClientRates::Judgement::kTake) return false;
+  ClientRates& rates = presence_.is_holder(client.name, publication) ? client.rates : client.others_rates;
+  if (rates.judge(ClientRates::Kind::kState, now) != ClientRates::Judgement::kTake) return false;
   if (client.kicked == message.session) {
     tell_kicked(client);
     return false;

@@ -113,6 +113,8 @@ class MapService {
     LabelId last_label;
     std::vector<ProposalSummary> proposals;
     uint64_t last_proposal = 0;
+    std::vector<EpochRecord> epochs;
+    std::string maker;
     std::shared_ptr<MapRunner> runner;
     MapRevision first;
   };
@@ -211,7 +213,11 @@ class MapService {
   [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;
   /// The map is served from another state of its file in a new epoch, or nothing has happened.
   using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
-  void change_state(MapId id, MapEntry* entry, ChangeOfState change, const AdminAnswer& answer);
+  void change_state(MapId id, ChangeOfState change, const AdminAnswer& answer);
+  void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
+                             const AdminAnswer& answer);
+  void drop_contributor_of(MapId id, const MapSnapshotPtr& map, const std::string& client,
+                           const AdminAnswer& answer);
   void replace_map(ResumedMap map, const AdminAnswer& answer);
   void copy_map(MapId id, const MapEntry& entry, const std::string& name, const AdminAnswer& answer);
   void transfer(const std::string& verb, const std::string& token, uint64_t offset, std::vector<uint8_t> data,
@@ -238,9 +244,14 @@ class MapService {
                                       const Ruling& ruling) const;
   void propose(Client* client, const MapEntry& entry, wire::KeyframeOffer offer,
                const AnnouncedCamera& camera, std::string why);
-  void on_proposal_judged(SessionId session, wire::OfferOutcome outcome, ProposalJudgement judged);
-  void keep_proposal(SessionId session, wire::OfferOutcome outcome, KeptProposal kept);
+  using Pending = std::shared_ptr<const PendingOffer>;
+  void on_proposal_judged(SessionId session, wire::OfferOutcome outcome, ProposalJudgement judged,
+                          const Pending& pending);
+  void keep_proposal(SessionId session, wire::OfferOutcome outcome, KeptProposal kept,
+                     const Pending& pending);
   void drop_old_proposals();
+  /// The map is not being rolled back.
+  void remove_proposals(MapId map, const std::vector<uint64_t>& numbers);
   struct NamedProposal {
     MapId map;
     uint64_t number = 0;
@@ -264,6 +275,7 @@ class MapService {
   // What they want (commands.cpp).
   void on_seed_decided(const std::string& client, wire::SeedVerdict verdict, const Result<SeedResult>& result,
                        const MapSnapshotPtr& snapshot);
+  void take_out(MapId map);
   void on_offer_decided(const std::string& client, SessionId session, wire::OfferOutcome outcome);
   /// A camera that is announced as a guess may be known by a map: the values to look for a place with.
   [[nodiscard]] CameraPtr best_known(const Client& client, uint32_t camera,
@@ -295,6 +307,8 @@ class MapService {
   [[nodiscard]] std::string why_map_is_full(const MapEntry& entry) const;
   /// Why there may be no more maps; empty when there may.
   [[nodiscard]] std::string why_full() const;
+  /// Why a client may make no more maps; empty when it may.
+  [[nodiscard]] std::string why_maker_is_full(const Client& client) const;
   void write_verdicts(Client& client);
   /// Tells those that may read it.
   void list_map(MapId map, const MapEntry& entry);

@@ -78,12 +78,7 @@ bool MapService::keeps_versions(const std::string& operator_name, MapId id, MapE
   } else if (verb == "contributors") {
     list_contributors(id, *entry, text_of(request, "after"), answer);
   } else if (verb == "drop-contributor") {
-    change_state(
-        id, entry,
-        [id, client = text_of(request, "client")](Store& store, const AcceptState& accept) {
-          return drop_contributor(&store, id, client, accept);
-        },
-        answer);
+    drop_contributor_of(id, entry->snapshot, text_of(request, "client"), answer);
   } else if (verb == "copy") {
     copy_map(id, *entry, text_of(request, "name"), answer);
   } else if (!is_valid_name(tag)) {
@@ -131,13 +126,31 @@ void MapService::roll_back_map(MapId id, const std::string& name, MapTag before,
     post_([this, id, tag, before, answer] {
       MapEntry* entry = maps_.find(id);
       if (!tag || entry == nullptr) return answer(tag ? unknown_map(to_hex(id.bytes)) : refusal(tag.error()));
-      std::string why = why_not(*entry, true);
-      if (why.empty()) why = why_tag_is_too_large(*entry, *tag);
-      if (!why.empty()) return answer(refusal(ErrorCode::kRefused, std::move(why)));
+      if (std::string why = why_tag_is_too_large(*entry, *tag); !why.empty())
+        return answer(refusal(ErrorCode::kRefused, std::move(why)));
       const auto roll_back = [id, name = tag->name, before](Store& s, const AcceptState& accept) {
         return s.roll_back(id, name, before, accept);
       };
-      change_state(id, entry, roll_back, answer);
+      change_state(id, roll_back, answer);
+    });
+  });
+}
+
+/// Nor does somebody who has no keyframe in it.
+void MapService::drop_contributor_of(MapId id, const MapSnapshotPtr& map, const std::string& client,
+                                     const AdminAnswer& answer) {
+  store_->run([this, id, map, client, answer](Store& store) {
+    const auto known = store.contributions(id);
+    if (!known) return post_([answer, error = known.error()] { answer(refusal(error)); });
+    const bool has_any = std::ranges::any_of(
+        *known, [&](const Contribution& c) { return c.second == client && map->find(c.first) != nullptr; });
+    const Error nothing = no_contribution(client, map->name);
+    post_([this, id, client, answer, has_any, nothing] {
+      if (!has_any) return answer(refusal(nothing));
+      const auto drop = [id, client](Store& s, const AcceptState& accept) {
+        return drop_contributor(&s, id, client, accept);
+      };
+      change_state(id, drop, answer);
     });
   });
 }
@@ -172,8 +185,22 @@ std::string MapService::why_tag_is_too_large(const MapEntry& entry, const MapTag
   return then > now ? why_memory_is_full(then - now) : std::string();
 }
 
+/// What others have going on beside the writer, an archive or a backup, is waited for with the map at work.
+void MapService::change_state(MapId id, ChangeOfState change, const AdminAnswer& answer) {
+  store_->hold_beside([this, id, change = std::move(change), answer](const HeldLane::Hold& place) {
+    post_([this, id, change, answer, place] {
+      MapEntry* entry = maps_.find(id);
+      if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
+      if (std::string why = why_not(*entry, true); !why.empty())
+        return answer(refusal(ErrorCode::kRefused, std::move(why)));
+      change_state_in_place(id, entry, change, place, answer);
+    });
+  });
+}
+
 /// From the moment when the map's file becomes another, nothing of what the map was is written any more.
-void MapService::change_state(MapId id, MapEntry* entry, ChangeOfState change, const AdminAnswer& answer) {
+void MapService::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
+                                       const AdminAnswer& answer) {
   entry->rolling_back = true;
   young_.forget(id);
   const auto next = std::make_shared<std::optional<ResumedMap>>();
@@ -186,10 +213,12 @@ void MapService::change_state(MapId id, MapEntry* entry, ChangeOfState change, c
     });
   };
   const auto take = [this, next](RestoredMap map) { next->emplace(prepare(std::move(map))); };
-  entry->runner->give_way([this, id, change = std::move(change), take, done](const Status& kept) {
-    if (!kept) return done(kept);
-    store_->change_state(id, options_.mapping, restored_images(options_.rest_after), {change, take, done});
-  });
+  entry->runner->give_way(
+      [this, id, change = std::move(change), place = std::move(place), take, done](const Status& kept) {
+        if (!kept) return done(kept);
+        store_->change_state(id, options_.mapping, restored_images(options_.rest_after),
+                             {place, change, take, done});
+      });
 }
 
 void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
@@ -208,6 +237,7 @@ void MapService::replace_map(ResumedMap map, const AdminAnswer& answer) {
   while (entry->offers_in_work > 0) maps_.end_offer(entry);
   entry->runner = map.runner;
   entry->plane_aligned = map.plane_aligned;
+  entry->epochs = std::move(map.epochs);
   entry->frozen.clear();
   entry->rolling_back = false;
   on_map_changed(id, std::move(map.first));

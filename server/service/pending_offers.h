@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -16,7 +17,7 @@ namespace cairn {
 /// What all offers that wait take of memory.
 using WaitingBytes = std::shared_ptr<std::atomic<size_t>>;
 
-/// An offer that waits in the queue of a map, and is held by what waits there.
+/// Something that a client has offered and nobody has decided yet; held by what waits for that.
 class PendingOffer {
  public:
   PendingOffer(size_t bytes, WaitingBytes all) : bytes_(bytes), all_(std::move(all)) { *all_ += bytes_; }
@@ -34,16 +35,20 @@ class PendingOffer {
   std::atomic<bool> withdrawn_{false};
 };
 
-/// Those of one client. What it may do can change before a map comes to them: then they are withdrawn. Used
-/// from one thread.
+/// Those of one client. What it may do can change before they are decided: then they are withdrawn. Used from
+/// one thread.
 class PendingOffers {
  public:
-  /// To a map, within what extent.
-  [[nodiscard]] std::shared_ptr<const PendingOffer> add(const MapId& map, const std::optional<Extent>& extent,
-                                                        size_t bytes, const WaitingBytes& all) {
+  enum class Kind : uint8_t { kSeed, kKeyframe, kProposal };
+  struct What {
+    Kind kind = Kind::kKeyframe;
+    MapId map;                     ///< to which it was offered, or that would come of it
+    std::optional<Extent> extent;  ///< within which it was allowed
+  };
+  [[nodiscard]] std::shared_ptr<const PendingOffer> add(What what, size_t bytes, const WaitingBytes& all) {
     std::erase_if(offers_, [](const Offer& offer) { return offer.waiting.expired(); });
     auto offer = std::make_shared<PendingOffer>(bytes, all);
-    offers_.push_back({map, extent, offer});
+    offers_.push_back({std::move(what), offer});
     return offer;
   }
   /// Those of which `is_over` says so.
@@ -51,14 +56,13 @@ class PendingOffers {
   void withdraw(const IsOver& is_over) {
     for (const Offer& offer : offers_) {
       const auto waiting = offer.waiting.lock();
-      if (waiting && is_over(offer.map, offer.extent)) waiting->withdraw();
+      if (waiting && is_over(offer.what)) waiting->withdraw();
     }
   }
 
  private:
   struct Offer {
-    MapId map;
-    std::optional<Extent> extent;
+    What what;
     std::weak_ptr<PendingOffer> waiting;
   };
   std::vector<Offer> offers_;  ///< few: a client has a credit

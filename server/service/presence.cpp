@@ -23,6 +23,11 @@ bool Presence::holds(const std::string& name, SessionId session) const {
   return it != holders_.end() && it->second.session == session;
 }
 
+bool Presence::is_holder(const std::string& name, wire::PublicationHandle publication) const {
+  const auto it = holders_.find(name);
+  return it != holders_.end() && it->second.publication == publication;
+}
+
 int Presence::live_count(MonotonicTime now) const {
   return static_cast<int>(std::count_if(holders_.begin(), holders_.end(), [now](const auto& entry) {
     return now - entry.second.last_heard < kSilence;

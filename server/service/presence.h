@@ -32,6 +32,8 @@ class Presence {
   void gone(const std::string& name) { holders_.erase(name); }
   /// Whether commands of `session` count.
   [[nodiscard]] bool holds(const std::string& name, SessionId session) const;
+  /// Whether the process that holds the name was last heard by this publication: none but it can use that.
+  [[nodiscard]] bool is_holder(const std::string& name, wire::PublicationHandle publication) const;
   /// Names that are held and not silent.
   [[nodiscard]] int live_count(MonotonicTime now) const;
 

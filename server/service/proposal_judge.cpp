@@ -5,6 +5,7 @@
 
 #include "common/geometry/scene_depth.h"
 #include "server/service/map_runner.h"
+#include "server/store/epochs.h"
 #include "server/store/proposal_codec.h"
 
 namespace cairn {
@@ -70,9 +71,13 @@ ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
   return judged;
 }
 
-Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map, const KeptProposal& proposal) {
+Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map, std::span<const EpochRecord> epochs,
+                                             const KeptProposal& proposal) {
   const ProposalRecord& record = proposal.record;
-  const auto pose = pose_in(map, record.reference, record.camera_from_reference);
+  const auto same = ids_in_common(epochs, record.summary.epoch, map.epoch);
+  const auto pose = same && record.reference.value <= same->keyframes
+                        ? pose_in(map, record.reference, record.camera_from_reference)
+                        : std::nullopt;
   if (!pose)
     return fail(ErrorCode::kRefused,
                 "the keyframe that it was taken beside is in the map no more: it cannot be accepted");

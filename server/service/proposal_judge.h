@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <span>
 #include <string>
 
 #include "common/wire/messages.h"
 #include "server/mapping/expected_points.h"
-#include "server/store/proposal.h"
+#include "server/store/map_file.h"
 
 /// What a keyframe that is not to be added is worth, by what is published of the map: no map maker is asked,
 /// and no builder waits. Pure, on any thread.
@@ -21,9 +22,10 @@ struct ProposalJudgement {
 [[nodiscard]] ProposalJudgement judge_proposal(const MapSnapshot& map, const Camera& camera,
                                                const wire::KeyframeOffer& offer);
 
-/// The points of the map as it is now in the picture of a proposal. Errors: kRefused (its place in the map
-/// has gone), kDamaged.
+/// The points of the map as it is now in the picture of a proposal. `epochs`: of the map, by which it is
+/// known what ids of an earlier one mean now. Errors: kRefused (its place in the map has gone), kDamaged.
 [[nodiscard]] Result<std::vector<ExpectedPoint>> points_in(const MapSnapshot& map,
+                                                           std::span<const EpochRecord> epochs,
                                                            const KeptProposal& proposal);
 
 }  // namespace cairn

@@ -99,9 +99,11 @@ void MapService::propose(Client* client, const MapEntry& entry, wire::KeyframeOf
     return refuse(wire::OfferDecision::kBusy, std::move(not_now));
   }
   ++proposals_in_work_;
+  const Pending pending = client->pending_offers.add({PendingOffers::Kind::kProposal, offer.map, {}},
+                                                     offer.image.bytes.size(), waiting_bytes_);
   Executor& lane = offer.lockstep ? lanes_.urgent : lanes_.idle;  // who replays a recording waits for it
   lane.submit([this, name = client->name, session, outcome, snapshot = entry.snapshot, camera = camera.camera,
-               offer = std::move(offer), why = std::move(why)] {
+               offer = std::move(offer), why = std::move(why), pending] {
     ProposalJudgement judged{wire::OfferDecision::kDamaged, "internal error; the server's log says more", {}};
     try {
       judged = judge_proposal(*snapshot, *camera, offer);
@@ -110,13 +112,14 @@ void MapService::propose(Client* client, const MapEntry& entry, wire::KeyframeOf
     }
     judged.kept.record.summary.client = name;
     judged.kept.record.summary.why = why;
-    post_([this, session, outcome, judged = std::move(judged)]() mutable {
-      on_proposal_judged(session, outcome, std::move(judged));
+    post_([this, session, outcome, judged = std::move(judged), pending]() mutable {
+      on_proposal_judged(session, outcome, std::move(judged), pending);
     });
   });
 }
 
-void MapService::on_proposal_judged(SessionId session, wire::OfferOutcome outcome, ProposalJudgement judged) {
+void MapService::on_proposal_judged(SessionId session, wire::OfferOutcome outcome, ProposalJudgement judged,
+                                    const Pending& pending) {
   --proposals_in_work_;
   ProposalSummary& summary = judged.kept.record.summary;
   const std::string name = summary.client;
@@ -131,7 +134,8 @@ void MapService::on_proposal_judged(SessionId session, wire::OfferOutcome outcom
     } else if (entry->rolling_back) {
       outcome.decision = wire::OfferDecision::kBusy;
       outcome.reason = kRollingBack;
-    } else if (client == clients_.end() || !takes_proposals(client->second, outcome.map, *entry)) {
+    } else if (pending->is_withdrawn() || client == clients_.end() ||
+               !takes_proposals(client->second, outcome.map, *entry)) {
       outcome.decision = wire::OfferDecision::kNoRight;
       outcome.reason = kNoProposals;
     } else if (const ProposalSummary* other = proposals_.find_alike(outcome.map, summary)) {
@@ -140,11 +144,12 @@ void MapService::on_proposal_judged(SessionId session, wire::OfferOutcome outcom
     }
   }
   if (outcome.decision != wire::OfferDecision::kKeptAside) return on_offer_decided(name, session, outcome);
-  keep_proposal(session, std::move(outcome), std::move(judged.kept));
+  keep_proposal(session, std::move(outcome), std::move(judged.kept), pending);
 }
 
 /// With what was decided on the offer: sent again after a restart, it is answered and not kept twice.
-void MapService::keep_proposal(SessionId session, wire::OfferOutcome outcome, KeptProposal kept) {
+void MapService::keep_proposal(SessionId session, wire::OfferOutcome outcome, KeptProposal kept,
+                               const Pending& pending) {
   ProposalSummary& summary = kept.record.summary;
   summary.received = clock_.wall();
   outcome.reason = "kept aside as a proposal: " + summary.why;
@@ -165,9 +170,14 @@ void MapService::keep_proposal(SessionId session, wire::OfferOutcome outcome, Ke
   update.proposals.push_back(std::move(kept));
   for (const ProposalSummary& gone : room.gone) update.removed_proposals.push_back(gone.number);
   const MapId map = outcome.map;
-  store_->write(map, std::move(update), [this, name, session, outcome, room](const Status& written) {
-    post_([this, name, session, outcome, room, written]() mutable {
-      if (!written) {
+  store_->write(map, std::move(update), [this, name, session, outcome, room, pending](const Status& written) {
+    post_([this, name, session, outcome, room, pending, written]() mutable {
+      const MapEntry* entry = maps_.find(outcome.map);
+      if (written && pending->is_withdrawn() && entry != nullptr && !entry->rolling_back) {
+        remove_proposals(outcome.map, {room.number});
+        outcome.decision = wire::OfferDecision::kNoRight;
+        outcome.reason = kNoProposals;
+      } else if (!written) {
         proposals_.take_back(outcome.map, room);
         outcome.decision = wire::OfferDecision::kFull;
         outcome.reason = written.error().message;
@@ -184,14 +194,17 @@ void MapService::drop_old_proposals() {
   for (auto& [map, numbers] : proposals_.too_old(clock_.wall())) {
     const MapEntry* entry = maps_.find(map);
     if (entry == nullptr || entry->rolling_back) continue;  // later
-    for (const uint64_t number : numbers) {
+    for (const uint64_t number : numbers)
       log_->info("proposal {} is dropped: nobody has decided of it for long", proposal_id(map, number));
-      proposals_.remove(map, number);
-    }
-    MapUpdate update;
-    update.removed_proposals = numbers;
-    store_->write(map, std::move(update), {});
+    remove_proposals(map, numbers);
   }
+}
+
+void MapService::remove_proposals(MapId map, const std::vector<uint64_t>& numbers) {
+  for (const uint64_t number : numbers) proposals_.remove(map, number);
+  MapUpdate update;
+  update.removed_proposals = numbers;
+  store_->write(map, std::move(update), {});
 }
 
 // ---- for operators
@@ -267,19 +280,19 @@ void MapService::show_proposal(const NamedProposal& which, const AdminAnswer& an
     json told = describe(which.map, entry->name, kept.record.summary);
     told["picture_bytes"] = kept.picture.size();
     told["measured"] = kept.record.measurements.size();
-    lanes_.idle.submit(
-        [this, answer, told = std::move(told), kept = std::move(kept), snapshot = entry->snapshot]() mutable {
-          const auto points = points_in(*snapshot, kept);
-          if (points) {
-            told["expected_now"] = points->size();
-            told["found_now"] =
-                std::count_if(points->begin(), points->end(), [](const ExpectedPoint& p) { return p.found; });
-            told["points"] = describe(*points);
-          } else {
-            told["problem"] = points.error().message;
-          }
-          post_([answer, told = std::move(told)] { answer(success(told)); });
-        });
+    lanes_.idle.submit([this, answer, told = std::move(told), kept = std::move(kept),
+                        snapshot = entry->snapshot, epochs = entry->epochs]() mutable {
+      const auto points = points_in(*snapshot, epochs, kept);
+      if (points) {
+        told["expected_now"] = points->size();
+        told["found_now"] =
+            std::count_if(points->begin(), points->end(), [](const ExpectedPoint& p) { return p.found; });
+        told["points"] = describe(*points);
+      } else {
+        told["problem"] = points.error().message;
+      }
+      post_([answer, told = std::move(told)] { answer(success(told)); });
+    });
   });
 }
 

@@ -6,6 +6,8 @@
 #include <map>
 #include <tuple>
 
+#include "server/store/epochs.h"
+
 namespace cairn {
 namespace {
 
@@ -97,20 +99,16 @@ LabelId last_label_of(std::span<const DecisionRecord> decisions) {
   return last;
 }
 
+std::string maker_of(std::span<const DecisionRecord> decisions) {
+  const auto seed = std::find_if(decisions.begin(), decisions.end(),
+                                 [](const DecisionRecord& d) { return d.kind == CommandKind::kSeed; });
+  return seed == decisions.end() ? std::string() : seed->client;
+}
+
 bool carry_over(std::span<const EpochRecord> epochs, Epoch tracked_in, Epoch present, KeyframeInput* frame) {
-  if (tracked_in == present) return true;
-  const auto then =
-      std::find_if(epochs.begin(), epochs.end(), [&](const EpochRecord& e) { return e.epoch == tracked_in; });
-  if (then == epochs.end() || std::next(then) == epochs.end()) return false;
-  // What an epoch began with was all that was left of those before it: after a roll-back, less than that with
-  // which an earlier one had begun.
-  EpochRecord left = *std::next(then);
-  for (auto later = std::next(then); later != epochs.end(); ++later) {
-    left.keyframes = std::min(left.keyframes, later->keyframes);
-    left.points = std::min(left.points, later->points);
-  }
-  if (frame->reference.value > left.keyframes) return false;
-  std::erase_if(frame->measurements, [&](const PointMeasurement& m) { return m.id.value > left.points; });
+  const auto left = ids_in_common(epochs, tracked_in, present);
+  if (!left || frame->reference.value > left->keyframes) return false;
+  std::erase_if(frame->measurements, [&](const PointMeasurement& m) { return m.id.value > left->points; });
   return true;
 }
 

@@ -37,6 +37,10 @@ struct KeptDecisions {
 /// The highest id of those that were given to labels by what is decided here; some may have been removed.
 [[nodiscard]] LabelId last_label_of(std::span<const DecisionRecord> decisions);
 
+/// The client that made the map, as far as that is kept: who is not known, and who brought it in or copied
+/// it, is none.
+[[nodiscard]] std::string maker_of(std::span<const DecisionRecord> decisions);
+
 /// Makes a frame that was tracked in an earlier epoch one of the present: what was given an id after the last
 /// save of that epoch is not what has the id now, and is left out. False when the frame cannot be used:
 /// unknown epoch, or its reference keyframe is such a one.

@@ -37,6 +37,8 @@ MapService::ResumedMap MapService::prepare(RestoredMap restored) {
                  last_label_of(restored.decisions),
                  std::move(restored.proposals),
                  restored.last_proposal,
+                 restored.epochs,
+                 maker_of(restored.decisions),
                  make_runner(restored.header.id),
                  {}};
   map.first = map.runner->resume(std::move(restored));
@@ -46,6 +48,8 @@ MapService::ResumedMap MapService::prepare(RestoredMap restored) {
 void MapService::take_up(ResumedMap map) {
   const MapId id = map.header.id;
   MapEntry& entry = maps_.add(id, MapEntry{map.header.name, map.runner, {}, {}, map.plane_aligned});
+  entry.maker = std::move(map.maker);
+  entry.epochs = std::move(map.epochs);
   entry.labels.restore(map.labels, map.last_label);
   proposals_.restore(id, std::move(map.proposals), map.last_proposal);
   on_map_changed(id, std::move(map.first));

@@ -27,6 +27,7 @@ struct MapServiceOptions {
   ServerId server;           ///< without a store: new with every start
   uint64_t start_count = 1;  ///< without a store: larger with every start, the epoch of its maps
   size_t max_maps = 1000;
+  size_t max_maps_per_client = 200;  ///< made by it and not deleted; beyond, it makes none
   size_t max_memory_bytes = std::numeric_limits<size_t>::max();  ///< of all maps; beyond, none grows
   size_t max_keyframes = 2000;                                   ///< of a map
   size_t max_labels = kMaxLabels;                                ///< of a map; not more than that

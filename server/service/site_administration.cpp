@@ -168,9 +168,13 @@ void MapService::tell_kicked(Client& client) {
 /// What a client may no longer read is taken from it at once, and what it may read now is offered.
 void MapService::enforce_rights() {
   for (auto& [name, client] : clients_) {
-    client.pending_offers.withdraw([&](const MapId& map, const std::optional<Extent>& extent) {
-      const Ruling now = options_.access->in_map(client.principal(), map);
-      return now.right < Right::kAdd || now.extent != extent;
+    client.pending_offers.withdraw([&](const PendingOffers::What& what) {
+      if (what.kind == PendingOffers::Kind::kProposal)
+        return !options_.access->may_propose(client.principal(), what.map);
+      const bool is_seed = what.kind == PendingOffers::Kind::kSeed;
+      const Ruling now = is_seed ? options_.access->on_creating(client.principal())
+                                 : options_.access->in_map(client.principal(), what.map);
+      return now.right < (is_seed ? Right::kWrite : Right::kAdd) || now.extent != what.extent;
     });
     for (const auto& [map, entry] : maps_.all()) {
       if (entry.snapshot == nullptr) continue;
@@ -193,8 +197,7 @@ void MapService::unlist_map(MapId map, Client& client) {
 
 void MapService::withdraw_offers(const std::function<bool(const std::string& client)>& is_turned_away) {
   for (auto& [name, client] : clients_) {
-    if (is_turned_away(name))
-      client.pending_offers.withdraw([](const MapId&, const std::optional<Extent>&) { return true; });
+    if (is_turned_away(name)) client.pending_offers.withdraw([](const PendingOffers::What&) { return true; });
   }
 }
 

@@ -24,8 +24,10 @@ json describe(const FileCheck& check) {
   json told{{"part", check.part},      {"name", check.name},     {"keyframes", check.keyframes},
             {"points", check.points},  {"labels", check.labels}, {"tags", check.tags},
             {"faults", json::array()}, {"remedy", check.remedy}};
-  for (size_t i = 0; i < std::min(check.faults.size(), kMostFaultsTold); ++i)
-    told["faults"].push_back(check.faults[i]);
+  for (const auto& faults : {check.faults, check.lost_proposals}) {
+    for (const std::string& fault : faults)
+      if (told["faults"].size() < kMostFaultsTold) told["faults"].push_back(fault);
+  }
   return told;
 }
 

@@ -149,13 +149,13 @@ TEST_F(MapRunnerTest, AnOfferThatWasWithdrawnWhileItWaitedIsNotTaken) {
   OfferJob job = job_of(*snapshot, 5, true);
   PendingOffers offers;
   const auto bytes = std::make_shared<std::atomic<size_t>>(0);
-  job.pending = offers.add(MapId{{1}}, std::nullopt, 1, bytes);
-  offers.withdraw([](const auto&, const auto&) { return true; });
+  job.pending = offers.add({PendingOffers::Kind::kKeyframe, MapId{{1}}, {}}, 1, bytes);
+  offers.withdraw([](const PendingOffers::What&) { return true; });
   const OfferJudgement judgement = value_of(send(std::move(job)));
   EXPECT_EQ(judgement.decision, wire::OfferDecision::kNoRight);
   EXPECT_THAT(judgement.reason, HasSubstr("has changed while its keyframe waited"));
   job = job_of(*snapshot, 5, true);
-  job.pending = offers.add(MapId{{1}}, std::nullopt, 1, bytes);
+  job.pending = offers.add({PendingOffers::Kind::kKeyframe, MapId{{1}}, {}}, 1, bytes);
   EXPECT_EQ(value_of(send(std::move(job))).decision, wire::OfferDecision::kAccepted);
 }
 

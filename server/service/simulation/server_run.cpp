@@ -40,6 +40,7 @@ Status ServerRun::open(const Setup& setup) {
   site_ = std::move(*site);
   options.access = site_->policy();
   if (setup.opened) setup.opened(*site_);
+  if (setup.adjust) setup.adjust(options);
   service_ = std::make_unique<MapService>(
       options, MapService::Lanes{urgent_, background_, questions_, idle_}, store_.get(), *site_, in_process_,
       [this](Task task) { home_.submit(std::move(task)); }, setup.log);
@@ -57,7 +58,8 @@ bool ServerRun::run_something() {
   std::array<Lane*, 7> ready{};
   size_t count = 0;
   for (Lane* lane : lanes) {
-    if (lane->has_task()) ready[count++] = lane;
+    const bool may_run = lane != beside_ || !beside_takes_long_;
+    if (may_run && lane->has_task()) ready[count++] = lane;
   }
   const bool writer_is_due = writer_->is_due(clock_->now());
   if (count == 0 && !writer_is_due) return false;

@@ -22,6 +22,7 @@ class ServerRun {
     InProcess::Listener listener;
     Logger log;
     std::function<void(const SiteAccess& site)> opened = {};  ///< before anything is said
+    std::function<void(MapServiceOptions& options)> adjust = {};
   };
   [[nodiscard]] static Result<std::unique_ptr<ServerRun>> start(const Setup& setup);
   ~ServerRun();
@@ -34,6 +35,8 @@ class ServerRun {
 
   /// Runs one of the tasks that are due, of whichever thread. False: none is.
   bool run_something();
+  /// What runs beside the writer takes long from now on: it does not come to its end while this is so.
+  void let_beside_take_long(bool long_) { beside_takes_long_ = long_; }
   void tick_if_due();
   /// As Service::close().
   void end();
@@ -57,6 +60,7 @@ class ServerRun {
   WriterTurns* writer_ = nullptr;  ///< of store_
   Lane* beside_ = nullptr;         ///< likewise
   Lane* examiner_ = nullptr;       ///< likewise
+  bool beside_takes_long_ = false;
   std::unique_ptr<MapPersistence> store_;
   std::unique_ptr<MapService> service_;
 };

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+
+#include "server/service/executor.h"
+
+namespace cairn {
+
+/// Tasks one after another on an executor. One can hold the lane beyond its end: who needs it for work that
+/// others bring about first waits for the lane before he asks them to, not after. Thread-safe.
+class HeldLane : public std::enable_shared_from_this<HeldLane> {
+ public:
+  /// While any copy of it lives, no other task begins.
+  using Hold = std::shared_ptr<const void>;
+
+  explicit HeldLane(std::unique_ptr<Executor> executor) : executor_(std::move(executor)) {}
+  void submit(Task task);
+  /// Calls `then` on the executor, in its turn.
+  void hold(std::function<void(Hold hold)> then);
+  /// By who has the hold: at once, or behind what it has submitted before.
+  void submit_within(const Hold& hold, Task task);
+  /// As the executor's.
+  void stop();
+
+ private:
+  void begin_next();
+  void end();
+
+  const std::unique_ptr<Executor> executor_;
+  std::mutex mutex_;  ///< of what follows
+  std::deque<std::function<void(Hold hold)>> waiting_;
+  bool is_busy_ = false;
+  bool is_stopped_ = false;
+};
+
+}  // namespace cairn

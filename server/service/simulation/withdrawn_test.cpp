@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a client has offered and loses the right to before it is decided: at whatever point of its way it is
+// withdrawn, either its client had been told that it was taken, or nothing comes of it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "server/service/simulation/lone_client_fixture.h"
+
+namespace cairn::simulation {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+constexpr int kMostTasks = 200;
+
+class Withdrawn : public LoneClientFixture {
+ protected:
+  /// So many tasks of the server, then the keys of its client are revoked.
+  void revoke_after(int tasks) {
+    for (int i = 0; i < tasks; ++i) (void)server_->run_something();
+    server_->service().withdraw_offers([](const std::string&) { return true; });
+  }
+  [[nodiscard]] size_t maps() const { return server_->service().maps().size(); }
+  [[nodiscard]] size_t proposals() {
+    EXPECT_EQ(ask(R"({"verb": "proposals"})"), "");
+    return json::parse(reply_->text)["proposals"].size();
+  }
+};
+
+TEST_F(Withdrawn, ASeedMakesNoMapAtWhateverPointOfItsWay) {
+  size_t expected = maps();
+  bool was_told = false;
+  int withdrawn = 0;
+  for (int tasks = 0; !was_told && tasks < kMostTasks; ++tasks) {
+    SCOPED_TRACE(std::to_string(tasks) + " tasks");
+    wire::MapSeed seed = views_.seed();
+    send(&seed);
+    revoke_after(tasks);
+    was_told = reason_of(seed) == "";
+    settle();
+    const auto reason = reason_of(seed);
+    ASSERT_TRUE(reason.has_value());
+    if (was_told) {
+      ++expected;
+    } else {
+      ++withdrawn;
+      EXPECT_THAT(*reason, HasSubstr("whether this client may make maps has changed"));
+    }
+    ASSERT_EQ(maps(), expected);
+  }
+  EXPECT_TRUE(was_told);
+  EXPECT_GT(withdrawn, 3) << "in its queue, being kept, being told";
+  begin_again();
+  EXPECT_EQ(maps(), expected) << "nothing of it was left in the store";
+}
+
+TEST_F(Withdrawn, ASeedOfWhoMayMakeNoMapsAnyMoreMakesNone) {
+  wire::MapSeed seed = views_.seed();
+  send(&seed);
+  EXPECT_EQ(ask(R"({"verb": "client-block", "client": "anna"})"), "");
+  EXPECT_THAT(reason_of(seed).value_or(""), HasSubstr("whether this client may make maps has changed"));
+  EXPECT_EQ(maps(), 1U);
+}
+
+TEST_F(Withdrawn, AProposalIsNotKeptAtWhateverPointOfItsWay) {
+  EXPECT_EQ(ask(R"({"verb": "proposals-welcome", "map": "desk", "welcome": true})"), "");
+  const MapSnapshotPtr seen = snapshot_;
+  bool was_told = false;
+  int withdrawn = 0;
+  for (int tasks = 0; !was_told && tasks < kMostTasks; ++tasks) {
+    SCOPED_TRACE(std::to_string(tasks) + " tasks");
+    wire::KeyframeOffer offer = views_.offer(*seen, 6).value();
+    offer.as_proposal = true;
+    send(&offer);
+    revoke_after(tasks);
+    was_told = reason_of(offer).has_value();
+    settle();
+    const auto reason = reason_of(offer);
+    ASSERT_TRUE(reason.has_value());
+    if (!was_told) {
+      ++withdrawn;
+      EXPECT_EQ(*reason, "no proposals are taken in this map");
+    }
+    ASSERT_EQ(proposals(), was_told ? 1U : 0U);
+  }
+  EXPECT_TRUE(was_told);
+  EXPECT_GT(withdrawn, 3) << "being looked at, being kept, being told";
+  begin_again();
+  EXPECT_EQ(proposals(), 1U);
+}
+
+}  // namespace
+}  // namespace cairn::simulation
