@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <span>
@@ -15,6 +16,9 @@
 
 /// What operators are answered (idl/README.md, AdminReply). Pure.
 namespace cairn {
+
+/// To be called once, on the service's thread.
+using AdminAnswer = std::function<void(wire::AdminReply reply)>;
 
 /// Of a map that is served, that is, has a snapshot.
 [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry);

@@ -4,22 +4,174 @@
 #include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
+#include <variant>
 
-/// What operators ask, as it comes from the wire (idl/README.md, AdminRequest): any text. Pure.
+#include "common/map/ids.h"
+#include "server/access/access_policy.h"
+
+/// What operators ask, as it comes from the wire (idl/README.md, AdminRequest): any text, and what it says as
+/// values. Behind this nothing of a request is JSON but what is asked about rights, which rights_verbs.h
+/// reads. Pure.
 namespace cairn {
+
+namespace asked {
+
+// Of the server.
+struct Status {};
+struct Rigs {};
+struct Clients {};
+struct KickClient {
+  std::string client;
+};
+/// A page of maps begins beyond an id, and at numbers of the lists behind them.
+struct Maps {
+  std::string after;
+  size_t deleted_from = 0;
+  size_t damaged_from = 0;
+  size_t unloaded_from = 0;
+};
+
+// Of rights and of what was done.
+struct Rights {};
+struct ExplainRights {
+  nlohmann::json request;
+};
+struct ChangeRights {
+  nlohmann::json request;
+};
+struct Audit {
+  nlohmann::json request;
+};
+
+// Of maps that have been deleted, and of archives.
+struct Undelete {
+  std::string map;
+};
+struct Purge {
+  std::string map;
+};
+struct Import {
+  std::string token;
+};
+struct ImportBegin {
+  std::string token;
+};
+/// What is written comes beside the text.
+struct ImportWrite {
+  std::string token;
+  uint64_t offset = 0;
+};
+struct ExportRead {
+  std::string token;
+  uint64_t offset = 0;
+};
+
+// Of the store. `after`: the page begins beyond it.
+struct Backup {
+  std::string after;
+};
+struct BackupPart {
+  std::string part;
+};
+struct Verify {
+  std::string after;
+};
+struct VerifyPart {
+  std::string part;
+};
+
+// Of proposals.
+struct Proposals {
+  std::string map;     ///< empty: of all maps
+  std::string client;  ///< empty: of all clients
+  std::string after_map;
+  uint64_t after = 0;
+};
+struct ShowProposal {
+  std::string proposal;
+};
+struct ProposalPicture {
+  std::string proposal;
+  uint64_t offset = 0;
+};
+struct AcceptProposal {
+  std::string proposal;
+};
+struct DropProposal {
+  std::string proposal;
+};
+
+// Of a map that is served.
+struct Show {};
+struct Rename {
+  std::string name;
+};
+struct Delete {
+  bool for_good = false;
+};
+struct Export {};
+struct Tag {
+  std::string tag;
+};
+struct Untag {
+  std::string tag;
+};
+struct Tags {
+  uint64_t after = 0;
+};
+struct RollBack {
+  std::string tag;
+};
+struct Copy {
+  std::string name;
+};
+struct Contributors {
+  std::string after;
+};
+struct DropContributor {
+  std::string client;
+};
+struct Labels {
+  LabelId after;
+};
+struct RenameLabel {
+  LabelId label;
+  std::string text;
+};
+struct RemoveLabel {
+  LabelId label;
+};
+using OfVersions = std::variant<Tag, Untag, Tags, RollBack, Copy, Contributors, DropContributor>;
+struct OfMap {
+  std::string map;  ///< its name or id
+  std::variant<Show, Rename, Delete, Export, OfVersions, Labels, RenameLabel, RemoveLabel> what;
+};
+
+struct Unknown {};
+
+}  // namespace asked
+
+struct AskedOfServer {
+  std::string verb;
+  OperatorAct act = OperatorAct::kChange;
+  bool is_piece = false;  ///< of an archive or a store: asked for in hundreds, and what began it is on record
+  std::string object;     ///< what it is about, for the audit log
+  std::variant<asked::Unknown, asked::Status, asked::Rigs, asked::Clients, asked::KickClient, asked::Maps,
+               asked::Rights, asked::ExplainRights, asked::ChangeRights, asked::Audit, asked::Undelete,
+               asked::Purge, asked::Import, asked::ImportBegin, asked::ImportWrite, asked::ExportRead,
+               asked::Backup, asked::BackupPart, asked::Verify, asked::VerifyPart, asked::Proposals,
+               asked::ShowProposal, asked::ProposalPicture, asked::AcceptProposal, asked::DropProposal,
+               asked::OfMap>
+      what;
+
+  [[nodiscard]] bool is_audited() const { return act != OperatorAct::kSee && !is_piece; }
+};
 
 /// Not an object (`null`) where the text is none, or is nested without end.
 [[nodiscard]] nlohmann::json parse_admin_request(const std::string& text);
 
-namespace asked {
-
-/// A member that must be a text; empty where there is none, or something else.
-[[nodiscard]] std::string text_of(const nlohmann::json& request, const char* key);
-/// A member that must be a number from 0 on; 0 where there is none, or something else.
-[[nodiscard]] uint64_t number_of(const nlohmann::json& request, const char* key);
-/// A member that must be a truth; false where there is none, or something else.
-[[nodiscard]] bool is_set(const nlohmann::json& request, const char* key);
-
-}  // namespace asked
+/// What is asked by it: members that are missing, or of another kind than they must be, are empty, zero,
+/// false. Error kUsage: it is no request.
+[[nodiscard]] Result<AskedOfServer> read_admin_request(const nlohmann::json& request);
 
 }  // namespace cairn

@@ -1,35 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
+#include "server/service/store_administration.h"
+
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <utility>
 
 #include "server/access/rights_file.h"
-#include "server/service/admin_reply.h"
-#include "server/service/admin_request.h"
-#include "server/service/map_service.h"
+#include "server/service/admin_pages.h"
+#include "server/service/store_tasks.h"
 #include "server/store/backup.h"
 #include "server/store/store_check.h"
 
-/// Backup and verification of the store, asked for file by file: however large it is, no request takes long,
-/// and the disk holds one copy at a time. Beside the writer.
 namespace cairn {
 namespace {
 
-using asked::text_of;
-using nlohmann::json;
-
 constexpr size_t kMostBackingUp = 64;
-constexpr size_t kMostFaultsTold = 100;  ///< of a file
-
-json describe(const FileCheck& check) {
-  json told{{"part", check.part},      {"name", check.name},     {"keyframes", check.keyframes},
-            {"points", check.points},  {"labels", check.labels}, {"tags", check.tags},
-            {"faults", json::array()}, {"remedy", check.remedy}};
-  for (const auto& faults : {check.faults, check.lost_proposals}) {
-    for (const std::string& fault : faults)
-      if (told["faults"].size() < kMostFaultsTold) told["faults"].push_back(fault);
-  }
-  return told;
-}
 
 /// Of a part that is a map in service, or could be.
 std::optional<MapId> map_of(const std::string& part) {
@@ -50,75 +35,55 @@ Status check_rights(const std::string& text) {
   return rights ? Status() : tl::unexpected(rights.error());
 }
 
+wire::AdminReply gone() {
+  return success({{"gone", true}});
+}
+
 }  // namespace
 
-bool MapService::looks_after_store(const std::string& operator_name, const json& request,
-                                   const AdminAnswer& answer) {
-  const std::string verb = text_of(request, "verb");
-  const std::string part = text_of(request, "part");
-  if (verb == "backup") {
-    if (backing_up_.size() >= kMostBackingUp) backing_up_.clear();
-    backing_up_.insert(operator_name);
-    list_parts(text_of(request, "after"), answer);
-  } else if (verb == "verify") {
-    list_parts(text_of(request, "after"), answer);
-  } else if (verb == "backup-part") {
-    if (backing_up_.contains(operator_name)) {
-      back_up_part(part, answer);
-    } else {
-      answer(refusal(ErrorCode::kRefused, "no backup of yours is under way; begin it anew"));
-    }
-  } else if (verb == "verify-part") {
-    verify_part(part, answer);
-  } else {
-    return false;
-  }
-  return true;
+void StoreAdministration::take(const std::string& operator_name, const asked::Backup& ask,
+                               const AdminAnswer& answer) {
+  if (backing_up_.size() >= kMostBackingUp) backing_up_.clear();
+  backing_up_.insert(operator_name);
+  list_parts(ask.after, answer);
 }
 
-void MapService::list_parts(const std::string& after, const AdminAnswer& answer) {
-  with_store(answer, [after, answer](const Store& store) -> Task {
-    const auto parts = parts_of_store(store.folder());
-    if (!parts) return [answer, error = parts.error()] { answer(refusal(error)); };
-    ReplyPage page{"parts"};
-    for (const std::string& part : *parts) {  // that one may have gone meanwhile
-      if ((after.empty() || comes_later(part, after)) && !page.add("parts", part)) break;
-    }
-    return [answer, told = page.content()] { answer(success(told)); };
+void StoreAdministration::take(const asked::Verify& ask, const AdminAnswer& answer) {
+  list_parts(ask.after, answer);
+}
+
+void StoreAdministration::list_parts(const std::string& after, const AdminAnswer& answer) {
+  beside_store(context_, answer, [after, answer](const Store& store) -> Task {
+    return [answer, after, parts = parts_of_store(store.folder())] {
+      answer(parts ? page_of(*parts, after) : refusal(parts.error()));
+    };
   });
 }
 
-void MapService::verify_part(const std::string& part, const AdminAnswer& answer) {
-  if (store_ == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
-  store_->run_examination([this, part, answer](const std::filesystem::path& folder) {
+void StoreAdministration::take(const asked::VerifyPart& ask, const AdminAnswer& answer) {
+  if (context_.store == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  context_.store->run_examination([this, part = ask.part, answer](const std::filesystem::path& folder) {
     const FileCheck check = check_part(folder, part, check_rights, FileInUse::kYes);
     const bool is_gone = !check.faults.empty() && has_gone(folder, part);
-    post_([answer, told = is_gone ? json{{"gone", true}} : describe(check)] { answer(success(told)); });
+    context_.post([answer, is_gone, check] { answer(is_gone ? gone() : success(describe(check))); });
   });
 }
 
-void MapService::back_up_part(const std::string& part, const AdminAnswer& answer) {
-  const auto copy = [this, part, answer](const Store& store) -> Task {
-    const auto token = transfers_->begin_export(clock_.now());
-    if (!token) return [answer, error = token.error()] { answer(refusal(error)); };
-    const std::filesystem::path path = *transfers_->find(*token, clock_.now());
-    const Status copied = copy_part(store.folder(), part, path);
-    if (!copied) {
-      transfers_->end(*token);
-      if (has_gone(store.folder(), part)) return [answer] { answer(success({{"gone", true}})); };
-      return [answer, error = copied.error()] { answer(refusal(error)); };
-    }
-    const json told{{"token", *token}, {"bytes", std::filesystem::file_size(path)}};
-    return [answer, told] { answer(success(told)); };
+void StoreAdministration::take(const std::string& operator_name, const asked::BackupPart& ask,
+                               const AdminAnswer& answer) {
+  if (!backing_up_.contains(operator_name))
+    return answer(refusal(ErrorCode::kRefused, "no backup of yours is under way; begin it anew"));
+  const auto copy = [this, part = ask.part, answer](const Store& store) -> Task {
+    const auto copied = archives_.hand_out(
+        [&](const std::filesystem::path& path) { return copy_part(store.folder(), part, path); });
+    if (copied) return telling(answer, success({{"token", copied->token}, {"bytes", copied->bytes}}));
+    return telling(answer, has_gone(store.folder(), part) ? gone() : refusal(copied.error()));
   };
-  const auto map = map_of(part);
-  const MapEntry* entry = map ? maps_.find(*map) : nullptr;
-  if (entry == nullptr || entry->runner == nullptr || store_ == nullptr) return with_store(answer, copy);
-  // What was handed to the writer is in the file once a task of its own has come to its turn.
-  entry->runner->flush([this, answer, copy](const Status& kept) {
-    if (!kept) return post_([answer, error = kept.error()] { answer(refusal(error)); });
-    store_->run([this, answer, copy](const Store&) { with_store(answer, copy); });
-  });
+  const auto map = map_of(ask.part);
+  const auto entry = map ? maps_.all().find(*map) : maps_.all().end();
+  if (entry == maps_.all().end() || entry->second.runner == nullptr || context_.store == nullptr)
+    return beside_store(context_, answer, copy);
+  beside_store_when_kept(context_, *entry->second.runner, answer, copy);
 }
 
 }  // namespace cairn

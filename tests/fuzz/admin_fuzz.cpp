@@ -44,11 +44,10 @@ const Rights& rights() {
 void ask(Bytes bytes) {
   const json request = parse_admin_request(std::string(text_of(bytes)));
   if (!request.is_object()) return;
-  static_cast<void>(asked::text_of(request, "verb") + asked::text_of(request, "map"));
-  static_cast<void>(asked::number_of(request, "offset"));
-  static_cast<void>(asked::is_set(request, "for_good"));
-  const std::string verb = asked::text_of(request, "verb");
-  if (changes_rights(verb)) {
+  const auto asks = read_admin_request(request);
+  if (!asks) return demand(!asks.error().message.empty(), "a refusal has a reason");
+  demand(!asks->is_piece || asks->act != OperatorAct::kSee, "what goes unrecorded in pieces is no mere look");
+  if (std::holds_alternative<asked::ChangeRights>(asks->what)) {
     const auto change = change_rights(rights(), request, "ann", find_map, kNow);
     if (!change) return demand(!change.error().message.empty(), "a refusal has a reason");
     const auto again = read_rights(to_text(change->rights));

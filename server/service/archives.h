@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/service/admin_request.h"
+#include "server/service/capacity.h"
+#include "server/service/map_administration.h"
+#include "server/service/transfers.h"
+
+namespace cairn {
+
+/// Archives of maps, and copies of the store's files, on their way to operators and from them. The work is
+/// done beside the store's writer. Used from the service's thread.
+class Archives {
+ public:
+  Archives(const ServiceContext& context, const Capacity& capacity, MapAdministration& maps);
+  Archives(const Archives&) = delete;
+  Archives& operator=(const Archives&) = delete;
+
+  void export_map(MapId id, const MapEntry& entry, const AdminAnswer& answer);
+  void read(const asked::ExportRead& piece, const AdminAnswer& answer);
+  void begin_import(const asked::ImportBegin& ask, const AdminAnswer& answer);
+  void write(const asked::ImportWrite& piece, std::vector<uint8_t> data, const AdminAnswer& answer);
+  void import_map(const asked::Import& ask, const AdminAnswer& answer);
+  /// Beside the store's writer: `copy` makes a file at a path, which the operator can then read by its token.
+  /// Error: there is none.
+  struct Handed {
+    std::string token;
+    uint64_t bytes = 0;
+  };
+  [[nodiscard]] Result<Handed> hand_out(const std::function<Status(const std::filesystem::path& to)>& copy);
+  /// What nobody has touched for long goes.
+  void expire();
+
+ private:
+  const ServiceContext& context_;
+  const Capacity& capacity_;
+  MapAdministration& maps_;
+  const std::shared_ptr<Transfers> transfers_;  ///< used beside the store's writer only; null without a store
+};
+
+}  // namespace cairn

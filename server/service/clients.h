@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "common/base/rate_limit.h"
+#include "server/service/client.h"
+#include "server/service/service_context.h"
+
+namespace cairn {
+
+/// The clients by name: those that are connected, and of those that have been here the latest. What each is
+/// told of itself and of its commands goes through here. Used from the service's thread.
+class Clients {
+ public:
+  explicit Clients(const ServiceContext& context) : context_(context) {}
+  Clients(const Clients&) = delete;
+  Clients& operator=(const Clients&) = delete;
+  /// `left` is called when a client has gone, or is not remembered any more. Before anything else.
+  void listen(std::function<void(const std::string& name)> left) { left_ = std::move(left); }
+
+  /// New, if nobody was called so; another that has long gone may be forgotten for it.
+  [[nodiscard]] Client& of(const Principal& who);
+  /// Null: nobody is known by the name, or the id.
+  [[nodiscard]] Client* find(const std::string& name);
+  [[nodiscard]] Client* find(ClientId id);
+  [[nodiscard]] std::map<std::string, Client>& all() { return clients_; }
+  [[nodiscard]] const std::map<std::string, Client>& all() const { return clients_; }
+
+  /// It listens, and is told its verdicts.
+  Client& connect(const Principal& who);
+  void disconnect(const Principal& who);
+  /// What was decided on before the server started: a client that sends it again is answered.
+  void resume(const std::vector<RestoredMap>& restored);
+
+  /// If it is connected.
+  Status tell(const Client& client, const ClientEvent& event);
+  /// All that are connected; with it, what a notice to another process has replaced.
+  void tell_status(const wire::ServerStatus& status);
+  void write_verdicts(Client& client);
+  /// What all of them have offered that no map has judged yet.
+  [[nodiscard]] const WaitingBytes& waiting_bytes() const { return waiting_bytes_; }
+
+ private:
+  void forget_old(const std::string& keep);
+
+  const ServiceContext& context_;
+  std::function<void(const std::string& name)> left_;
+  std::map<std::string, Client> clients_;
+  std::map<ClientId, std::string> names_;
+  const WaitingBytes waiting_bytes_ = std::make_shared<std::atomic<size_t>>(0);
+  RateLimit output_trouble_;
+};
+
+/// To a process that asks for lockstep where there is none.
+inline constexpr const char* kNoLockstep =
+    "this server does not work in lockstep, since that holds up all others; leave out --pace lockstep, or "
+    "start cairn-server with --lockstep allow";
+
+}  // namespace cairn

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "server/service/map_array.h"
+#include "server/service/service_context.h"
+
+namespace cairn {
+
+/// Whether all is well with the server, and what is not: the store, the rights, the maps that were damaged,
+/// could not be loaded, or have failed. Used from the service's thread.
+class Health {
+ public:
+  Health(const ServiceContext& context, const MapArray& maps);
+  Health(const Health&) = delete;
+  Health& operator=(const Health&) = delete;
+
+  /// "ok", or what is wrong, each with its remedy.
+  [[nodiscard]] std::string words() const;
+  /// What has been set aside, and what could not be loaded: as they were when last looked for.
+  [[nodiscard]] const std::vector<DamagedFile>& damaged() const { return damaged_; }
+  [[nodiscard]] const std::vector<UnloadedMap>& unloaded() const { return unloaded_; }
+  /// That somebody has just looked for them.
+  void note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unloaded);
+  /// Looks for them again, beside the store's writer: an operator may have taken something away.
+  void look_again();
+  /// All maps of the store have been read.
+  void note_restored();
+
+ private:
+  const ServiceContext& context_;
+  const MapArray& maps_;
+  std::vector<DamagedFile> damaged_;
+  std::vector<UnloadedMap> unloaded_;
+};
+
+}  // namespace cairn

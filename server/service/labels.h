@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "server/service/label_book.h"
+#include "server/service/sessions.h"
+
+namespace cairn {
+
+/// Labels: what people ask for, on its way to the store and to all who read the map. Used from the service's
+/// thread.
+class Labels {
+ public:
+  using Done = std::function<void(const LabelBook::Judgement& judgement)>;
+
+  Labels(const ServiceContext& context, Clients& clients, const Sessions& sessions, ServedMaps& maps)
+      : context_(context), clients_(clients), sessions_(sessions), maps_(maps) {}
+  Labels(const Labels&) = delete;
+  Labels& operator=(const Labels&) = delete;
+
+  /// What a client asks for, of the process that holds the name; of others it is passed over.
+  void take(const Principal& who, const wire::ClientRequest& request);
+  /// Somebody wants a label added, renamed or removed; `done` is called when it is durable or refused. The
+  /// label must not be busy. `decision`: kept along with it.
+  void change(const wire::ClientRequest& request, const Principal& author,
+              std::optional<DecisionRecord> decision, const Done& done);
+  /// To all who read the map: as it is now, or that it is not.
+  void tell(MapId map, const MapEntry& entry, LabelId id);
+  /// The map has another revision, and its labels move with the keyframes.
+  void follow(MapId map, MapEntry& entry);
+
+ private:
+  void on_decided(const std::string& client_name, const wire::ClientRequest& request,
+                  const LabelBook::Judgement& judgement);
+  /// Why nothing comes of a request; nothing: it is to be judged.
+  [[nodiscard]] std::optional<LabelBook::Judgement> refuse(const wire::ClientRequest& request,
+                                                           const Principal& author,
+                                                           const MapEntry* entry) const;
+  void keep(MapId map, const LabelBook::Judgement& judged, std::optional<DecisionRecord> decision,
+            std::function<void(const Status& kept)> settle);
+
+  const ServiceContext& context_;
+  Clients& clients_;
+  const Sessions& sessions_;
+  ServedMaps& maps_;
+};
+
+}  // namespace cairn

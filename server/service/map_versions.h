@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "server/service/admin_request.h"
+#include "server/service/labels.h"
+#include "server/service/map_administration.h"
+
+namespace cairn {
+
+/// Versions of a map: tags, roll-backs, copies, and who has contributed to it. What is in the file is done by
+/// the store's writer, in its turn: behind all that the map has handed in. Used from the service's thread.
+class MapVersions {
+ public:
+  MapVersions(const ServiceContext& context, ServedMaps& maps, Labels& labels, const Capacity& capacity,
+              MapAdministration& administration, const Overview& overview)
+      : context_(context),
+        maps_(maps),
+        labels_(labels),
+        capacity_(capacity),
+        administration_(administration),
+        overview_(overview) {}
+  MapVersions(const MapVersions&) = delete;
+  MapVersions& operator=(const MapVersions&) = delete;
+
+  void take(const std::string& operator_name, MapId id, MapEntry* entry, const asked::OfVersions& ask,
+            const AdminAnswer& answer);
+
+ private:
+  /// The map that is meant: it is served, and nothing is under way with it.
+  struct Meant {
+    MapId id;
+    MapEntry* entry;
+    std::string author;  ///< who asks
+  };
+  void take(const Meant& map, const asked::Tag& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::Untag& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::Tags& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::RollBack& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::Copy& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::Contributors& ask, const AdminAnswer& answer);
+  void take(const Meant& map, const asked::DropContributor& ask, const AdminAnswer& answer);
+  /// Of the map as it is now.
+  [[nodiscard]] MapTag tag_now(const Meant& map, const std::string& name) const;
+  /// Why there is no room for what was tagged; empty where there is.
+  [[nodiscard]] std::string why_tag_is_too_large(const MapEntry& entry, const MapTag& tag) const;
+  /// The map is served from another state of its file in a new epoch, or nothing has happened.
+  using ChangeOfState = std::function<Status(Store& store, const AcceptState& accept)>;
+  void change_state(MapId id, ChangeOfState change, const AdminAnswer& answer);
+  void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
+                             const AdminAnswer& answer);
+  void replace(ResumedMap map, const AdminAnswer& answer);
+
+  const ServiceContext& context_;
+  ServedMaps& maps_;
+  Labels& labels_;
+  const Capacity& capacity_;
+  MapAdministration& administration_;
+  const Overview& overview_;
+};
+
+}  // namespace cairn

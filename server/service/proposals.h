@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <string>
+
+#include "server/service/clients.h"
+#include "server/service/map_array.h"
+#include "server/service/proposal_book.h"
+#include "server/service/proposal_judge.h"
+#include "server/service/service_context.h"
+
+namespace cairn {
+
+/// To who offers where nothing is kept aside.
+inline constexpr const char* kNoProposals = "no proposals are taken in this map";
+
+/// Whether keyframes of a client are kept aside where it may not add them.
+[[nodiscard]] bool takes_proposals(const ServiceContext& context, const Client& client, MapId map,
+                                   const MapEntry& entry);
+
+/// Why an offer can be a proposal at most; empty: the map maker is to judge it.
+[[nodiscard]] std::string why_aside(const wire::KeyframeOffer& offer, const MapEntry& entry,
+                                    const Ruling& ruling);
+
+/// Keyframes of who may not add them, kept aside until an operator decides. They are looked at in the lane
+/// that stands back for all others, on what is published of the map; the map's queue hears of one when an
+/// operator accepts it. Used from the service's thread.
+class Proposals {
+ public:
+  using Decided = std::function<void(wire::OfferOutcome outcome)>;
+
+  Proposals(const ServiceContext& context, Clients& clients, const MapArray& maps)
+      : context_(context), clients_(clients), maps_(maps), book_(context.options.proposals) {}
+  Proposals(const Proposals&) = delete;
+  Proposals& operator=(const Proposals&) = delete;
+
+  /// An offer of a client, with why it is one: `decided` is called when it is kept aside or refused. With a
+  /// store only.
+  void propose(Client& client, const MapEntry& entry, wire::KeyframeOffer offer,
+               const AnnouncedCamera& camera, std::string why, Decided decided);
+  /// Those that nobody has decided of for long. With a store only.
+  void drop_old();
+
+  [[nodiscard]] ProposalBook& book() { return book_; }
+
+ private:
+  /// One on its way, and its client.
+  struct Offered {
+    SessionId session;
+    wire::OfferOutcome outcome;
+    Decided decided;
+    std::shared_ptr<const PendingOffer> pending;
+  };
+  [[nodiscard]] std::optional<std::pair<wire::OfferDecision, std::string>> refuse(
+      const Client& client, const wire::KeyframeOffer& offer, const AnnouncedCamera& camera,
+      const std::string& why);
+  void on_judged(Offered offered, ProposalJudgement judged);
+  /// Why one that could be kept is not; nothing: it is.
+  [[nodiscard]] std::optional<std::pair<wire::OfferDecision, std::string>> refuse_judged(
+      const Offered& offered, const ProposalSummary& summary);
+  void keep(Offered offered, KeptProposal kept);
+  void on_kept(Offered offered, const std::string& client_name, const ProposalBook::Room& room,
+               const Status& written);
+  /// The map is not being rolled back.
+  void remove(MapId map, const std::vector<uint64_t>& numbers);
+
+  const ServiceContext& context_;
+  Clients& clients_;
+  const MapArray& maps_;
+  ProposalBook book_;
+  size_t in_work_ = 0;  ///< being looked at
+};
+
+}  // namespace cairn

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/map/map_set.h"
+#include "server/relocalization/place_index.h"
+#include "server/service/map_array.h"
+#include "server/service/map_runner.h"
+#include "server/service/service_context.h"
+#include "server/service/young_maps.h"
+
+namespace cairn {
+
+/// A map that the store has given back.
+struct ResumedMap {
+  MapHeader header;
+  bool plane_aligned = false;
+  std::vector<LabelRecord> labels;
+  LabelId last_label;
+  std::vector<ProposalSummary> proposals;
+  uint64_t last_proposal = 0;
+  std::vector<EpochRecord> epochs;
+  std::string maker;
+  std::shared_ptr<MapRunner> runner;
+  MapRevision first;
+};
+
+/// The maps that are served: they come (made by a seed, given back by the store, fed from outside), change,
+/// rest and go, and whoever has to do with that is told. Used from the service's thread, unless said
+/// otherwise.
+class ServedMaps {
+ public:
+  struct Listener {
+    /// A map is about to be shown as the store has kept it.
+    std::function<void(ResumedMap& map)> restored;
+    /// It has another revision, which is the entry's by now.
+    std::function<void(MapId map, MapEntry& entry, MapRevision revision)> shown;
+    /// It has been deleted, or was never made (then nobody was told of it).
+    std::function<void(MapId map, bool was_shown)> gone;
+  };
+  explicit ServedMaps(const ServiceContext& context)
+      : context_(context), array_(context.options.seed, context.options.entropy) {}
+  ServedMaps(const ServedMaps&) = delete;
+  ServedMaps& operator=(const ServedMaps&) = delete;
+  /// Before anything else.
+  void listen(Listener listener) { listener_ = std::move(listener); }
+
+  [[nodiscard]] MapArray& array() { return array_; }
+  [[nodiscard]] const MapArray& array() const { return array_; }
+  [[nodiscard]] YoungMaps& young() { return young_; }
+  /// One that has been shown, by its name or id. Null: there is none.
+  [[nodiscard]] std::pair<MapId, MapEntry*> find_called(const std::string& name_or_id);
+  /// The maps in which somebody may find himself.
+  [[nodiscard]] MapSet readable_by(const Principal& who) const;
+  /// The newest revision of each, by id. Thread-safe.
+  [[nodiscard]] std::vector<MapSnapshotPtr> snapshots() const;
+
+  /// What makes a map. Thread-safe.
+  [[nodiscard]] std::shared_ptr<MapRunner> make_runner(MapId map);
+  /// A map that the store gives back, made ready: the part that takes time. Thread-safe.
+  [[nodiscard]] ResumedMap prepare(RestoredMap restored);
+  void take_up(ResumedMap map);
+  /// Another state of a map that is served takes its place. The labels of both; nothing: the map has gone.
+  [[nodiscard]] std::optional<std::set<LabelId>> replace(ResumedMap map);
+  /// It has another revision.
+  void change(MapId map, MapRevision revision);
+  /// It has been deleted, or was never made.
+  void forget(MapId map);
+
+  /// Those that have not been in use for long. `index`: what questions are answered with.
+  void let_rest(MonotonicTime now, const PlaceIndex& index);
+  /// Running work ends soon.
+  void stop();
+  /// Hands what has changed to the store, when no lane runs any more.
+  void save_last_changes();
+
+ private:
+  const ServiceContext& context_;
+  Listener listener_;
+  MapArray array_;
+  YoungMaps young_;
+  bool memory_freed_ = false;  ///< by a map that rests, since memory was last given back
+
+  mutable std::mutex mutex_;  ///< of what follows
+  std::map<MapId, MapSnapshotPtr> published_;
+};
+
+}  // namespace cairn

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "server/service/store_tasks.h"
+
+#include <exception>
+#include <utility>
+
+namespace cairn {
+
+void beside_store(const ServiceContext& context, const AdminAnswer& answer,
+                  std::function<Task(Store& store)> work) {
+  if (context.store == nullptr) return answer(refusal(ErrorCode::kRefused, kNoStore));
+  context.store->run_beside([&context, answer, work = std::move(work)](Store& store) {
+    Task next;
+    try {
+      next = work(store);
+    } catch (const std::exception& problem) {
+      context.log->error("internal error in an operator's request: {}", problem.what());
+      next = telling(answer, refusal(ErrorCode::kInternal, "internal error; the server's log says more"));
+    }
+    if (next) context.post(std::move(next));
+  });
+}
+
+void beside_store_when_kept(const ServiceContext& context, MapRunner& runner, const AdminAnswer& answer,
+                            std::function<Task(Store& store)> work) {
+  // What was handed to the writer is in the file once a task of its own has come to its turn.
+  runner.flush([&context, answer, work = std::move(work)](const Status& kept) {
+    if (!kept) return context.post(telling(answer, refusal(kept.error())));
+    context.store->run([&context, answer, work](const Store&) { beside_store(context, answer, work); });
+  });
+}
+
+Task telling(const AdminAnswer& answer, wire::AdminReply reply) {
+  return [answer, reply = std::move(reply)] { answer(reply); };
+}
+
+}  // namespace cairn
