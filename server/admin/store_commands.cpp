@@ -195,10 +195,13 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
   return {};
 }
 
+/// As a server answers verify-part.
 json describe(const FileCheck& check) {
+  std::vector<std::string> faults = check.faults;
+  faults.insert(faults.end(), check.lost_proposals.begin(), check.lost_proposals.end());
   return {{"part", check.part},     {"name", check.name},     {"keyframes", check.keyframes},
           {"points", check.points}, {"labels", check.labels}, {"tags", check.tags},
-          {"faults", check.faults}, {"remedy", check.remedy}};
+          {"faults", faults},       {"remedy", check.remedy}};
 }
 
 void print_check(const json& check) {

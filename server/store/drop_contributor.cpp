@@ -69,15 +69,20 @@ void renumber(const StoredMap& stored, const MapState& before, const MapState& s
   proposal->summary.epoch = stored.header.epoch;
 }
 
-/// One that cannot be read is lost: verification has named it.
-std::vector<KeptProposal> proposals_of_others(MapFile* file, const StoredMap& stored,
-                                              const std::string& client,
-                                              const std::function<void(ProposalRecord*)>& make_fit) {
+/// One that is damaged is lost, and named in `stored`; one that cannot be read for now is not: any other
+/// error.
+Result<std::vector<KeptProposal>> proposals_of_others(MapFile* file, StoredMap* stored,
+                                                      const std::string& client,
+                                                      const std::function<void(ProposalRecord*)>& make_fit) {
   std::vector<KeptProposal> others;
-  for (const ProposalSummary& known : stored.proposals) {
+  for (const ProposalSummary& known : stored->proposals) {
     if (known.client == client) continue;
     auto proposal = file->read_proposal(known.number);
-    if (!proposal) continue;
+    if (!proposal && proposal.error().code != ErrorCode::kDamaged) return tl::unexpected(proposal.error());
+    if (!proposal) {
+      stored->lost_proposals.push_back(proposal.error().message);
+      continue;
+    }
     make_fit(&proposal->record);
     others.push_back(std::move(*proposal));
   }
@@ -89,7 +94,6 @@ Status rewrite_without(Store* store, MapId map, const std::string& client, const
   if (!file) return tl::unexpected(file.error());
   StoredMap stored = file->load(LoadedImages::kDecodedOnly);
   if (!stored.damage.empty()) return fail(ErrorCode::kDamaged, stored.damage.front());
-  store->note_lost_proposals(map, stored);
   const std::set<KeyframeId> dropped = keyframes_of(stored, client);
   auto assembled = assemble_map(stored.record, RestoredImages::kLetGo);
   if (!assembled) return tl::unexpected(assembled.error());
@@ -123,11 +127,15 @@ Status rewrite_without(Store* store, MapId map, const std::string& client, const
     if (const KeyframeId id = now.of(keyframe)) whole.contributions.emplace_back(id, std::move(contributor));
   }
   ++stored.header.epoch.value;  // none of before is among those that the file knows
-  whole.proposals = proposals_of_others(&*file, stored, client, [&](ProposalRecord* proposal) {
+  auto others = proposals_of_others(&*file, &stored, client, [&](ProposalRecord* proposal) {
     renumber(stored, before, state, now, proposal);
   });
+  if (!others) return tl::unexpected(others.error());
+  whole.proposals = std::move(*others);
   whole.last_proposal = stored.last_proposal;
-  return store->prepare_rewrite(stored.header, whole, &*file, renumbered, accept);
+  Status done = store->prepare_rewrite(stored.header, whole, &*file, renumbered, accept);
+  if (done) store->note_lost_proposals(map, stored);
+  return done;
 }
 
 }  // namespace

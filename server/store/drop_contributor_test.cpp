@@ -4,11 +4,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <spdlog/sinks/ostream_sink.h>
+
 #include <algorithm>
+#include <memory>
+#include <sstream>
 
 #include "server/mapping/map_maker.h"
 #include "server/store/epochs.h"
 #include "server/store/kept_map_fixture.h"
+#include "server/store/short_memory.h"
+#include "server/store/sqlite.h"
 #include "server/store/store_check.h"
 
 namespace cairn {
@@ -17,6 +23,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 class DropContributor : public testing::KeptMapFixture {
@@ -156,6 +163,39 @@ TEST_F(DropContributor, OnlyHisProposalsGoAndNoNumberComesAgain) {
   update.removed_proposals = {1, 3};
   ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
   EXPECT_EQ(store_->load(header_.id)->last_proposal, 4U);
+}
+
+TEST_F(DropContributor, AProposalThatCannotBeReadForNowIsNotLostAndADamagedOneIsNamed) {
+  keep();
+  const StoredMap before = *store_->load(header_.id);
+  MapUpdate update;
+  update.proposals = {proposal(1, "carl", KeyframeId{4}, before), proposal(2, "carl", KeyframeId{4}, before)};
+  ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
+  store_.reset();
+  const auto path = folder_ / "store/maps" / (to_hex(header_.id.bytes) + ".cairnmap");
+  {
+    auto raw = sqlite::Database::open(path, sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(raw && raw->execute("UPDATE proposal_pictures SET data = zeroblob(" +
+                                    std::to_string(testing::ShortMemory::kTooLarge) + ") WHERE id = 2"));
+  }
+  std::ostringstream said;
+  auto log =
+      std::make_shared<spdlog::logger>("store", std::make_shared<spdlog::sinks::ostream_sink_st>(said));
+  store_ = *Store::open(folder_ / "store", log);
+  {
+    const testing::ShortMemory short_memory;
+    const Status dropped = drop("bob");
+    ASSERT_FALSE(dropped) << "the proposal would be gone for good";
+    EXPECT_EQ(dropped.error().code, ErrorCode::kIo);
+  }
+  EXPECT_THAT(store_->load(header_.id)->proposals, SizeIs(2));
+  EXPECT_THAT(contributors(), SizeIs(5));
+  EXPECT_THAT(said.str(), Not(HasSubstr("is lost")));
+
+  ASSERT_TRUE(drop("bob")) << "now it is read, and is damaged: its checksum is of another picture";
+  EXPECT_THAT(store_->load(header_.id)->proposals, SizeIs(1));
+  EXPECT_THAT(said.str(),
+              HasSubstr("table proposal_pictures, row 2: the checksum is wrong; the proposal is lost"));
 }
 
 TEST_F(DropContributor, WhatIsNotAcceptedHasNotHappened) {

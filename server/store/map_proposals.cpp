@@ -2,7 +2,7 @@
 //
 // Keyframes that were kept aside. They are no part of the map's state: tags and roll-backs leave them alone.
 #include <algorithm>
-#include <set>
+#include <utility>
 
 #include "server/store/bytes.h"
 #include "server/store/map_file.h"
@@ -17,13 +17,37 @@ namespace {
 /// been dropped since.
 constexpr int64_t kLastNumberRow = 0;
 
-/// No map has had so many: what is beyond was not written by us, and others must follow it.
-constexpr uint64_t kMostNumber = uint64_t{1} << 48;
-
 std::optional<uint64_t> decode_last_number(std::span<const uint8_t> row) {
   ByteReader in(row);
   const auto last = in.get<uint64_t>();
-  return in.finished() && last <= kMostNumber ? std::optional(last) : std::nullopt;
+  return in.finished() && last <= kMostProposalNumber ? std::optional(last) : std::nullopt;
+}
+
+/// What table proposals holds.
+struct ProposalRows {
+  std::vector<ProposalSummary> sound;
+  std::vector<std::pair<int64_t, std::string>> unfit;  ///< read, and nothing can be made of them: id, and why
+  uint64_t last_number = 0;
+  Status all;  ///< an error: there may be more, of which nothing is known
+};
+
+ProposalRows read_proposals(sqlite::Database* database) {
+  ProposalRows rows;
+  rows.all = read_table(
+      database, "proposals",
+      [&rows](int64_t id, std::span<const uint8_t> data) {
+        if (id == kLastNumberRow) {
+          const auto last = decode_last_number(data);
+          rows.last_number = last.value_or(0);
+          return last.has_value();
+        }
+        auto proposal = decode_proposal(id, data);
+        if (!proposal) return false;
+        rows.sound.push_back(std::move(proposal->summary));
+        return true;
+      },
+      [&rows](int64_t id, std::string what) { rows.unfit.emplace_back(id, std::move(what)); });
+  return rows;
 }
 
 }  // namespace
@@ -51,44 +75,24 @@ Status MapFile::put_proposals(const MapUpdate& update) {
 }
 
 void MapFile::load_proposals(StoredMap* map) {
-  read_rows(
-      &database_, "proposals",
-      [&](int64_t id, std::span<const uint8_t> data) {
-        if (id == kLastNumberRow) {
-          const auto last = decode_last_number(data);
-          map->last_proposal = std::max(map->last_proposal, last.value_or(0));
-          return last.has_value();
-        }
-        auto proposal = decode_proposal(id, data);
-        if (!proposal) return false;
-        map->proposals.push_back(std::move(proposal->summary));
-        return true;
-      },
-      &map->lost_proposals);
+  ProposalRows rows = read_proposals(&database_);
+  if (!rows.all) map->damage.push_back(rows.all.error().message);
+  for (ProposalSummary& sound : rows.sound) map->proposals.push_back(std::move(sound));
+  for (auto& [id, what] : rows.unfit) map->lost_proposals.push_back(std::move(what));
   // Of those that could not be read, too.
   const auto highest = database_.number("SELECT coalesce(max(id), 0) FROM proposals");
   const uint64_t last = highest && *highest > 0 ? static_cast<uint64_t>(*highest) : 0;
-  if (last <= kMostNumber) map->last_proposal = std::max(map->last_proposal, last);
+  map->last_proposal = std::max(map->last_proposal, rows.last_number);
+  if (last <= kMostProposalNumber) map->last_proposal = std::max(map->last_proposal, last);
 }
 
 Status MapFile::forget_lost_proposals(const StoredMap& read) {
-  std::set<int64_t> sound;
-  for (const ProposalSummary& p : read.proposals) sound.insert(static_cast<int64_t>(p.number));
-  std::vector<int64_t> lost;
-  {
-    auto query = database_.prepare("SELECT id FROM proposals");
-    if (!query) return tl::unexpected(query.error());
-    while (true) {
-      const auto row = query->step();
-      if (!row) return tl::unexpected(row.error());
-      if (!*row) break;
-      if (!sound.contains(query->integer(0))) lost.push_back(query->integer(0));
-    }
-  }
   auto transaction = sqlite::Transaction::begin(&database_);
   if (!transaction) return tl::unexpected(transaction.error());
-  Status done;
-  for (const int64_t id : lost) {
+  // Each row is judged by itself once more: one that was not read is not unfit for that.
+  const ProposalRows rows = read_proposals(&database_);
+  Status done = rows.all;
+  for (const auto& [id, what] : rows.unfit) {
     if (done) done = remove("proposals", id);
     if (done) done = remove("proposal_pictures", id);
   }

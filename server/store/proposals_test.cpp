@@ -9,6 +9,7 @@
 #include "common/image/still_mask.h"
 #include "server/store/kept_map_fixture.h"
 #include "server/store/proposal_codec.h"
+#include "server/store/short_memory.h"
 #include "server/store/sqlite.h"
 #include "server/store/store.h"
 #include "server/store/store_check.h"
@@ -19,6 +20,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::SizeIs;
 
 class ProposalsTest : public testing::KeptMapFixture {
@@ -71,6 +73,17 @@ class ProposalsTest : public testing::KeptMapFixture {
     EXPECT_THAT(stored->damage, IsEmpty());
     for (const ProposalSummary& p : stored->proposals) all.push_back(p.number);
     return all;
+  }
+  /// In the map's file, which nobody may have open in the store.
+  void alter(const std::string& sql) {
+    auto raw = sqlite::Database::open(store_->path_of(header_.id), sqlite::OpenMode::kReadWrite);
+    ASSERT_TRUE(raw);
+    const Status altered = raw->execute(sql);
+    ASSERT_TRUE(altered) << altered.error().message;
+  }
+  [[nodiscard]] int64_t count(const std::string& table) {
+    auto raw = sqlite::Database::open(store_->path_of(header_.id), sqlite::OpenMode::kReadWrite);
+    return raw ? raw->number("SELECT count(*) FROM " + table + " WHERE id > 0").value_or(-1) : -1;
   }
 
   std::unique_ptr<Store> store_;
@@ -191,6 +204,72 @@ TEST_F(ProposalsTest, ADamagedOneKeepsNothingFromWorkingAndGoesWithTheNextStart)
   check = check_part(folder_ / "store", part, {});
   EXPECT_THAT(check.lost_proposals, IsEmpty());
   EXPECT_EQ(store_->load(header_.id)->last_proposal, 3U) << "no number comes again";
+}
+
+TEST_F(ProposalsTest, WhereTheTableCannotBeReadToItsEndNoneOfThemIsForgotten) {
+  keep({proposal(1), proposal(2), proposal(3), proposal(4)});
+  store_->let_go(header_.id);
+  const std::string large = std::to_string(testing::ShortMemory::kTooLarge);
+  alter("UPDATE proposals SET data = zeroblob(" + large + ") WHERE id = 2");
+  {
+    const testing::ShortMemory short_memory;
+    const auto stored = store_->load(header_.id);
+    ASSERT_TRUE(stored) << stored.error().message;
+    EXPECT_THAT(stored->damage, ElementsAre(HasSubstr("table proposals")));
+    EXPECT_THAT(stored->lost_proposals, IsEmpty()) << "none was read and found unfit";
+  }
+  EXPECT_EQ(count("proposals"), 4);
+  EXPECT_EQ(count("proposal_pictures"), 4);
+  EXPECT_THAT(numbers(), ElementsAre(1, 3, 4)) << "the second was read now, and is none";
+  EXPECT_EQ(count("proposals"), 3) << "only the row that was unfit itself has gone";
+  EXPECT_EQ(count("proposal_pictures"), 3);
+}
+
+TEST_F(ProposalsTest, ADamagedFileIsNotWrittenToForADamagedProposal) {
+  keep({proposal(1), proposal(2)});
+  store_->let_go(header_.id);
+  alter(
+      "UPDATE proposals SET data = x'00' WHERE id = 1;"
+      "UPDATE positions SET checksum = checksum + 1 WHERE id = 1");
+  const auto stored = store_->load(header_.id);
+  ASSERT_TRUE(stored) << stored.error().message;
+  EXPECT_THAT(stored->damage, ElementsAre(HasSubstr("table positions, row 1")));
+  EXPECT_THAT(stored->lost_proposals, SizeIs(1));
+  EXPECT_EQ(count("proposals"), 2) << "it is what is kept of the file as it was found";
+  EXPECT_EQ(count("proposal_pictures"), 2);
+}
+
+TEST_F(ProposalsTest, ANumberOfAnArchiveThatLeavesNoRoomForMoreIsNotBelieved) {
+  const auto archive = folder_ / "desk.cairnmap";
+  for (const uint64_t last : {kMostProposalNumber / 2, kMostProposalNumber / 2 + 1, kMostProposalNumber}) {
+    SCOPED_TRACE(std::to_string(last));
+    MapUpdate update;
+    update.last_proposal = last;
+    ASSERT_TRUE(store_->write(header_.id, {&update, 1}));
+    ASSERT_TRUE(store_->export_map(header_.id, archive));
+    ASSERT_TRUE(store_->remove(header_.id));
+    ASSERT_TRUE(store_->purge(header_.id));
+    const auto back = store_->import_map(archive);
+    ASSERT_TRUE(back) << back.error().message;
+    const auto stored = store_->load(header_.id);
+    ASSERT_TRUE(stored) << stored.error().message;
+    EXPECT_EQ(stored->last_proposal, last <= kMostProposalNumber / 2 ? last : 0);
+    keep({proposal(stored->last_proposal + 1)});
+    EXPECT_THAT(store_->load(header_.id)->lost_proposals, IsEmpty()) << "the number that follows is fit";
+    keep({}, {stored->last_proposal + 1});
+    std::filesystem::remove(archive);
+  }
+}
+
+TEST_F(ProposalsTest, WhatADeletedMapLostIsSaidWithWhatCanBeDoneThere) {
+  keep({proposal(1)});
+  ASSERT_TRUE(store_->remove(header_.id));
+  const std::string part = "deleted/" + to_hex(header_.id.bytes) + ".cairnmap";
+  const FileCheck check = check_part(folder_ / "store", part, {});
+  EXPECT_THAT(check.faults, IsEmpty());
+  EXPECT_THAT(check.lost_proposals, SizeIs(1)) << "the picture of the fixture is none";
+  EXPECT_THAT(check.remedy, HasSubstr("maps purge"));
+  EXPECT_THAT(check.remedy, Not(HasSubstr("proposals drop"))) << "that knows the maps that are served";
 }
 
 TEST_F(ProposalsTest, NoNumberComesAgainWhereAnArchiveOfTheMapIsTakenInAgain) {

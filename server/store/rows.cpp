@@ -3,6 +3,8 @@
 
 #include <zlib.h>
 
+#include <utility>
+
 namespace cairn {
 
 int64_t row_checksum(int64_t id, std::span<const uint8_t> data) {
@@ -15,25 +17,34 @@ std::string put_row_sql(std::string_view table) {
   return "INSERT OR REPLACE INTO " + std::string(table) + "(id, data, checksum) VALUES(?, ?, ?)";
 }
 
-void read_rows(sqlite::Database* database, std::string_view table,
-               const std::function<bool(int64_t id, std::span<const uint8_t> data)>& use,
-               std::vector<std::string>* damage) {
+Status read_table(sqlite::Database* database, std::string_view table, const UseRow& use,
+                  const std::function<void(int64_t id, std::string what)>& unfit) {
   const std::string name(table);
+  const auto of_table = [&name](const Error& error) {
+    return fail(error.code, "table " + name + ": " + error.message);
+  };
   auto query = database->prepare("SELECT id, data, checksum FROM " + name + " ORDER BY id");
-  if (!query) return damage->push_back("table " + name + ": " + query.error().message);
+  if (!query) return of_table(query.error());
   while (true) {
     const auto row = query->step();
-    if (!row) return damage->push_back("table " + name + ": " + row.error().message);
-    if (!*row) return;
+    if (!row) return of_table(row.error());
+    if (!*row) return {};
     const int64_t id = query->integer(0);
     const auto data = query->blob(1);
     const std::string place = "table " + name + ", row " + std::to_string(id);
     if (query->integer(2) != row_checksum(id, data)) {
-      damage->push_back(place + ": the checksum is wrong");
+      unfit(id, place + ": the checksum is wrong");
     } else if (!use(id, data)) {
-      damage->push_back(place + ": the content is unfit");
+      unfit(id, place + ": the content is unfit");
     }
   }
+}
+
+void read_rows(sqlite::Database* database, std::string_view table, const UseRow& use,
+               std::vector<std::string>* damage) {
+  const Status read = read_table(database, table, use,
+                                 [damage](int64_t, std::string what) { damage->push_back(std::move(what)); });
+  if (!read) damage->push_back(read.error().message);
 }
 
 }  // namespace cairn

@@ -19,10 +19,16 @@ namespace cairn {
 /// "INSERT OR REPLACE" of a row of `table`: parameters id, data, checksum.
 [[nodiscard]] std::string put_row_sql(std::string_view table);
 
-/// Shows each sound row to `use`, which returns whether it can make anything of it. Rows that are damaged or
-/// useless, and a table that cannot be read to its end, are named in `damage`.
-void read_rows(sqlite::Database* database, std::string_view table,
-               const std::function<bool(int64_t id, std::span<const uint8_t> data)>& use,
+/// Whether it can make anything of a row.
+using UseRow = std::function<bool(int64_t id, std::span<const uint8_t> data)>;
+
+/// Shows each sound row to `use`. Rows that are damaged or useless are named to `unfit`. An error: the table
+/// cannot be read to its end (a failing disk, no memory, a broken page), and what follows is unknown.
+[[nodiscard]] Status read_table(sqlite::Database* database, std::string_view table, const UseRow& use,
+                                const std::function<void(int64_t id, std::string what)>& unfit);
+
+/// The same, where a table that cannot be read to its end is damage like that of a row.
+void read_rows(sqlite::Database* database, std::string_view table, const UseRow& use,
                std::vector<std::string>* damage);
 
 }  // namespace cairn

@@ -16,6 +16,7 @@
 #include "server/store/bytes.h"
 #include "server/store/database_files.h"
 #include "server/store/entry_codec.h"
+#include "server/store/proposal_codec.h"
 #include "server/store/row_codec.h"
 #include "server/store/rows.h"
 #include "server/store/schema.h"
@@ -373,7 +374,8 @@ Result<StoredMap> Store::load(MapId map) {
   if (!epoch) return tl::unexpected(epoch.error());
   if (Status begun = file->begin_epoch(*epoch); !begun) return tl::unexpected(begun.error());
   StoredMap read = file->load();
-  if (read.lost_proposals.empty()) return read;
+  // A damaged file is kept as it was found.
+  if (!read.damage.empty() || read.lost_proposals.empty()) return read;
   note_lost_proposals(map, read);
   const Status gone = file->forget_lost_proposals(read);
   if (!gone) log_->error("map {}: {}", to_hex(map.bytes), gone.error().message);  // with the next start
@@ -654,7 +656,8 @@ Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const 
   // Clients of the same names here are others, with other cameras and sessions.
   for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
   MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
-  whole.last_proposal = read.last_proposal;
+  // One that leaves no room for those to come was given by nobody.
+  if (read.last_proposal <= kMostProposalNumber / 2) whole.last_proposal = read.last_proposal;
   if (Status made = make(read.header, whole, archive); !made) return tl::unexpected(made.error());
   return map;
 }

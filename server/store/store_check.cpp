@@ -150,7 +150,9 @@ FileCheck check_part(const fs::path& folder, const std::string& part, const Chec
     check_map(path, in_use, &found);
     found.remedy = part.starts_with("deleted/") ? kDeletedRemedy : kMapRemedy;
   }
-  if (found.faults.empty()) found.remedy = found.lost_proposals.empty() ? "" : kProposalRemedy;
+  // Neither of what that says reaches a deleted map.
+  if (found.faults.empty() && !part.starts_with("deleted/")) found.remedy = kProposalRemedy;
+  if (found.faults.empty() && found.lost_proposals.empty()) found.remedy.clear();
   return found;
 }
 
