@@ -358,7 +358,7 @@ Status show_audit(AdminClient* client, const Words& words, bool as_json) {
     const json page = answer->content.value("entries", json::array());
     if (page.empty()) break;
     entries.insert(entries.end(), page.begin(), page.end());
-    request["before"] = page.back().value("number", int64_t{0});
+    request["before"] = count_of(page.back(), "number");
   }
   if (as_json) {
     std::printf("%s\n", json_text(entries, 2).c_str());

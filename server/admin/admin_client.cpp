@@ -14,6 +14,7 @@
 #include "common/io/json_text.h"
 #include "common/wire/network_path.h"
 #include "common/wire/partition.h"
+#include "server/admin/listing.h"
 #include "server/admin/own_name.h"
 
 namespace cairn {
@@ -149,7 +150,7 @@ Result<json> AdminClient::maps() {
 Result<json> AdminClient::labels(const std::string& map) {
   json all = json::array();
   while (true) {
-    const uint64_t last = all.empty() ? 0 : all.back().value("id", uint64_t{0});
+    const uint64_t last = all.empty() ? 0 : count_of(all.back(), "id");
     const auto page = ask({{"verb", "labels"}, {"map", map}, {"label", last}});
     if (!page) return tl::unexpected(page.error());
     if (append(page->content, "labels", &all) == 0 || !page->content.value("more", false)) return all;
@@ -166,7 +167,7 @@ Result<json> AdminClient::download(const json& request, const std::filesystem::p
   const auto begun = ask(request);
   if (!begun) return tl::unexpected(begun.error());
   const std::string token = begun->content.value("token", "");
-  const uint64_t size = begun->content.value("bytes", uint64_t{0});
+  const uint64_t size = count_of(begun->content, "bytes");
   if (Status done = fetch(token, size, file, progress); !done) return tl::unexpected(done.error());
   return begun->content;
 }

@@ -28,18 +28,25 @@ std::string text_of(const json& object, const char* key) {
   return one_line(object.value(key, ""));
 }
 
+uint64_t count_of(const json& object, const char* key) {
+  const auto it = object.find(key);
+  return it != object.end() && it->is_number_unsigned() ? it->get<uint64_t>() : 0;
+}
+
 void print_map(const json& map) {
-  std::printf("%s %s  %5d keyframes %7d points %8.1f MB%s%s\n",
+  std::printf("%s %s  %5" PRIu64 " keyframes %7" PRIu64 " points %8.1f MB%s%s\n",
               column_of(text_of(map, "name"), kNameColumns).c_str(), text_of(map, "id").c_str(),
-              map.value("keyframes", 0), map.value("points", 0), map.value("memory_bytes", 0.0) * 1e-6,
+              count_of(map, "keyframes"), count_of(map, "points"), map.value("memory_bytes", 0.0) * 1e-6,
               map.value("at_rest", false) ? "  at rest" : "", map.contains("frozen") ? "  frozen" : "");
   if (map.contains("frozen")) std::printf("%24s %s\n", "", text_of(map, "frozen").c_str());
   if (const std::string when = text_of(map, "localized"); !when.empty())
-    std::printf("%24s last localized in %s, now by %d\n", "", when.c_str(), map.value("clients", 0));
+    std::printf("%24s last localized in %s, now by %" PRIu64 "\n", "", when.c_str(),
+                count_of(map, "clients"));
   for (const json& overlap : map.value("overlaps", json::array()))
-    std::printf("%24s overlaps %s: %d of its keyframes show that map, %d of that map's show this\n", "",
-                text_of(overlap, "map").c_str(), overlap.value("keyframes", 0),
-                overlap.value("its_keyframes", 0));
+    std::printf("%24s overlaps %s: %" PRIu64 " of its keyframes show that map, %" PRIu64
+                " of that map's show this\n",
+                "", text_of(overlap, "map").c_str(), count_of(overlap, "keyframes"),
+                count_of(overlap, "its_keyframes"));
 }
 
 void print_rig(const json& rig) {
@@ -63,17 +70,17 @@ void print_rig(const json& rig) {
 
 void print_whole_map(const json& map) {
   print_map(map);
-  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", map.value("epoch", uint64_t{0}),
-              map.value("revision", uint64_t{0}));
+  std::printf("epoch         %" PRIu64 ", revision %" PRIu64 "\n", count_of(map, "epoch"),
+              count_of(map, "revision"));
   std::printf("plane         %s\n",
               map.value("plane_aligned", false) ? "the dominant one is Z = 0" : "none found");
   if (map.contains("reprojection_px"))
     std::printf("reprojection  %.2f px (root mean square)\n", map.value("reprojection_px", 0.0));
   for (const json& camera : map.value("cameras", json::array()))
-    std::printf("camera        %dx%d %s, focal length %.1f px: %d keyframes\n", camera.value("width", 0),
-                camera.value("height", 0), text_of(camera, "model").c_str(), camera.value("focal_px", 0.0),
-                camera.value("keyframes", 0));
-  std::printf("labels        %d\n", map.value("labels", 0));
+    std::printf("camera        %" PRIu64 "x%" PRIu64 " %s, focal length %.1f px: %" PRIu64 " keyframes\n",
+                count_of(camera, "width"), count_of(camera, "height"), text_of(camera, "model").c_str(),
+                camera.value("focal_px", 0.0), count_of(camera, "keyframes"));
+  std::printf("labels        %" PRIu64 "\n", count_of(map, "labels"));
 }
 
 void print_deleted(const json& map) {
@@ -110,7 +117,7 @@ void print_unloaded(const json& map) {
 }
 
 void print_label(const json& label) {
-  const std::time_t seconds = label.value("time", int64_t{0}) / 1'000'000'000;
+  const auto seconds = static_cast<std::time_t>(count_of(label, "time") / 1'000'000'000);
   std::tm parts{};
   gmtime_r(&seconds, &parts);
   char when[32];
@@ -118,7 +125,7 @@ void print_label(const json& label) {
   auto at = label.value("position", std::vector<double>());
   at.resize(3);
   std::printf("%s %4" PRIu64 "  %s by %s, %s UTC, at %.3f %.3f %.3f%s\n",
-              column_of(text_of(label, "map"), kNameColumns).c_str(), label.value("id", uint64_t{0}),
+              column_of(text_of(label, "map"), kNameColumns).c_str(), count_of(label, "id"),
               column_of(text_of(label, "text"), kTextColumns).c_str(), text_of(label, "author").c_str(), when,
               at.at(0), at.at(1), at.at(2), label.value("kind", "") == "model" ? ", a model" : "");
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -10,6 +11,9 @@ namespace cairn {
 
 /// The member `key`, empty where there is none, safe for a terminal.
 [[nodiscard]] std::string text_of(const nlohmann::json& object, const char* key);
+
+/// The member `key`; 0 where there is none, or one that is no whole number from 0 on.
+[[nodiscard]] uint64_t count_of(const nlohmann::json& object, const char* key);
 
 void print_map(const nlohmann::json& map);
 /// All that `show` has.

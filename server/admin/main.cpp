@@ -122,9 +122,10 @@ void print(const Options& options, const json& content, const std::function<void
 /// What there is of what there may be at most.
 void print_limits(const json& status) {
   const json limits = status.value("limits", json::object());
-  const int rest_after = limits.value("rest_after_s", 0);
-  std::printf("maps     %d of %" PRIu64 " (--max-maps), %d of them at rest (--rest-after: %s)\n",
-              status.value("maps", 0), limits.value("maps", uint64_t{0}), status.value("maps_at_rest", 0),
+  const uint64_t rest_after = count_of(limits, "rest_after_s");
+  std::printf("maps     %" PRIu64 " of %" PRIu64 " (--max-maps), %" PRIu64
+              " of them at rest (--rest-after: %s)\n",
+              count_of(status, "maps"), count_of(limits, "maps"), count_of(status, "maps_at_rest"),
               rest_after > 0 ? (std::to_string(rest_after) + " s").c_str() : "never");
   std::printf("memory   %.1f of %.1f MB (--max-memory)\n", status.value("memory_bytes", 0.0) * 1e-6,
               limits.value("memory_bytes", 0.0) * 1e-6);
@@ -262,7 +263,7 @@ Status change_label(AdminClient* client, const Options& options, json request) {
   const json& label = answer->content;
   print(options, label, [&] {
     if (request["verb"] == "label-remove") {
-      std::printf("label %" PRIu64 " of %s removed: %s\n", label.value("id", uint64_t{0}),
+      std::printf("label %" PRIu64 " of %s removed: %s\n", count_of(label, "id"),
                   text_of(label, "map").c_str(), text_of(label, "text").c_str());
     } else {
       print_label(label);

@@ -87,7 +87,7 @@ Result<json> ask_for_list(AdminClient* client, const Words& words) {
     more = page->content.value("more", false) && !part.empty();
     if (!more) break;
     request["after_map"] = part.back().value("map", "");
-    request["after"] = part.back().value("number", uint64_t{0});
+    request["after"] = count_of(part.back(), "number");
   }
   return all;
 }
@@ -112,7 +112,7 @@ Result<std::vector<uint8_t>> ask_for_picture(AdminClient* client, const std::str
         client->ask({{"verb", "proposal-picture"}, {"proposal", id}, {"offset", picture.size()}});
     if (!piece) return tl::unexpected(piece.error());
     picture.insert(picture.end(), piece->data.begin(), piece->data.end());
-    if (piece->data.empty() || picture.size() >= piece->content.value("bytes", size_t{0})) return picture;
+    if (piece->data.empty() || picture.size() >= count_of(piece->content, "bytes")) return picture;
   }
 }
 
@@ -164,7 +164,7 @@ Status show(AdminClient* client, const Words& words, bool as_json) {
     std::printf("  %s\n", text_of(shown, "problem").c_str());
   } else {
     std::printf("  of the map as it is now: %s; %" PRIu64 " were measured by the client\n",
-                share_text(shown, "found_now", "expected_now").c_str(), shown.value("measured", uint64_t{0}));
+                share_text(shown, "found_now", "expected_now").c_str(), count_of(shown, "measured"));
   }
   if (!words.file.empty())
     std::printf("  %s: green squares are points that were found, red crosses are missing\n",
@@ -195,8 +195,7 @@ Status decide_each(AdminClient* client, const std::vector<std::string>& ids, con
       done.push_back(answer->content);
       if (!as_json && answer->content.contains("keyframe"))
         std::printf("%s accepted: keyframe %" PRIu64 ", by %s\n", one_line(id).c_str(),
-                    answer->content.value("keyframe", uint64_t{0}),
-                    text_of(answer->content, "client").c_str());
+                    count_of(answer->content, "keyframe"), text_of(answer->content, "client").c_str());
       else if (!as_json)
         std::printf("%s dropped\n", one_line(id).c_str());
       continue;

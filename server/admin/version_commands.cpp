@@ -24,8 +24,8 @@ struct Words {
 
 void print_tag(const json& tag) {
   std::printf("%-32s  %s  %6" PRIu64 " keyframes %7" PRIu64 " points, by %s\n", text_of(tag, "tag").c_str(),
-              text_of(tag, "time").c_str(), tag.value("keyframes", uint64_t{0}),
-              tag.value("points", uint64_t{0}), text_of(tag, "by").c_str());
+              text_of(tag, "time").c_str(), count_of(tag, "keyframes"), count_of(tag, "points"),
+              text_of(tag, "by").c_str());
 }
 
 Status list_tags(AdminClient* client, const std::string& map, bool as_json) {
@@ -37,7 +37,7 @@ Status list_tags(AdminClient* client, const std::string& map, bool as_json) {
     const json part = page->content.value("tags", json::array());
     tags.insert(tags.end(), part.begin(), part.end());
     more = page->content.value("more", false) && !part.empty();
-    if (more) request["after"] = part.back().value("number", uint64_t{0});
+    if (more) request["after"] = count_of(part.back(), "number");
   }
   if (as_json) {
     std::printf("%s\n", json_text(tags, 2).c_str());
@@ -60,7 +60,7 @@ Result<json> contributors_of(AdminClient* client, const std::string& map) {
       all.push_back(std::move(row));
     }
     if (!page->content.value("more", false))
-      return json{{"contributors", all}, {"unknown", page->content.value("unknown", uint64_t{0})}};
+      return json{{"contributors", all}, {"unknown", count_of(page->content, "unknown")}};
   }
 }
 
@@ -73,7 +73,7 @@ Status list_contributors(AdminClient* client, const std::string& map, bool as_js
   }
   for (const json& row : told->at("contributors"))
     std::printf("%-32s %6" PRIu64 " keyframes  %s\n", text_of(row, "client").c_str(),
-                row.value("keyframes", uint64_t{0}), text_of(row, "ids").c_str());
+                count_of(row, "keyframes"), text_of(row, "ids").c_str());
   if (const uint64_t unknown = told->value("unknown", uint64_t{0}); unknown > 0)
     std::printf("%-32s %6" PRIu64 " keyframes  from before contributors were kept\n", "(not known)", unknown);
   return {};

@@ -41,7 +41,7 @@ class Table {
     std::map<std::string, uint64_t> accepted;
     for (json& map : (*maps)["maps"]) {
       const std::string id = map.value("id", "");
-      const uint64_t count = accepted[id] = map.value("offers_accepted", uint64_t{0});
+      const uint64_t count = accepted[id] = count_of(map, "offers_accepted");
       if (const auto before = accepted_.find(id); before != accepted_.end() && count >= before->second) {
         const double seconds = std::chrono::duration<double>(now - looked_at_).count();
         map["keyframes_per_minute"] = 60 * static_cast<double>(count - before->second) / seconds;
@@ -70,16 +70,16 @@ std::string number_of(const json& row, const char* key, const char* format) {
 
 void print_table(const json& now) {
   const json& status = now["status"];
-  std::printf("health %s, maps %d (%d at rest), memory %.0f MB\n\n", text_of(status, "health").c_str(),
-              status.value("maps", 0), status.value("maps_at_rest", 0),
+  std::printf("health %s, maps %" PRIu64 " (%" PRIu64 " at rest), memory %.0f MB\n\n",
+              text_of(status, "health").c_str(), count_of(status, "maps"), count_of(status, "maps_at_rest"),
               status.value("memory_bytes", 0.0) * 1e-6);
   std::printf("%-32s %9s %8s %7s %8s %12s\n", "MAP", "KEYFRAMES", "POINTS", "CLIENTS", "KF/MIN",
               "OFFER P50/95");
   for (const json& map : now["maps"]) {
     std::printf(
         "%-32s %9" PRIu64 " %8" PRIu64 " %7" PRIu64 " %8s %12s\n", text_of(map, "name").c_str(),
-        map.value("keyframes", uint64_t{0}), map.value("points", uint64_t{0}),
-        map.value("clients", uint64_t{0}), number_of(map, "keyframes_per_minute", "%.1f").c_str(),
+        count_of(map, "keyframes"), count_of(map, "points"), count_of(map, "clients"),
+        number_of(map, "keyframes_per_minute", "%.1f").c_str(),
         (number_of(map, "offer_p50_ms", "%.0f") + "/" + number_of(map, "offer_p95_ms", "%.0f ms")).c_str());
   }
   std::printf("\n%-32s %-9s %-9s %8s %-32s %s\n", "CLIENT", "LINK", "STATE", "QUALITY", "MAP", "WEARER");
