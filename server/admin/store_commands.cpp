@@ -211,8 +211,8 @@ void print_check(const json& check) {
               faults.empty() ? "sound" : "damaged");
   if (faults.empty() && text_of(check, "part").ends_with(".cairnmap"))
     std::printf(", %" PRIu64 " keyframes, %" PRIu64 " points, %" PRIu64 " labels, %" PRIu64 " tags",
-                check.value("keyframes", uint64_t{0}), check.value("points", uint64_t{0}),
-                check.value("labels", uint64_t{0}), check.value("tags", uint64_t{0}));
+                count_of(check, "keyframes"), count_of(check, "points"), count_of(check, "labels"),
+                count_of(check, "tags"));
   std::printf("\n");
   for (const json& fault : faults) std::printf("    %s\n", one_line(fault.get<std::string>()).c_str());
   if (!faults.empty()) std::printf("    remedy: %s\n", text_of(check, "remedy").c_str());
