@@ -11,9 +11,9 @@ namespace {
 using nlohmann::json;
 
 std::string row_of(const std::string& text) {
-  testing::internal::CaptureStdout();
+  ::testing::internal::CaptureStdout();
   print_label({{"map", "desk"}, {"id", 1}, {"text", text}, {"author", "hand"}, {"position", {0, 0, 0}}});
-  return testing::internal::GetCapturedStdout();
+  return ::testing::internal::GetCapturedStdout();
 }
 
 TEST(Listing, ColumnsStandUnderEachOtherWhateverTheScript) {
@@ -38,9 +38,9 @@ TEST(Listing, NothingInItSteersTheTerminal) {
 
 TEST(Listing, ARigSaysWhatItDoesAndWhatIsInItsWay) {
   const auto rows = [](const json& rig) {
-    testing::internal::CaptureStdout();
+    ::testing::internal::CaptureStdout();
     print_rig(rig);
-    return testing::internal::GetCapturedStdout();
+    return ::testing::internal::GetCapturedStdout();
   };
   json rig = {{"rig", "shoulder"},    {"mode", "lock"}, {"commander", "tracker-3"}, {"stopped", false},
               {"drives_idle", false}, {"trouble", ""},  {"silent", false}};
