@@ -37,7 +37,10 @@ bool Sessions::hear(const Principal& who, wire::PublicationHandle publication,
                     std::optional<wire::PeerId> process, const wire::TrackerStateMessage& message) {
   Client& client = clients_.of(who);
   const MonotonicTime now = context_.now();
-  ClientRates& rates = presence_.is_holder(client.name, publication) ? client.rates : client.others_rates;
+  // As Presence::heard() has it: after a new match its publication is another.
+  const bool is_holder =
+      presence_.holds(client.name, message.session) || presence_.is_holder(client.name, publication);
+  ClientRates& rates = is_holder ? client.rates : client.others_rates;
   if (rates.judge(ClientRates::Kind::kState, now) != ClientRates::Judgement::kTake) return false;
   if (client.kicked == message.session) {
     tell_kicked(client);

@@ -29,6 +29,19 @@ TEST_F(Intruder, ItsStatesUseUpNothingOfTheHolders) {
   EXPECT_TRUE(service.take(client_principal(kClient), publication_, process_, state));
 }
 
+TEST_F(Intruder, NorOfAHolderThatHasMatchedAnew) {
+  wire::TrackerStateMessage state;
+  state.client = id_;
+  state.session = SessionId{66};
+  MapService& service = server_->service();
+  speak();
+  for (int i = 0; i < kFlood; ++i)
+    EXPECT_FALSE(service.take(client_principal(kClient), other_publication_, other_process_, state));
+  state.session = session_;
+  const wire::PublicationHandle again{9};
+  EXPECT_TRUE(service.take(client_principal(kClient), again, process_, state));
+}
+
 TEST_F(Intruder, NorDoItsCameras) {
   wire::CameraMessage camera;
   camera.client = id_;
