@@ -28,6 +28,23 @@ Status check_name(const char* what, const std::string& name) {
   return fail(ErrorCode::kUsage, std::string(what) + " '" + name + "': expected 1 to 32 of a-z, 0-9 and -");
 }
 
+/// The map can be stopped now.
+using Stoppable = std::function<void(MapEntry* entry, const HeldLane::Hold& place)>;
+/// What others have going on beside the writer, an archive or a backup, is waited for with the map at work.
+void when_stoppable(const ServiceContext& context, ServedMaps& maps, MapId id, const AdminAnswer& answer,
+                    Stoppable then) {
+  context.store->hold_beside(
+      [&context, &maps, id, answer, then = std::move(then)](const HeldLane::Hold& place) {
+        context.post([&maps, id, answer, then, place] {
+          MapEntry* entry = maps.array().find(id);
+          if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
+          if (std::string why = why_not(*entry, true); !why.empty())
+            return answer(refusal(ErrorCode::kRefused, std::move(why)));
+          then(entry, place);
+        });
+      });
+}
+
 }  // namespace
 
 void MapVersions::take(const std::string& operator_name, MapId id, MapEntry* entry,
@@ -71,24 +88,26 @@ void MapVersions::take(const Meant& map, const asked::Tags& ask, const AdminAnsw
   });
 }
 
-/// A tag that is not there stops no map: it is looked up first.
+/// A tag that is not there stops no map: it is looked up first. The map goes on while its roll-back waits:
+/// what is tagged, and how much room it takes, is as it is when it stops.
 void MapVersions::take(const Meant& map, const asked::RollBack& ask, const AdminAnswer& answer) {
   if (const Status named = check_name("tag", ask.tag); !named) return answer(refusal(named.error()));
-  context_.store->run(
-      [this, id = map.id, name = ask.tag, before = tag_now(map, ask.tag), answer](Store& store) {
-        const auto tag = store.find_tag(id, name);
-        context_.post([this, id, tag, before, answer] {
-          MapEntry* entry = maps_.array().find(id);
-          if (!tag || entry == nullptr)
-            return answer(tag ? unknown_map(to_hex(id.bytes)) : refusal(tag.error()));
-          if (std::string why = why_tag_is_too_large(*entry, *tag); !why.empty())
-            return answer(refusal(ErrorCode::kRefused, std::move(why)));
-          const auto roll_back = [id, name = tag->name, before](Store& s, const AcceptState& accept) {
-            return s.roll_back(id, name, before, accept);
-          };
-          change_state(id, roll_back, answer);
-        });
-      });
+  context_.store->run([this, id = map.id, author = map.author, name = ask.tag, answer](Store& store) {
+    const auto tag = store.find_tag(id, name);
+    if (!tag) return context_.post(telling(answer, refusal(tag.error())));
+    context_.post([this, id, author, tag = *tag, answer] {
+      const auto roll_back = [this, id, author, tag, answer](MapEntry* entry, const HeldLane::Hold& place) {
+        if (std::string why = why_tag_is_too_large(*entry, tag); !why.empty())
+          return answer(refusal(ErrorCode::kRefused, std::move(why)));
+        const MapTag before = tag_now({id, entry, author}, tag.name);
+        const auto change = [id, name = tag.name, before](Store& s, const AcceptState& accept) {
+          return s.roll_back(id, name, before, accept);
+        };
+        change_state_in_place(id, entry, change, place, answer);
+      };
+      when_stoppable(context_, maps_, id, answer, roll_back);
+    });
+  });
 }
 
 void MapVersions::take(const Meant& map, const asked::Contributors& ask, const AdminAnswer& answer) {
@@ -142,17 +161,12 @@ std::string MapVersions::why_tag_is_too_large(const MapEntry& entry, const MapTa
   return then > now ? capacity_.why_memory_is_full(then - now) : std::string();
 }
 
-/// What others have going on beside the writer, an archive or a backup, is waited for with the map at work.
 void MapVersions::change_state(MapId id, ChangeOfState change, const AdminAnswer& answer) {
-  context_.store->hold_beside([this, id, change = std::move(change), answer](const HeldLane::Hold& place) {
-    context_.post([this, id, change, answer, place] {
-      MapEntry* entry = maps_.array().find(id);
-      if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
-      if (std::string why = why_not(*entry, true); !why.empty())
-        return answer(refusal(ErrorCode::kRefused, std::move(why)));
-      change_state_in_place(id, entry, change, place, answer);
-    });
-  });
+  const auto in_place = [this, id, change = std::move(change), answer](MapEntry* entry,
+                                                                       const HeldLane::Hold& place) {
+    change_state_in_place(id, entry, change, place, answer);
+  };
+  when_stoppable(context_, maps_, id, answer, in_place);
 }
 
 /// From the moment when the map's file becomes another, nothing of what the map was is written any more.

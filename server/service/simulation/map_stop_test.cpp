@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -12,7 +13,9 @@
 namespace cairn::simulation {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Pair;
 
 class MapStop : public LoneClientFixture {
  protected:
@@ -28,6 +31,12 @@ class MapStop : public LoneClientFixture {
     ++operator_session_.value;
     return LoneClientFixture::ask(request);
   }
+  [[nodiscard]] std::map<std::string, int> keyframes_of_tags() const {
+    std::map<std::string, int> keyframes;
+    const auto told = nlohmann::json::parse(reply_->text);
+    for (const auto& tag : told["tags"]) keyframes[tag["tag"]] = tag["keyframes"];
+    return keyframes;
+  }
   static constexpr const char* kNothing = "nothing is said of it";
 };
 
@@ -40,6 +49,8 @@ TEST_F(MapStop, AMapTakesKeyframesWhileItsRollBackWaitsForAnArchive) {
   ASSERT_TRUE(reply_);
   EXPECT_EQ(reply_->result, 0U) << reply_->text;
   EXPECT_EQ(snapshot_->keyframe_count(), 2U);
+  ASSERT_EQ(ask(R"({"verb": "tags", "map": "desk"})"), "");
+  EXPECT_THAT(keyframes_of_tags(), ElementsAre(Pair("bare", 2), Pair("before-rollback-1", 3)));
   EXPECT_EQ(judge(sound_offer(6)), "");
 }
 
