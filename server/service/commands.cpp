@@ -3,8 +3,14 @@
 
 #include <utility>
 
+#include "server/service/waiting_limit.h"
+
 namespace cairn {
 namespace {
+
+size_t image_bytes(const wire::MapSeed& message) {
+  return message.first_image.bytes.size() + message.second_image.bytes.size();
+}
 
 SeedJob job_of(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
                wire::MapSeed message) {
@@ -77,6 +83,9 @@ void Commands::take(const Principal& who, wire::MapSeed message) {
   const Ruling ruling = context_.access().on_creating(client.principal());
   if (std::string why = why_no_map(client, ruling); !why.empty() || ruling.right < Right::kWrite)
     return refuse(std::move(why));
+  if (std::string why = why_too_much_waits(context_, *clients_.waiting_bytes(), image_bytes(message));
+      !why.empty())
+    return refuse(std::move(why));
   make_map(client, *camera, ruling, std::move(message), verdict);
 }
 
@@ -94,11 +103,11 @@ void Commands::make_map(Client& client, const AnnouncedCamera& camera, const Rul
   const MapId map = message.lockstep ? maps_.array().repeatable_id(message) : maps_.array().next_id();
   const std::string name = maps_.array().free_name(message.map_name);
   const SessionId session = message.command.session;
+  const size_t bytes = image_bytes(message);
   SeedJob job = job_of(client, camera, ruling, std::move(message));
   job.input.map = map;
   job.input.map_name = name;
   job.input.epoch = {context_.options.start_count};
-  const size_t bytes = job.first_image.bytes.size() + job.second_image.bytes.size();
   job.pending = client.pending_offers.add({PendingOffers::Kind::kSeed, map, ruling.extent}, bytes,
                                           clients_.waiting_bytes());
   const auto pending = job.pending;
@@ -238,8 +247,9 @@ Commands::Refusal Commands::refuse(const wire::KeyframeOffer& message, const Map
   if (entry.runner == nullptr) return because(wire::OfferDecision::kNoRight, "this map takes no keyframes");
   if (std::string why = capacity_.why_map_is_full(entry); !why.empty())
     return because(wire::OfferDecision::kFull, std::move(why));
-  if (*clients_.waiting_bytes() + message.image.bytes.size() > context_.options.max_waiting_bytes)
-    return because(wire::OfferDecision::kBusy, "too many keyframes of all clients wait for their maps");
+  if (std::string why = why_too_much_waits(context_, *clients_.waiting_bytes(), message.image.bytes.size());
+      !why.empty())
+    return because(wire::OfferDecision::kBusy, std::move(why));
   return std::nullopt;
 }
 

@@ -4,6 +4,8 @@
 #include <exception>
 #include <utility>
 
+#include "server/service/waiting_limit.h"
+
 namespace cairn {
 namespace {
 
@@ -40,6 +42,9 @@ std::optional<std::pair<wire::OfferDecision, std::string>> Proposals::refuse(con
   if (!full.empty()) return std::pair(wire::OfferDecision::kFull, std::move(full));
   if (in_work_ >= kMostInWork)
     return std::pair(wire::OfferDecision::kBusy, "more proposals come than can be looked at");
+  if (std::string why = why_too_much_waits(context_, *clients_.waiting_bytes(), offer.image.bytes.size());
+      !why.empty())
+    return std::pair(wire::OfferDecision::kBusy, std::move(why));
   // A replay does not go by this clock.
   std::string not_now = offer.lockstep ? "" : book_.why_not_now(client.name, context_.now());
   if (not_now.empty()) return std::nullopt;
