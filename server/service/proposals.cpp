@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/proposals.h"
 
+#include <chrono>
 #include <exception>
 #include <utility>
 
@@ -10,6 +11,22 @@ namespace cairn {
 namespace {
 
 constexpr size_t kMostInWork = 8;  ///< their pictures are in memory meanwhile
+constexpr std::chrono::milliseconds kUntilTriedAgain{200};
+
+/// For the store: sent again after a restart, the offer is answered so.
+DecisionRecord aside_record(const std::string& client, SessionId session, const wire::OfferOutcome& outcome,
+                            Timestamp time) {
+  return {client,
+          session,
+          outcome.seq,
+          CommandKind::kOffer,
+          static_cast<uint8_t>(outcome.decision),
+          outcome.reason,
+          {},
+          time,
+          {},
+          0};
+}
 
 }  // namespace
 
@@ -122,18 +139,8 @@ void Proposals::keep(Offered offered, KeptProposal kept) {
   summary.number = room.number;
   const std::string name = summary.client;
   MapUpdate update;
-  update.decisions.push_back({name,
-                              offered.session,
-                              outcome.seq,
-                              CommandKind::kOffer,
-                              static_cast<uint8_t>(outcome.decision),
-                              outcome.reason,
-                              {},
-                              summary.received,
-                              {},
-                              0});
+  update.decisions.push_back(aside_record(name, offered.session, outcome, summary.received));
   update.proposals.push_back(std::move(kept));
-  for (const ProposalSummary& gone : room.gone) update.removed_proposals.push_back(gone.number);
   const MapId map = outcome.map;
   context_.store->write(map, std::move(update),
                         [this, name, offered = std::move(offered), room](const Status& written) {
@@ -143,21 +150,37 @@ void Proposals::keep(Offered offered, KeptProposal kept) {
                         });
 }
 
+/// What goes for it goes when it stays, and what is withdrawn is taken out of the store again: neither while
+/// the map is being rolled back.
 void Proposals::on_kept(Offered offered, const std::string& client_name, const ProposalBook::Room& room,
                         const Status& written) {
   wire::OfferOutcome& outcome = offered.outcome;
-  const auto entry = maps_.all().find(outcome.map);
-  const bool can_be_removed = entry != maps_.all().end() && !entry->second.rolling_back;
-  if (written && offered.pending->is_withdrawn() && can_be_removed) {
-    remove(outcome.map, {room.number});
-    outcome.decision = wire::OfferDecision::kNoRight;
-    outcome.reason = kNoProposals;
-  } else if (!written) {
-    book_.take_back(outcome.map, room);
+  const MapId map = outcome.map;
+  const auto entry = maps_.all().find(map);
+  if (written && entry != maps_.all().end() && entry->second.rolling_back) {
+    const auto again = [this, offered = std::move(offered), client_name, room, written] {
+      context_.post(
+          [this, offered, client_name, room, written] { on_kept(offered, client_name, room, written); });
+    };
+    return context_.store->later(again, kUntilTriedAgain);
+  }
+  if (!written) {
+    book_.take_back(map, room);
     outcome.decision = wire::OfferDecision::kFull;
     outcome.reason = written.error().message;
+  } else if (offered.pending->is_withdrawn()) {
+    book_.take_back(map, room);
+    outcome.decision = wire::OfferDecision::kNoRight;
+    outcome.reason = kNoProposals;
+    MapUpdate update;
+    update.removed_proposals.push_back(room.number);
+    update.decisions.push_back(aside_record(client_name, offered.session, outcome, context_.wall()));
+    context_.store->write(map, std::move(update), {});
   } else {
-    context_.log->info("{}: proposal {} kept aside", client_name, proposal_id(outcome.map, room.number));
+    context_.log->info("{}: proposal {} kept aside", client_name, proposal_id(map, room.number));
+    std::vector<uint64_t> gone;
+    for (const ProposalSummary& each : room.gone) gone.push_back(each.number);
+    if (!gone.empty()) remove(map, gone);
   }
   offered.decided(std::move(outcome));
 }

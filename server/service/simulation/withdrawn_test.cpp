@@ -14,9 +14,12 @@ namespace cairn::simulation {
 namespace {
 
 using nlohmann::json;
+using ::testing::Contains;
+using ::testing::Field;
 using ::testing::HasSubstr;
 
 constexpr int kMostTasks = 200;
+constexpr const char* kRollBack = R"({"verb": "roll-back", "map": "desk", "tag": "bare"})";
 
 class Withdrawn : public LoneClientFixture {
  protected:
@@ -92,6 +95,39 @@ TEST_F(Withdrawn, AProposalIsNotKeptAtWhateverPointOfItsWay) {
   EXPECT_GT(withdrawn, 3) << "being looked at, being kept, being told";
   begin_again();
   EXPECT_EQ(proposals(), 1U);
+}
+
+/// The map's file is another from when the roll-back begins, and the proposal may be in it already.
+TEST_F(Withdrawn, NorInAMapThatIsBeingRolledBack) {
+  EXPECT_EQ(ask(R"({"verb": "proposals-welcome", "map": "desk", "welcome": true})"), "");
+  EXPECT_EQ(ask(R"({"verb": "tag", "map": "desk", "tag": "bare"})"), "");
+  uint64_t kept = 0;  ///< since it was told before
+  for (int tasks = 0; kept == 0 && tasks < kMostTasks; ++tasks) {
+    SCOPED_TRACE(std::to_string(tasks) + " tasks");
+    wire::KeyframeOffer offer = sound_offer(6);
+    offer.as_proposal = true;
+    send(&offer);
+    server_->service().take(
+        operator_principal(kOperator, Principal::Proof::kClaimed, Duty::kAdminister),
+        {client_id_from_name(kOperator), {SessionId{++operator_session_.value}, ++asked_}, kRollBack, {}});
+    revoke_after(tasks);
+    if (reason_of(offer).value_or("").starts_with("kept aside")) kept = offer.command.seq;
+    server_->let_beside_take_long(true);
+    settle();
+    server_->let_beside_take_long(false);
+    settle();
+    EXPECT_TRUE(reason_of(offer));
+    ASSERT_EQ(proposals(), kept != 0 ? 1U : 0U);
+  }
+  begin_again();
+  EXPECT_EQ(proposals(), kept != 0 ? 1U : 0U) << "nothing else was left in the store";
+  const auto withdrawn = Field(&wire::OfferOutcome::decision, wire::OfferDecision::kNoRight);
+  EXPECT_THAT(offers_.recent, Contains(withdrawn)) << "sent again, it is answered as before";
+  for (const wire::OfferOutcome& outcome : offers_.recent) {
+    if (outcome.decision == wire::OfferDecision::kKeptAside) {
+      EXPECT_EQ(outcome.seq, kept);
+    }
+  }
 }
 
 }  // namespace
