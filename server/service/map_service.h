@@ -80,7 +80,7 @@ class MapService {
   void on_map_shown(MapId map, MapEntry& entry, MapRevision revision);
   void on_map_gone(MapId map, bool was_shown);
 
-  // Each knows those above it that it needs, and none below.
+  // Each knows those above it that it needs, and none below; of proposals.h, news_ takes one rule.
   const ServiceContext context_;
   ServedMaps maps_;
   Capacity capacity_;
