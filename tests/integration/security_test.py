@@ -21,7 +21,7 @@ from programs_test import LIMIT, SLOWNESS, OnTheDesk, ServerProcess, command
 
 OK, USAGE, CONFIGURATION, NO_SERVER, REFUSED = 0, 2, 3, 4, 5
 SITES = pathlib.Path(__file__).resolve().parents[2] / "deploy/sites"
-README = pathlib.Path(__file__).resolve().parents[2] / "deploy/README.md"
+HOW_TO = pathlib.Path(__file__).resolve().parents[2] / "deploy/SECURED.md"
 PATIENCE = 2 * SLOWNESS  # seconds, in which a handshake is over by far
 
 
@@ -165,13 +165,12 @@ class Security(OnTheDesk):
 
 
 class TenMinutes(unittest.TestCase):
-    """The lines of deploy/README.md as they stand there, in an empty folder, with the programs in the PATH."""
+    """The lines of deploy/SECURED.md as they stand there, in an empty folder, with the programs in the PATH."""
     PATIENCE = 300 * SLOWNESS
 
     def blocks(self):
-        text = README.read_text()
-        section = text[text.index("## A secured site in ten minutes"):]
-        return re.findall(r"^```\n(.*?)^```$", section[:section.index("\n**Several machines.**")], re.MULTILINE | re.DOTALL)
+        text = HOW_TO.read_text()
+        return re.findall(r"^```\n(.*?)^```$", text[:text.index("\n**Several machines.**")], re.MULTILINE | re.DOTALL)
 
     def test_the_lines_do_what_they_say(self):
         keys, server, *rest = self.blocks()
