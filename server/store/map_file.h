@@ -136,7 +136,7 @@ enum class FileInUse : uint8_t { kNo, kYes };
 using KeyframeIds = std::function<KeyframeId(KeyframeId before)>;
 
 /// One map in one SQLite file, which is also the archive of `cairnctl maps export`. Every row is a key, a
-/// blob (row_codec.h) and a CRC-32 of both; the schema is in README.md. A plain class, one thread at a time.
+/// blob (row_codec.h) and a CRC-32 of both; the schema is in FORMAT.md. A plain class, one thread at a time.
 class MapFile {
  public:
   /// Makes the file with its first content, or nothing.

@@ -11,7 +11,7 @@
 #include "server/mapping/map_record.h"
 #include "server/store/bytes.h"
 
-/// The blobs of a map file's rows (README.md has the table). encode_*() of equal values gives equal bytes,
+/// The blobs of a map file's rows (FORMAT.md has the table). encode_*() of equal values gives equal bytes,
 /// and decode_*() gives back the value bit by bit; it believes nothing: numbers out of range, lists out of
 /// order and bytes too many or too few make it give nothing. Pure.
 namespace cairn {
