@@ -10,7 +10,7 @@
 namespace cairn {
 
 /// The rights as JSON text, one line for each rule: what the store keeps and an operator may read. The keys
-/// are described in README.md.
+/// are described in FORMAT.md.
 [[nodiscard]] std::string to_text(const Rights& rights);
 
 /// Its inverse. Error kDamaged, with the rule that is wrong and why: no JSON, an unknown key, a value that
