@@ -69,7 +69,7 @@ constexpr OptionRow kOptions[] = {
     {"max-keyframes", "N", "keyframes of a map at most [2000]", true},
     {"max-labels", "N", "labels of a map at most, up to 1000 [1000]", true},
     {"keyframe-rate", "N",
-     "keyframes a second that one client may offer in the long run, and 100 at once; 0: no limit [5]", true},
+     "keyframes a second that one client may offer in the long run, and 300 at once; 0: no limit [5]", true},
     {"question-rate", "N",
      "questions a second where it is that one client may ask in the long run, and 100 at once; 0: no limit "
      "[20]",
