@@ -11,7 +11,7 @@
 #include <future>
 #include <optional>
 
-#include "common/wire/discovered_readers.h"
+#include "common/wire/discovered.h"
 #include "common/wire/internal/context.h"
 #include "common/wire/partition.h"
 #include "common/wire/wire_fixture.h"

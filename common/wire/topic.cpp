@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "common/wire/discovered_readers.h"
+#include "common/wire/discovered.h"
 #include "common/wire/internal/convert.h"
 #include "common/wire/internal/endpoint.h"
 

@@ -13,7 +13,7 @@
 #include <sstream>
 #include <thread>
 
-#include "common/wire/discovered_readers.h"
+#include "common/wire/discovered.h"
 #include "common/wire/internal/configuration.h"
 #include "common/wire/internal/convert.h"
 #include "common/wire/internal/entity.h"

@@ -23,7 +23,7 @@
 #include "server/admin/listing.h"
 #include "server/admin/own_name.h"
 #include "server/store/backup.h"
-#include "server/store/store_check.h"
+#include "server/store/check_report.h"
 
 namespace cairn {
 namespace {
@@ -193,15 +193,6 @@ Status restore(const std::string& backup, const std::string& data, bool as_json)
                 one_line(folder.string()).c_str());
   }
   return {};
-}
-
-/// As a server answers verify-part.
-json describe(const FileCheck& check) {
-  std::vector<std::string> faults = check.faults;
-  faults.insert(faults.end(), check.lost_proposals.begin(), check.lost_proposals.end());
-  return {{"part", check.part},     {"name", check.name},     {"keyframes", check.keyframes},
-          {"points", check.points}, {"labels", check.labels}, {"tags", check.tags},
-          {"faults", faults},       {"remedy", check.remedy}};
 }
 
 void print_check(const json& check) {

@@ -44,8 +44,11 @@ std::vector<wire::RefusedPeer> Doorkeeper::refused_to_be_told(MonotonicTime now)
   std::erase_if(refused_told_, [now](const auto& known) { return now - known.second >= kTellInterval; });
   std::vector<wire::RefusedPeer> refused;
   if (refused_ != nullptr) refused = refused_->take();
-  for (const std::string& says : strangers_.take(now))
-    refused.push_back({"somebody", "no keys of this site were shown (" + says + ")"});
+  for (const Strangers::Told& stranger : strangers_.take(now)) {
+    const char* what = stranger.has_left ? "gone again before it was let in; whether it has keys is not known"
+                                         : "no keys of this site were shown";
+    refused.push_back({"somebody", std::string(what) + " (" + stranger.says + ")"});
+  }
   std::vector<wire::RefusedPeer> told;
   for (wire::RefusedPeer& peer : refused) {
     // That there are many is on record then.

@@ -13,8 +13,7 @@
 
 #include "common/base/log.h"
 #include "common/base/rate_limit.h"
-#include "common/wire/discovered_participants.h"
-#include "common/wire/discovered_readers.h"
+#include "common/wire/discovered.h"
 #include "common/wire/participant.h"
 #include "common/wire/rig_messages.h"
 #include "common/wire/topic.h"

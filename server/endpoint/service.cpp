@@ -65,7 +65,8 @@ struct Service::State {
       : urgent(workers, 0, log),
         background(1, kBackgroundNice, log),
         questions(std::max(1, workers / 2), 0, log),
-        idle(1, kIdleNice, log) {}
+        idle(1, kIdleNice, log),
+        site_changes(1, 0, log) {}
   ~State() { close(); }
   void close() {
     if (endpoint) endpoint->stop();
@@ -73,6 +74,7 @@ struct Service::State {
     background.stop();
     questions.stop();
     idle.stop();
+    site_changes.stop();
     if (endpoint && store) endpoint->save_last_changes();
     store.reset();
   }
@@ -83,6 +85,7 @@ struct Service::State {
   WorkerPool background;
   WorkerPool questions;
   WorkerPool idle;
+  WorkerPool site_changes;  ///< of `site`: no archive, backup or adjustment holds them up
 };
 
 Service::Service(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -119,9 +122,10 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }
-  auto endpoint = Endpoint::start(known, {state->urgent, state->background, state->questions, state->idle},
-                                  state->store.get(), *state->site, *std::move(keys), std::move(restored),
-                                  std::move(log));
+  const MapService::Lanes lanes{state->urgent, state->background, state->questions, state->idle,
+                                state->site_changes};
+  auto endpoint = Endpoint::start(known, lanes, state->store.get(), *state->site, *std::move(keys),
+                                  std::move(restored), std::move(log));
   if (!endpoint) return tl::unexpected(endpoint.error());
   state->endpoint = std::move(*endpoint);
   return std::unique_ptr<Service>(new Service(std::move(state)));

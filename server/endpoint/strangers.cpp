@@ -13,16 +13,16 @@ void Strangers::came(uint64_t participant, std::string says, MonotonicTime now) 
 void Strangers::gone(uint64_t participant) {
   let_in_.erase(participant);
   auto known = waiting_.extract(participant);
-  if (known && left_.size() < kMost) left_.push_back(std::move(known.mapped().says));
+  if (known && left_.size() < kMost) left_.push_back({std::move(known.mapped().says), true});
 }
 
-std::vector<std::string> Strangers::take(MonotonicTime now) {
-  std::vector<std::string> told = std::exchange(left_, {});
+std::vector<Strangers::Told> Strangers::take(MonotonicTime now) {
+  std::vector<Told> told = std::exchange(left_, {});
   for (auto it = waiting_.begin(); it != waiting_.end();) {
     if (now - it->second.came < kPatience) {
       ++it;
     } else {
-      told.push_back(std::move(it->second.says));
+      told.push_back({std::move(it->second.says), false});
       it = waiting_.erase(it);
     }
   }

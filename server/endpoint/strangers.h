@@ -28,8 +28,14 @@ class Strangers {
     let_in_.insert(participant);
   }
   void gone(uint64_t participant);
-  /// What they say of themselves: of those who have shown nothing for that long, or left without; each once.
-  [[nodiscard]] std::vector<std::string> take(MonotonicTime now);
+  /// Those who have shown nothing for that long, or have gone before; each once. Who goes soon, or is not
+  /// heard any more, may have keys all the same.
+  struct Told {
+    std::string says;  ///< of itself
+    bool has_left = false;
+    bool operator==(const Told&) const = default;
+  };
+  [[nodiscard]] std::vector<Told> take(MonotonicTime now);
 
  private:
   struct Stranger {
@@ -38,7 +44,7 @@ class Strangers {
   };
   std::map<uint64_t, Stranger> waiting_;
   std::set<uint64_t> let_in_;  ///< and still there
-  std::vector<std::string> left_;
+  std::vector<Told> left_;
 };
 
 }  // namespace cairn

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/base/utc.h"
-#include "common/wire/discovered_readers.h"
+#include "common/wire/discovered.h"
 #include "common/wire/partition.h"
 #include "common/wire/picture_messages.h"
 #include "common/wire/rig_messages.h"

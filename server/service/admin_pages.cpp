@@ -10,13 +10,12 @@
 #include "common/base/utc.h"
 #include "server/service/proposal_book.h"
 #include "server/store/backup.h"
+#include "server/store/store_check.h"
 
 namespace cairn {
 namespace {
 
 using nlohmann::json;
-
-constexpr size_t kMostFaultsTold = 100;  ///< of a file
 
 /// "1-3 7 9-12", cut short where it is very long.
 std::string ranges_of(const std::vector<uint64_t>& ascending) {
@@ -79,17 +78,6 @@ wire::AdminReply page_of(std::span<const std::string> parts, const std::string& 
     if ((after.empty() || comes_later(part, after)) && !page.add("parts", part)) break;
   }
   return success(page.content());
-}
-
-json describe(const FileCheck& check) {
-  json told{{"part", check.part},      {"name", check.name},     {"keyframes", check.keyframes},
-            {"points", check.points},  {"labels", check.labels}, {"tags", check.tags},
-            {"faults", json::array()}, {"remedy", check.remedy}};
-  for (const auto& faults : {check.faults, check.lost_proposals}) {
-    for (const std::string& fault : faults)
-      if (told["faults"].size() < kMostFaultsTold) told["faults"].push_back(fault);
-  }
-  return told;
 }
 
 json describe(MapId map, const std::string& map_name, const ProposalSummary& proposal) {

@@ -12,7 +12,6 @@
 #include "server/service/admin_reply.h"
 #include "server/service/proposal_judge.h"
 #include "server/store/store.h"
-#include "server/store/store_check.h"
 
 /// What operators are answered about versions, proposals and the store's files. Pure.
 namespace cairn {
@@ -32,7 +31,6 @@ struct Contributors {
 
 /// Those beyond `after`, in the order of a backup.
 [[nodiscard]] wire::AdminReply page_of(std::span<const std::string> parts, const std::string& after);
-[[nodiscard]] nlohmann::json describe(const FileCheck& check);
 
 [[nodiscard]] nlohmann::json describe(MapId map, const std::string& map_name,
                                       const ProposalSummary& proposal);

@@ -17,8 +17,14 @@ std::optional<CameraDoubt> AnnouncedCamera::doubt_of(const CameraVersion& versio
   return CameraDoubt{version, {doubt->focal_sigma, doubt->k1_sigma}};
 }
 
-Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message) {
-  Cameras& cameras = cameras_of(process);
+Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message, MonotonicTime now) {
+  Process* const from = let_in(process, now);
+  if (from == nullptr)
+    return fail(ErrorCode::kRefused, "too many processes announce cameras under this name");
+  if (!from->announcements.take(now))
+    return fail(ErrorCode::kRefused, "announced too often: the server takes " + std::to_string(kPerSecond) +
+                                         " a second of one process");
+  Cameras& cameras = from->cameras;
   if (!cameras.contains(message.camera) && cameras.size() >= kMaxCameras) {
     return fail(ErrorCode::kRefused, "one camera too many");
   }
@@ -39,22 +45,23 @@ Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message)
   return {};
 }
 
-CameraList::Cameras& CameraList::cameras_of(wire::PeerId process) {
+CameraList::Process* CameraList::let_in(wire::PeerId process, MonotonicTime now) {
   const auto known = std::find_if(processes_.begin(), processes_.end(),
-                                  [&](const auto& entry) { return entry.first == process; });
-  if (known != processes_.end()) return known->second;
+                                  [&](const Process& entry) { return entry.id == process; });
+  if (known != processes_.end()) return &*known;
+  if (!newcomers_.take(now)) return nullptr;
   if (processes_.size() >= kMaxProcesses) {
-    processes_.erase(processes_.begin() + (processes_.front().first == holder_ ? 1 : 0));
+    processes_.erase(processes_.begin() + (processes_.front().id == holder_ ? 1 : 0));
   }
-  return processes_.emplace_back(process, Cameras()).second;
+  return &processes_.emplace_back(Process{process, {}});
 }
 
 const AnnouncedCamera* CameraList::find(uint32_t camera, uint32_t version) const {
   const auto process = std::find_if(processes_.begin(), processes_.end(),
-                                    [&](const auto& entry) { return entry.first == holder_; });
+                                    [&](const Process& entry) { return entry.id == holder_; });
   if (process == processes_.end()) return nullptr;
-  const auto versions = process->second.find(camera);
-  if (versions == process->second.end()) return nullptr;
+  const auto versions = process->cameras.find(camera);
+  if (versions == process->cameras.end()) return nullptr;
   const auto found = versions->second.find(version);
   return found == versions->second.end() ? nullptr : &found->second;
 }

@@ -9,6 +9,8 @@
 #include <utility>
 
 #include "common/base/rate_limit.h"
+#include "common/base/time.h"
+#include "common/base/token_bucket.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/camera_guess.h"
 #include "common/wire/messages.h"
@@ -30,15 +32,16 @@ struct AnnouncedCamera {
 };
 
 /// Cameras as announced under a client's name, few per process. Each process has its own: one that is refused
-/// the name announces its camera all the same. Used from one thread.
+/// the name announces its camera all the same. Each has its own rate, too: what one announces too often does
+/// not count against another, since a tracker announces its camera once, before it is known to hold the name.
+/// Used from one thread.
 class CameraList {
  public:
   /// Takes a version of a camera; the one before stays for what is in flight. A version never changes. Error:
   /// why it cannot be used.
-  Status put(wire::PeerId process, const wire::CameraMessage& message);
+  Status put(wire::PeerId process, const wire::CameraMessage& message, MonotonicTime now);
   /// `process` holds the name: its cameras are meant from now on.
   void set_holder(wire::PeerId process) { holder_ = process; }
-  [[nodiscard]] bool is_holder(wire::PeerId process) const { return holder_ == process; }
   /// A camera of the holder's, until the next call of put(); null when it has not announced it (yet).
   [[nodiscard]] const AnnouncedCamera* find(uint32_t camera, uint32_t version) const;
 
@@ -46,11 +49,23 @@ class CameraList {
   static constexpr size_t kMaxProcesses = 8;
   static constexpr size_t kMaxCameras = 8;
   static constexpr size_t kVersionsKept = 2;
+  // A map that finds a camera out changes its values with each revision.
+  static constexpr int kPerSecond = 30;  ///< in the long run
+  static constexpr int kAtOnce = 300;
+  static constexpr int kNewPerSecond = 2;  ///< processes: each may announce kAtOnce
+  static constexpr int kNewAtOnce = 20;
   using Cameras = std::map<uint32_t, std::map<uint32_t, AnnouncedCamera>>;
+  struct Process {
+    wire::PeerId id;
+    Cameras cameras;
+    TokenBucket announcements{kPerSecond, kAtOnce};
+  };
 
-  [[nodiscard]] Cameras& cameras_of(wire::PeerId process);
+  /// Null: too many processes come one after another.
+  [[nodiscard]] Process* let_in(wire::PeerId process, MonotonicTime now);
 
-  std::deque<std::pair<wire::PeerId, Cameras>> processes_;  ///< in the order of their first announcement
+  std::deque<Process> processes_;                     ///< in the order of their first announcement
+  TokenBucket newcomers_{kNewPerSecond, kNewAtOnce};  ///< who is forgotten and comes again is one of them
   std::optional<wire::PeerId> holder_;
 };
 

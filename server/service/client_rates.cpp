@@ -13,9 +13,6 @@ constexpr double kQuestionsAtOnce = 100;
 // A state a frame, of cameras faster than there are and of recordings that are played as fast as can be.
 constexpr double kStates = 1000;
 constexpr double kStatesAtOnce = 2000;
-// A map that finds a camera out changes its values with each revision.
-constexpr double kCameras = 30;
-constexpr double kCamerasAtOnce = 300;
 constexpr double kSeeds = 2;
 constexpr double kSeedsAtOnce = 30;
 // A person with a viewer; a list of labels that is read from a file.
@@ -29,18 +26,15 @@ constexpr double kRefusalsAtOnce = 20;
 
 ClientRates::ClientRates(const RateLimits& limits)
     : limits_(limits),
-      taken_{TokenBucket(kStates, kStatesAtOnce),
-             TokenBucket(kCameras, kCamerasAtOnce),
-             TokenBucket(kSeeds, kSeedsAtOnce),
-             TokenBucket(limits.keyframes, kKeyframesAtOnce),
-             TokenBucket(limits.questions, kQuestionsAtOnce),
+      taken_{TokenBucket(kStates, kStatesAtOnce), TokenBucket(kSeeds, kSeedsAtOnce),
+             TokenBucket(limits.keyframes, kKeyframesAtOnce), TokenBucket(limits.questions, kQuestionsAtOnce),
              TokenBucket(kRequests, kRequestsAtOnce)},
       refusals_(kRefusals, kRefusalsAtOnce) {}
 
 ClientRates::Judgement ClientRates::judge(Kind kind, MonotonicTime now, bool lockstep) {
   if (lockstep || taken_.at(static_cast<size_t>(kind)).take(now)) return Judgement::kTake;
-  // Nobody waits for an answer to these.
-  if (kind == Kind::kState || kind == Kind::kCamera) return Judgement::kPassOver;
+  // Nobody waits for an answer to it.
+  if (kind == Kind::kState) return Judgement::kPassOver;
   return refusals_.take(now) ? Judgement::kRefuse : Judgement::kPassOver;
 }
 
@@ -58,11 +52,9 @@ std::string ClientRates::why(Kind kind) const {
     case Kind::kRequest:
       return fmt::format("too many requests: the server takes {:g} a second of one client", kRequests);
     case Kind::kState:
-      return fmt::format("too many states: the server takes {:g} a second of one client", kStates);
-    case Kind::kCamera:
       break;
   }
-  return fmt::format("announced too often: the server takes {:g} a second of one client", kCameras);
+  return fmt::format("too many states: the server takes {:g} a second of one client", kStates);
 }
 
 }  // namespace cairn

@@ -22,7 +22,7 @@ struct RateLimits {
 /// sends again what is not answered. Used from one thread.
 class ClientRates {
  public:
-  enum class Kind : uint8_t { kState, kCamera, kSeed, kKeyframe, kQuestion, kRequest };
+  enum class Kind : uint8_t { kState, kSeed, kKeyframe, kQuestion, kRequest };
   enum class Judgement : uint8_t { kTake, kRefuse, kPassOver };
 
   explicit ClientRates(const RateLimits& limits);
@@ -33,7 +33,7 @@ class ClientRates {
   [[nodiscard]] std::string why(Kind kind) const;
 
  private:
-  static constexpr size_t kKinds = 6;
+  static constexpr size_t kKinds = 5;
   RateLimits limits_;
   std::array<TokenBucket, kKinds> taken_;
   TokenBucket refusals_;

@@ -12,31 +12,36 @@ size_t image_bytes(const wire::MapSeed& message) {
   return message.first_image.bytes.size() + message.second_image.bytes.size();
 }
 
-SeedJob job_of(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
-               wire::MapSeed message) {
-  SeedJob job;
+/// With what seeds and offers have in common.
+template <typename Job, typename Message>
+Job begun_job(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
+              const Message& message) {
+  Job job;
   job.origin = {client.name, message.command};
   job.input.camera = camera.camera;
   job.input.doubt = camera.doubt_of({client.id, message.camera, message.camera_version});
+  job.input.still = still_mask_of(camera.camera->width(), camera.camera->height(), message.still_mask);
+  job.input.extent = ruling.extent;
+  job.lockstep = message.lockstep;
+  return job;
+}
+
+SeedJob job_of(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
+               wire::MapSeed message) {
+  auto job = begun_job<SeedJob>(client, camera, ruling, message);
   job.input.first_time = message.first_time;
   job.input.second_time = message.second_time;
   job.input.trails = std::move(message.trails);
   job.input.second_from_first = message.second_from_first;
   job.input.second_up = message.second_up;
-  job.input.still = still_mask_of(camera.camera->width(), camera.camera->height(), message.still_mask);
-  job.input.extent = ruling.extent;
   job.first_image = std::move(message.first_image);
   job.second_image = std::move(message.second_image);
-  job.lockstep = message.lockstep;
   return job;
 }
 
 OfferJob job_of(const Client& client, const AnnouncedCamera& camera, const Ruling& ruling,
                 wire::KeyframeOffer message) {
-  OfferJob job;
-  job.origin = {client.name, message.command};
-  job.input.camera = camera.camera;
-  job.input.doubt = camera.doubt_of({client.id, message.camera, message.camera_version});
+  auto job = begun_job<OfferJob>(client, camera, ruling, message);
   job.input.time = message.time;
   job.input.reference = message.reference;
   job.reference_command = message.reference_command;
@@ -44,11 +49,8 @@ OfferJob job_of(const Client& client, const AnnouncedCamera& camera, const Rulin
   job.input.measurements = std::move(message.measurements);
   job.input.candidates = std::move(message.candidates);
   job.input.up = message.up;
-  job.input.still = still_mask_of(camera.camera->width(), camera.camera->height(), message.still_mask);
-  job.input.extent = ruling.extent;
   job.epoch = message.epoch;
   job.image = std::move(message.image);
-  job.lockstep = message.lockstep;
   return job;
 }
 

@@ -7,41 +7,24 @@
 #include <string>
 #include <vector>
 
+#include "server/service/by_hand.h"
+
 namespace cairn {
 namespace {
 
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-/// Runs what it has when told to.
-class ByHand : public Executor {
- public:
-  explicit ByHand(std::deque<Task>* tasks) : tasks_(tasks) {}
-  void submit(Task task, Urgency /*urgency*/ = Urgency::kNormal) override {
-    tasks_->push_back(std::move(task));
-  }
-  [[nodiscard]] bool urgent_waits() const override { return false; }
-  [[nodiscard]] float take_load() override { return 0; }
-  void stop() override { std::exchange(*tasks_, {}); }
-
- private:
-  std::deque<Task>* tasks_;
-};
-
 class HeldLaneTest : public ::testing::Test {
  protected:
   void run() {
-    while (!tasks_.empty()) {
-      const Task task = std::move(tasks_.front());
-      tasks_.pop_front();
-      task();
-    }
+    while (!tasks_.empty()) tasks_.run_one();
   }
   Task note(const std::string& word) {
     return [this, word] { done_.push_back(word); };
   }
 
-  std::deque<Task> tasks_;
+  TasksByHand tasks_;
   std::vector<std::string> done_;
   std::shared_ptr<HeldLane> lane_ = std::make_shared<HeldLane>(std::make_unique<ByHand>(&tasks_));
 };

@@ -202,6 +202,7 @@ TEST(MapArray, WhatIsKeptCountOfIsWhatIsThere) {
 }
 
 const wire::PeerId kProcess{{1}};
+const MonotonicTime kAnnouncedAt{std::chrono::hours(1)};
 
 TEST(CameraList, KeepsFewAndRefusesTheUnusable) {
   CameraList cameras;
@@ -210,21 +211,44 @@ TEST(CameraList, KeepsFewAndRefusesTheUnusable) {
   message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
   for (uint32_t version = 1; version <= 3; ++version) {
     message.version = version;
-    EXPECT_TRUE(cameras.put(kProcess, message));
+    EXPECT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
   }
   EXPECT_EQ(cameras.find(0, 1), nullptr) << "two versions are kept";
   EXPECT_NE(cameras.find(0, 2), nullptr);
   EXPECT_NE(cameras.find(0, 3), nullptr);
   message.version = 4;
   message.parameters.values[0] = -1;
-  EXPECT_FALSE(cameras.put(kProcess, message));
+  EXPECT_FALSE(cameras.put(kProcess, message, kAnnouncedAt));
   message.parameters.values[0] = 500;
   int taken = 1;
   for (uint32_t camera = 1; camera < 100; ++camera) {
     message.camera = camera;
-    taken += cameras.put(kProcess, message) ? 1 : 0;
+    taken += cameras.put(kProcess, message, kAnnouncedAt) ? 1 : 0;
   }
   EXPECT_EQ(taken, 8);
+}
+
+TEST(CameraList, WhatOneProcessAnnouncesTooOftenCountsAgainstNoOther) {
+  CameraList cameras;
+  wire::CameraMessage message;
+  message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
+  int taken = 0;
+  for (int i = 0; i < 10'000; ++i) taken += cameras.put(kProcess, message, kAnnouncedAt) ? 1 : 0;
+  EXPECT_EQ(taken, 300);
+  EXPECT_TRUE(cameras.put(wire::PeerId{{2}}, message, kAnnouncedAt));
+  EXPECT_TRUE(cameras.put(kProcess, message, kAnnouncedAt + std::chrono::seconds(1)));
+}
+
+TEST(CameraList, ManyProcessesAreNoWayRoundTheRate) {
+  CameraList cameras;
+  wire::CameraMessage message;
+  message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
+  int taken = 0;
+  for (int i = 0; i < 10'000; ++i) {
+    const wire::PeerId process{{static_cast<uint8_t>(i % 100)}};
+    taken += cameras.put(process, message, kAnnouncedAt) ? 1 : 0;
+  }
+  EXPECT_LE(taken, 20 + 8 * 100) << "those that are kept, and few others";
 }
 
 TEST(CameraList, KnowsHowFarACameraIsBelieved) {
@@ -232,23 +256,24 @@ TEST(CameraList, KnowsHowFarACameraIsBelieved) {
   cameras.set_holder(kProcess);
   wire::CameraMessage message;
   message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
-  ASSERT_TRUE(cameras.put(kProcess, message));
+  ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
   EXPECT_FALSE(cameras.find(0, 1)->doubt_of({{}, 0, 1})) << "exact";
   message.version = 2;
   message.sigma = {50, 50, 0, 0, 0.1, 0, 0, 0, 0};
   message.frozen = false;
-  ASSERT_TRUE(cameras.put(kProcess, message));
+  ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
   const auto doubt = cameras.find(0, 2)->doubt_of({{}, 0, 2});
   ASSERT_TRUE(doubt);
   EXPECT_EQ(doubt->sigma, Intrinsics(0.1, 0.1));
   message.version = 3;
   message.frozen = true;
-  ASSERT_TRUE(cameras.put(kProcess, message));
+  ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
   EXPECT_FALSE(cameras.find(0, 3)->doubt_of({{}, 0, 3})) << "known";
   message.version = 4;
   message.frozen = false;
   message.parameters.values[0] = 1e300;
-  EXPECT_FALSE(cameras.put(kProcess, message)) << "neither exact nor one that could be found out";
+  EXPECT_FALSE(cameras.put(kProcess, message, kAnnouncedAt))
+      << "neither exact nor one that could be found out";
 }
 
 }  // namespace

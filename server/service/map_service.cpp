@@ -24,10 +24,10 @@ MapService::MapService(const MapServiceOptions& options, Lanes lanes, MapPersist
       capacity_(context_.options, maps_.array()),
       clients_(context_),
       sessions_(context_, clients_, maps_),
+      proposals_(context_, clients_, maps_.array()),
       news_(context_, maps_.array(), clients_),
       labels_(context_, clients_, sessions_, maps_),
       places_(context_, clients_, sessions_, maps_),
-      proposals_(context_, clients_, maps_.array()),
       commands_(context_, clients_, sessions_, maps_, capacity_, news_, proposals_),
       health_(context_, maps_.array()),
       overview_(context_, maps_.array(), clients_, sessions_, places_, health_),
@@ -57,10 +57,7 @@ void MapService::listen() {
                   on_map_shown(map, entry, std::move(revision));
                 },
                 [this](MapId map, bool was_shown) { on_map_gone(map, was_shown); }});
-  const auto beside = [store = context_.store](Task task) {
-    store->run_beside([task = std::move(task)](Store&) { task(); });
-  };
-  context_.site.run_by({beside, [this](Task task) { context_.post(std::move(task)); }});
+  context_.site.run_by({context_.lanes.site, [this](Task task) { context_.post(std::move(task)); }});
 }
 
 void MapService::resume(std::vector<RestoredMap> restored) {

@@ -80,16 +80,16 @@ class MapService {
   void on_map_shown(MapId map, MapEntry& entry, MapRevision revision);
   void on_map_gone(MapId map, bool was_shown);
 
-  // Each knows those above it that it needs, and none below; of proposals.h, news_ takes one rule.
+  // Each knows those above it that it needs, and none below.
   const ServiceContext context_;
   ServedMaps maps_;
   Capacity capacity_;
   Clients clients_;
   Sessions sessions_;
+  Proposals proposals_;
   MapNews news_;
   Labels labels_;
   Places places_;
-  Proposals proposals_;
   Commands commands_;
   RigList rigs_;
   Health health_;

@@ -16,6 +16,7 @@ struct ServiceLanes {
   Executor& background;
   Executor& questions;
   Executor& idle;
+  Executor& site;  ///< one task at a time
 };
 
 /// Runs a task on the service's thread, soon; thread-safe.

@@ -24,10 +24,7 @@ std::string unknown_camera(uint32_t camera, uint32_t version) {
 void Sessions::announce(const Principal& who, wire::PeerId process, const wire::CameraMessage& camera) {
   Client& client = clients_.of(who);
   const MonotonicTime now = context_.now();
-  ClientRates& rates = client.cameras.is_holder(process) ? client.rates : client.others_rates;
-  const Status taken = rates.judge(ClientRates::Kind::kCamera, now) == ClientRates::Judgement::kTake
-                           ? client.cameras.put(process, camera)
-                           : fail(ErrorCode::kRefused, rates.why(ClientRates::Kind::kCamera));
+  const Status taken = client.cameras.put(process, camera, now);
   if (taken) client.camera_missed_at.reset();
   if (!taken && client.camera_warning.due(now))
     context_.log->warn("{}: camera {} refused: {}", client.name, camera.camera, taken.error().message);

@@ -130,9 +130,9 @@ void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)
     put_in_force(change.rights);
     return done({});
   }
-  executors_.beside([this, file = file_, change = std::move(change), done = std::move(done)] {
+  const auto keep = [this, file = file_, change = std::move(change), done = std::move(done)] {
     const Status kept = file->keep_rights(to_text(change.rights), change.entry);
-    executors_.service([this, kept, rights = change.rights, done] {
+    executors_->service([this, kept, rights = change.rights, done] {
       if (kept) {
         put_in_force(rights);
         trouble_.clear();
@@ -141,25 +141,27 @@ void SiteAccess::put(RightsChange change, std::function<void(const Status& kept)
       }
       done(kept);
     });
-  });
+  };
+  executors_->site.submit(keep, Urgency::kUrgent);
 }
 
 void SiteAccess::note(AuditEntry entry) {
   if (file_ == nullptr) return;
-  executors_.beside([file = file_, log = log_, entry = std::move(entry)] {
+  const auto write = [file = file_, log = log_, entry = std::move(entry)] {
     const Status written = file->append({&entry, 1});
     if (!written) log->error("the audit log: {}", written.error().message);
     if (const auto pruned = file->prune(kEntriesKept); !pruned)
       log->error("the audit log: {}", pruned.error().message);
-  });
+  };
+  executors_->site.submit(write, Urgency::kUrgent);  // in the order in which it was done
 }
 
 void SiteAccess::find(AuditQuery query, std::function<void(Result<std::vector<AuditEntry>> found)> done) {
   if (file_ == nullptr)
     return done(fail(ErrorCode::kRefused, "this server has no --store: it keeps no audit log"));
-  executors_.beside([this, file = file_, query = std::move(query), done = std::move(done)] {
+  executors_->site.submit([this, file = file_, query = std::move(query), done = std::move(done)] {
     auto found = file->find(query);
-    executors_.service([found = std::move(found), done] { done(found); });
+    executors_->service([found = std::move(found), done] { done(found); });
   });
 }
 

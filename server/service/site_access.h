@@ -10,6 +10,7 @@
 
 #include "common/base/log.h"
 #include "server/access/rights_policy.h"
+#include "server/service/executor.h"
 #include "server/service/rights_verbs.h"
 #include "server/store/site_file.h"
 
@@ -22,12 +23,11 @@ enum class SiteKind : uint8_t {
 
 /// The rights of a site in force, and its audit log. Rights are kept first and are in force then: what the
 /// disk does not take has not happened. Used from the service's thread, but for the file, which is used by
-/// the tasks handed to `beside` only.
+/// the tasks handed to `site` only.
 class SiteAccess {
  public:
-  using Task = std::function<void()>;
   struct Executors {
-    std::function<void(Task)> beside;   ///< one after another, where waiting for the disk holds up nobody
+    Executor& site;                     ///< one task at a time; what takes long runs elsewhere
     std::function<void(Task)> service;  ///< on the service's thread, soon
   };
   using Clock = RightsPolicy::Clock;
@@ -41,7 +41,7 @@ class SiteAccess {
                                                                 SiteKind kind, Clock clock,
                                                                 const Logger& log);
   /// Before anything of what follows.
-  void run_by(Executors executors) { executors_ = std::move(executors); }
+  void run_by(Executors executors) { executors_.emplace(std::move(executors)); }
 
   [[nodiscard]] const std::shared_ptr<RightsPolicy>& policy() const { return policy_; }
   [[nodiscard]] bool is_kept() const { return file_ != nullptr; }
@@ -51,7 +51,7 @@ class SiteAccess {
   [[nodiscard]] const std::string& trouble() const { return trouble_; }
 
   /// Keeps a change and puts it in force; `done` is told on the service's thread. Changes come into force in
-  /// their order; each is to be made of the newest rights().
+  /// their order, before what is asked of the audit log; each is to be made of the newest rights().
   void put(RightsChange change, std::function<void(const Status& kept)> done);
   /// The newest, in force or about to be.
   [[nodiscard]] const Rights& rights() const { return newest_; }
@@ -77,11 +77,11 @@ class SiteAccess {
 
   std::shared_ptr<RightsPolicy> policy_;
   Rights newest_;
-  std::shared_ptr<SiteFile> file_;  ///< used beside only; null: nothing is kept
+  std::shared_ptr<SiteFile> file_;  ///< used by `site` only; null: nothing is kept
   std::optional<Timestamp> secured_since_;
   std::string trouble_;
   Logger log_;
-  Executors executors_;
+  std::optional<Executors> executors_;
   std::optional<Timestamp> next_expiry_;
 };
 

@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "common/io/test_directory.h"
+#include "server/service/by_hand.h"
 
 namespace cairn {
 namespace {
@@ -26,17 +27,11 @@ class SiteAccessTest : public ::testing::Test {
     auto site = SiteAccess::open(
         folder, kind, [this] { return now_; }, null_logger());
     if (!site) throw std::runtime_error(site.error().message);
-    (*site)->run_by({[this](SiteAccess::Task task) { beside_.push_back(std::move(task)); },
-                     [this](SiteAccess::Task task) { service_.push_back(std::move(task)); }});
+    (*site)->run_by({lane_, [this](Task task) { service_.submit(std::move(task)); }});
     return std::move(*site);
   }
   void run() {
-    while (!beside_.empty() || !service_.empty()) {
-      auto& tasks = beside_.empty() ? service_ : beside_;
-      const auto task = std::move(tasks.front());
-      tasks.pop_front();
-      task();
-    }
+    while (!of_lane_.empty() || !of_service_.empty()) (of_lane_.empty() ? of_service_ : of_lane_).run_one();
   }
   void put(SiteAccess* site, json request) {
     auto change = change_rights(
@@ -63,8 +58,10 @@ class SiteAccessTest : public ::testing::Test {
   TestDirectory directory_;
   const std::filesystem::path& folder_ = directory_.path();
   Timestamp now_{1'800'000'000 * kSecond};
-  std::deque<SiteAccess::Task> beside_;
-  std::deque<SiteAccess::Task> service_;
+  TasksByHand of_lane_;
+  TasksByHand of_service_;
+  ByHand lane_{&of_lane_};
+  ByHand service_{&of_service_};
   std::vector<bool> kept_;
 };
 
@@ -90,6 +87,19 @@ TEST_F(SiteAccessTest, ChangesThatFollowEachOtherAreAllThere) {
   run();
   EXPECT_EQ(right(*site), Right::kAdd);
   EXPECT_EQ(site->policy()->in_map(client_principal("eve"), kDesk).right, Right::kNone);
+}
+
+TEST_F(SiteAccessTest, AChangeWaitsForNoneOfTheQuestionsAboutTheAuditLogThatWait) {
+  const auto site = open(folder_);
+  for (int i = 0; i < 3; ++i) site->find({}, [](const Result<std::vector<AuditEntry>>&) {});
+  site->note({0, now_, "operator ann", "map rename", "desk", "done"});
+  put(site.get(), {{"verb", "rights-grant"}, {"to", "bob"}, {"map", "desk"}, {"right", "read"}});
+  of_lane_.run_one();
+  of_lane_.run_one();
+  while (!of_service_.empty()) of_service_.run_one();
+  EXPECT_EQ(right(*site), Right::kRead);
+  EXPECT_THAT(audit(site.get()),
+              testing::ElementsAre("operator ann rights grant done", "operator ann map rename done"));
 }
 
 TEST_F(SiteAccessTest, AGrantThatExpiresIsToldOnce) {

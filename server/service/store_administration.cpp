@@ -9,7 +9,7 @@
 #include "server/service/admin_pages.h"
 #include "server/service/store_tasks.h"
 #include "server/store/backup.h"
-#include "server/store/store_check.h"
+#include "server/store/check_report.h"
 
 namespace cairn {
 namespace {

@@ -13,46 +13,66 @@ namespace {
 class Intruder : public LoneClientFixture {
  protected:
   static constexpr int kFlood = 10'000;  ///< far more at once than is looked at
-  const wire::PublicationHandle other_publication_{8};
+
+  [[nodiscard]] wire::TrackerStateMessage state_of(SessionId session) const {
+    wire::TrackerStateMessage state;
+    state.client = id_;
+    state.session = session;
+    return state;
+  }
+  bool hears(const wire::TrackerStateMessage& state, wire::PublicationHandle publication,
+             wire::PeerId process) {
+    return server_->service().take(client_principal(kClient), publication, process, state);
+  }
+  void flood_with_states() {
+    speak();
+    for (int i = 0; i < kFlood; ++i)
+      EXPECT_FALSE(hears(state_of(SessionId{66}), wire::PublicationHandle{8}, other_process_));
+  }
+  void announce(wire::PeerId process, uint32_t number) {
+    wire::CameraMessage camera;
+    camera.client = id_;
+    camera.camera = number;
+    camera.parameters = views_.camera()->parameters();
+    server_->service().take(client_principal(kClient), process, camera);
+  }
+  void flood_with_cameras() {
+    for (int i = 0; i < kFlood; ++i) announce(other_process_, 0);
+  }
+
   const wire::PeerId other_process_{{9, 9, 9}};
 };
 
 TEST_F(Intruder, ItsStatesUseUpNothingOfTheHolders) {
-  wire::TrackerStateMessage state;
-  state.client = id_;
-  state.session = SessionId{66};
-  MapService& service = server_->service();
-  speak();
-  for (int i = 0; i < kFlood; ++i)
-    EXPECT_FALSE(service.take(client_principal(kClient), other_publication_, other_process_, state));
-  state.session = session_;
-  EXPECT_TRUE(service.take(client_principal(kClient), publication_, process_, state));
+  flood_with_states();
+  EXPECT_TRUE(hears(state_of(session_), publication_, process_));
 }
 
 TEST_F(Intruder, NorOfAHolderThatHasMatchedAnew) {
-  wire::TrackerStateMessage state;
-  state.client = id_;
-  state.session = SessionId{66};
-  MapService& service = server_->service();
-  speak();
-  for (int i = 0; i < kFlood; ++i)
-    EXPECT_FALSE(service.take(client_principal(kClient), other_publication_, other_process_, state));
-  state.session = session_;
-  const wire::PublicationHandle again{9};
-  EXPECT_TRUE(service.take(client_principal(kClient), again, process_, state));
+  flood_with_states();
+  EXPECT_TRUE(hears(state_of(session_), wire::PublicationHandle{9}, process_));
 }
 
 TEST_F(Intruder, NorDoItsCameras) {
-  wire::CameraMessage camera;
-  camera.client = id_;
-  camera.parameters = views_.camera()->parameters();
-  MapService& service = server_->service();
-  for (int i = 0; i < kFlood; ++i) service.take(client_principal(kClient), other_process_, camera);
-  camera.camera = 5;
-  service.take(client_principal(kClient), process_, camera);
+  flood_with_cameras();
+  announce(process_, 5);
   wire::KeyframeOffer offer = sound_offer(6);
   offer.camera = 5;
   EXPECT_EQ(judge(offer), "");
+}
+
+TEST_F(Intruder, NorOfATrackerThatStartsAnewDuringThem) {
+  flood_with_cameras();
+  const wire::PeerId anew{{4, 5, 6}};
+  announce(anew, 5);
+  EXPECT_TRUE(hears(state_of(session_), publication_, anew));
+  wire::KeyframeOffer offer = sound_offer(6);
+  offer.camera = 5;
+  offer.client = id_;
+  offer.command = {session_, next_offer_};
+  server_->service().take(client_principal(kClient), offer);
+  settle();
+  EXPECT_EQ(reason_of(offer), "");
 }
 
 }  // namespace

@@ -42,8 +42,8 @@ Status ServerRun::open(const Setup& setup) {
   if (setup.opened) setup.opened(*site_);
   if (setup.adjust) setup.adjust(options);
   service_ = std::make_unique<MapService>(
-      options, MapService::Lanes{urgent_, background_, questions_, idle_}, store_.get(), *site_, in_process_,
-      [this](Task task) { home_.submit(std::move(task)); }, setup.log);
+      options, MapService::Lanes{urgent_, background_, questions_, idle_, site_changes_}, store_.get(),
+      *site_, in_process_, [this](Task task) { home_.submit(std::move(task)); }, setup.log);
   in_process_.serve(*service_);
   service_->resume(std::move(restored));
   return {};
@@ -54,8 +54,9 @@ ServerRun::~ServerRun() {
 }
 
 bool ServerRun::run_something() {
-  std::array<Lane*, 7> lanes{&home_, &urgent_, &background_, &questions_, &idle_, beside_, examiner_};
-  std::array<Lane*, 7> ready{};
+  std::array<Lane*, 8> lanes{&home_, &urgent_,       &background_, &questions_,
+                             &idle_, &site_changes_, beside_,      examiner_};
+  std::array<Lane*, 8> ready{};
   size_t count = 0;
   for (Lane* lane : lanes) {
     const bool may_run = lane != beside_ || !beside_takes_long_;
@@ -79,7 +80,7 @@ void ServerRun::tick_if_due() {
 void ServerRun::drop_all() {
   home_.stop();
   service_->stop();
-  for (Lane* lane : {&urgent_, &background_, &questions_, &idle_}) lane->stop();
+  for (Lane* lane : {&urgent_, &background_, &questions_, &idle_, &site_changes_}) lane->stop();
 }
 
 void ServerRun::end() {

@@ -55,6 +55,7 @@ class ServerRun {
   Lane background_{1};
   Lane questions_{2};
   Lane idle_{1};
+  Lane site_changes_{1};
   InProcess in_process_;
   std::unique_ptr<SiteAccess> site_;
   WriterTurns* writer_ = nullptr;  ///< of store_
