@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "common/base/simd.h"
+#include "common/image/box_sums.h"
 #include "common/image/corners.h"
 #include "common/image/descriptor.h"
 #include "common/image/image.h"
 #include "common/image/patch.h"
-#include "common/image/window_sums.h"
 
 /// Private to common/image and its tests: the public functions of pyramid.h, corners.h, patch.h and
 /// descriptor.h with the variant chosen by the caller. A variant that the machine lacks must not be asked
@@ -23,9 +23,9 @@ void detect_fast10(const GrayView& image, int threshold, CornerList* out, Simd s
 
 [[nodiscard]] int zmssd_at(const PatchTemplate& patch, const GrayView& level_image, int x, int y, Simd simd);
 
-void find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
-                std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out,
-                Simd simd);
+void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
+                  std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out,
+                  Simd simd);
 
 [[nodiscard]] std::optional<PatchMatch> find_patch(const PatchTemplate& patch, const GrayView& level_image,
                                                    const CornerList& corners, const Eigen::Vector2f& center,

@@ -82,7 +82,7 @@ uint64_t hash_of_kernels(Simd simd) {
   int limit = 1 << 20;
   std::vector<PatchMatch> matches;
   const std::vector<PixelRun> runs = {{100, 8, 313}, {120, 20, 310}, {140, 4, 318}};
-  kernels::find_alike(patch, image.view(), WindowSums(image.view()), runs, 0.7F, &limit, &matches, simd);
+  kernels::search_zmssd(patch, image.view(), BoxSums(image.view()), runs, 0.7F, &limit, &matches, simd);
   for (const PatchMatch& match : matches) add(match, &hash);
   return hash.value;
 }

@@ -123,10 +123,10 @@ void EpipolarSearch::search_segment(const PointSource& source, double inverse_de
   mark_strip({to_level(begin.x(), level), to_level(begin.y(), level)},
              {to_level(end.x(), level), to_level(end.y(), level)}, image, &runs_);
   alike_.clear();
-  if (const WindowSums* sums = sums_at(level)) {
-    find_alike(patch_, image, *sums, runs_, kUniqueRatio, &limit_, &alike_);
+  if (const BoxSums* sums = sums_at(level)) {
+    search_zmssd(patch_, image, *sums, runs_, kUniqueRatio, &limit_, &alike_);
   } else {
-    find_alike(patch_, image, runs_, kUniqueRatio, &limit_, &alike_);
+    search_zmssd(patch_, image, runs_, kUniqueRatio, &limit_, &alike_);
   }
   for (const PatchMatch& m : alike_) {
     const Eigen::Vector2f pixel(from_level(m.corner.x, level), from_level(m.corner.y, level));
@@ -135,7 +135,7 @@ void EpipolarSearch::search_segment(const PointSource& source, double inverse_de
 }
 
 /// Null until so many windows of the level were looked at that its sums are worth their time.
-const WindowSums* EpipolarSearch::sums_at(int level) {
+const BoxSums* EpipolarSearch::sums_at(int level) {
   auto& [windows, sums] = levels_[static_cast<size_t>(level)];
   if (sums) return &*sums;
   for (const PixelRun& run : runs_) windows += std::max(0, run.last - run.first + 1);

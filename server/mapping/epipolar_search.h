@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/image/window_sums.h"
+#include "common/image/box_sums.h"
 #include "server/mapping/patch_view.h"
 
 /// A corner of one keyframe looked for in another, along the line that its ray draws there.
@@ -52,13 +52,13 @@ class EpipolarSearch {
 
   struct SearchedLevel {
     int windows = 0;  ///< looked at, of `runs_`
-    std::optional<WindowSums> sums;
+    std::optional<BoxSums> sums;
   };
 
   void collect_matches(const PointSource& source, const InverseDepths& depths);
   void search_segment(const PointSource& source, double inverse_depth, const Eigen::Vector2f& begin,
                       const Eigen::Vector2f& end);
-  const WindowSums* sums_at(int level);
+  const BoxSums* sums_at(int level);
   [[nodiscard]] const LineMatch* unique_best() const;
   [[nodiscard]] std::optional<NewPoint> triangulate_match(const PointSource& source,
                                                           const PatchFound& found) const;

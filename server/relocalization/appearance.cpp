@@ -9,7 +9,7 @@
 
 #include "common/geometry/depth_order.h"
 #include "server/relocalization/brightness.h"
-#include "server/relocalization/picture_parts.h"
+#include "server/relocalization/image_cells.h"
 
 namespace cairn {
 namespace {
@@ -18,12 +18,12 @@ namespace {
 /// points of a neighbourhood go, too; the others speak for them.
 constexpr float kBehind = 1.15F;
 
-/// A part of the picture is strange when the correlation there is below the limit even if it is so many
+/// A cell of the image is inconsistent when the correlation there is below the limit even if it is so many
 /// standard errors higher than found: by the sightings, which are not all by themselves, since a point may
 /// have four. Both chosen together, on desks that look alike (tests/bench/HISTORY.md).
-constexpr double kStrange = 0.35;
+constexpr double kInconsistent = 0.35;
 constexpr double kStandardErrors = 2.5;
-constexpr int kFewestPoints = 4;  ///< in a part that is judged
+constexpr int kFewestPoints = 4;  ///< in a cell that is judged
 
 /// Pearson's, of pairs.
 class Correlation {
@@ -69,7 +69,7 @@ struct Pair {
   Brightness here;
   Brightness there;
   double weight = 0;
-  size_t part = 0;   ///< of the picture
+  size_t cell = 0;   ///< of the image
   size_t point = 0;  ///< index of the point
 };
 
@@ -87,7 +87,7 @@ std::vector<Pair> pair_up(const PlaceView& view, const Camera& camera, const Dep
       const auto& there = s.sighting->brightness;
       if (there)
         pairs.push_back(
-            {*here, *there, static_cast<double>(s.sighting->descriptions), part_of(pixel, camera), i});
+            {*here, *there, static_cast<double>(s.sighting->descriptions), image_cell_of(pixel, camera), i});
     }
   }
   return pairs;
@@ -100,8 +100,8 @@ double correlate_local(std::span<const Pair> pairs) {
   return correlation.value();
 }
 
-/// What a part of the picture shows.
-struct Part {
+/// What a cell of the image shows.
+struct Cell {
   Correlation local;
   int sightings = 0;
   int points = 0;
@@ -109,23 +109,23 @@ struct Part {
 };
 
 /// Fisher's z: the correlation as much higher as chance may have left it too low.
-bool is_strange(const Part& part) {
+bool is_inconsistent(const Cell& cell) {
   constexpr double kMost = 0.999;
-  if (part.points < kFewestPoints) return false;
-  const double z = std::atanh(std::clamp(part.local.value(), -kMost, kMost));
-  return std::tanh(z + kStandardErrors / std::sqrt(std::max(1, part.sightings - 3))) < kStrange;
+  if (cell.points < kFewestPoints) return false;
+  const double z = std::atanh(std::clamp(cell.local.value(), -kMost, kMost));
+  return std::tanh(z + kStandardErrors / std::sqrt(std::max(1, cell.sightings - 3))) < kInconsistent;
 }
 
-int count_strange_parts(std::span<const Pair> pairs) {
-  PerPart<Part> parts{};
+int count_inconsistent_cells(std::span<const Pair> pairs) {
+  PerCell<Cell> cells{};
   for (const Pair& p : pairs) {
-    Part& part = parts[p.part];
-    part.local.add(static_cast<double>(p.there.local), static_cast<double>(p.here.local), p.weight);
-    part.points += part.points == 0 || part.latest_point != p.point ? 1 : 0;
-    part.latest_point = p.point;
-    ++part.sightings;
+    Cell& cell = cells[p.cell];
+    cell.local.add(static_cast<double>(p.there.local), static_cast<double>(p.here.local), p.weight);
+    cell.points += cell.points == 0 || cell.latest_point != p.point ? 1 : 0;
+    cell.latest_point = p.point;
+    ++cell.sightings;
   }
-  return static_cast<int>(std::ranges::count_if(parts, is_strange));
+  return static_cast<int>(std::ranges::count_if(cells, is_inconsistent));
 }
 
 double correlate_order(std::span<const Pair> pairs) {
@@ -153,7 +153,7 @@ Appearance compare_appearance(const PlaceView& view, const Camera& camera, const
     }
   }
   const std::vector<Pair> pairs = pair_up(view, camera, order, projected);
-  return {correlate_local(pairs), correlate_order(pairs), count_strange_parts(pairs)};
+  return {correlate_local(pairs), correlate_order(pairs), count_inconsistent_cells(pairs)};
 }
 
 }  // namespace cairn

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kWidth = 80;
 constexpr int kHeight = 60;
-constexpr float kScale = 8;  // px of the picture to one of its pyramid level 3
+constexpr float kScale = 8;  // px of the image to one of its pyramid level 3
 
 /// A small image of good contrast, its grey levels v changed to curve(v), clipped.
 template <class Curve>
@@ -56,7 +56,7 @@ TEST(WhiteShare, IsTheShareOfPixelsThatAreClipped) {
   EXPECT_EQ(white_share(GrayImage()), 0);
 }
 
-TEST(LocalBrightness, OtherLightHardlyMattersAndAnotherPictureDoes) {
+TEST(LocalBrightness, OtherLightHardlyMattersAndAnotherImageDoes) {
   const GrayImage image = lit([](double v) { return v; });
   EXPECT_GT(correlation(image, lit([](double v) { return 0.5 * v; })), 0.98);
   EXPECT_GT(correlation(image, lit([](double v) { return v + 40; })), 0.999);

@@ -12,8 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include "server/relocalization/image_cells.h"
 #include "server/relocalization/map_agreement.h"
-#include "server/relocalization/picture_parts.h"
 
 namespace cairn {
 namespace {
@@ -122,16 +122,16 @@ std::vector<PoseEstimate> find_others(Sample sample, const SE3& camera_from_map,
 double position_sigma(const PlaceView& view, const Camera& camera, const Refined& refined) {
   const std::vector<PlaceMatch>& matches = refined.guided.matches;
   const std::vector<double>& weights = refined.pose.weights;
-  PerPart<double> in_part{};
+  PerCell<double> in_cell{};
   for (size_t i = 0; i < matches.size(); ++i)
-    in_part[part_of(view.corners[matches[i].corner].pixel, camera)] += weights[i];
+    in_cell[image_cell_of(view.corners[matches[i].corner].pixel, camera)] += weights[i];
   Matrix6d information = Matrix6d::Zero();
   for (size_t i = 0; i < matches.size(); ++i) {
     const PlaceCorner& corner = view.corners[matches[i].corner];
     const auto d_pixel = pixel_by_pose(camera, refined.pose.camera_from_map * matches[i].position);
     if (!(weights[i] > 0) || !d_pixel) continue;
     const double sigma = 1 << corner.level;
-    const double share = weights[i] / in_part[part_of(corner.pixel, camera)];
+    const double share = weights[i] / in_cell[image_cell_of(corner.pixel, camera)];
     information += share / (sigma * sigma) * d_pixel->transpose() * *d_pixel;
   }
   const Eigen::LDLT<Matrix6d> factor(information);

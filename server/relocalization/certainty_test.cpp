@@ -30,7 +30,7 @@ class CertaintyTest : public ::testing::Test {
   CornerGrid grid_{view_, *scene_.camera()};
 };
 
-TEST_F(CertaintyTest, ManyPointsInOnePartOfThePictureSayNoMoreThanOne) {
+TEST_F(CertaintyTest, ManyPointsInOnePartOfTheImageSayNoMoreThanOne) {
   Refined some = refined_at_truth();
   const double all_about = position_sigma(view_, *scene_.camera(), some);
   Refined twice = some;

@@ -18,7 +18,7 @@ constexpr size_t kDown = 9;
 struct Frequency {
   uint8_t across = 0;
   uint8_t down = 0;
-  /// Squared, in periods per pixel of a 4:3 picture.
+  /// Squared, in periods per pixel of a 4:3 image.
   [[nodiscard]] constexpr int squared() const { return 9 * across * across + 16 * down * down; }
 };
 
@@ -59,8 +59,8 @@ float contrast_of(const TinyImage& tiny) {
   return tiny.empty() ? 0 : static_cast<float>(std::sqrt(sum / static_cast<double>(tiny.values().size())));
 }
 
-CompactPicture make_compact(const TinyImage& tiny) {
-  CompactPicture compact;
+CompactImage make_compact(const TinyImage& tiny) {
+  CompactImage compact;
   compact.width = static_cast<uint16_t>(tiny.width());
   compact.height = static_cast<uint16_t>(tiny.height());
   const float contrast = contrast_of(tiny);
@@ -100,7 +100,7 @@ float compact_distance(const float* a, const float* b, float limit) {
   return sum;
 }
 
-float compact_distance(const CompactPicture& a, const CompactPicture& b, float limit) {
+float compact_distance(const CompactImage& a, const CompactImage& b, float limit) {
   if (!is_comparable(a, b)) return std::numeric_limits<float>::infinity();
   return compact_distance(a.values.data(), b.values.data(), limit);
 }

@@ -17,27 +17,27 @@ constexpr size_t kCompactSize = 80;
 
 /// What is left of a tiny image for a first comparison: the lowest frequencies of its cosine transform
 /// (orthonormal DCT-II), of the image scaled to unit length: indifferent to gain. Their mean is zero, so the
-/// constant is not among them. Lowest first, in units of the frequency across a picture of 4:3, as the blur
+/// constant is not among them. Lowest first, in units of the frequency across an image of 4:3, as the blur
 /// takes away what is high of these. Where the image is too small to have a frequency: 0.
-struct CompactPicture {
+struct CompactImage {
   std::array<float, kCompactSize> values{};  ///< all 0: an image without contrast
   uint16_t width = 0;                        ///< of the tiny image
   uint16_t height = 0;
 
-  friend bool operator==(const CompactPicture&, const CompactPicture&) = default;
+  friend bool operator==(const CompactImage&, const CompactImage&) = default;
 };
 
-[[nodiscard]] CompactPicture make_compact(const TinyImage& tiny);
+[[nodiscard]] CompactImage make_compact(const TinyImage& tiny);
 
 /// Only images of one size can be compared.
-[[nodiscard]] inline bool is_comparable(const CompactPicture& a, const CompactPicture& b) {
+[[nodiscard]] inline bool is_comparable(const CompactImage& a, const CompactImage& b) {
   return a.width == b.width && a.height == b.height;
 }
 
 /// Squared distance. Never more than 2 (1 - correlation) of the two tiny images (Parseval), and little less:
 /// the blur has taken the other frequencies. Infinite for images of other sizes. Where it exceeds `limit` the
 /// result is only some value above that.
-[[nodiscard]] float compact_distance(const CompactPicture& a, const CompactPicture& b,
+[[nodiscard]] float compact_distance(const CompactImage& a, const CompactImage& b,
                                      float limit = std::numeric_limits<float>::infinity());
 
 /// The same of values alone.

@@ -9,13 +9,13 @@
 #include "server/relocalization/appearance.h"
 #include "server/relocalization/certainty.h"
 #include "server/relocalization/gravity.h"
-#include "server/relocalization/picture_parts.h"
+#include "server/relocalization/image_cells.h"
 #include "server/relocalization/refine.h"
 
 namespace cairn {
 namespace {
 
-constexpr int kAgreeingInPart = 2;        ///< one may agree by chance
+constexpr int kAgreeingInCell = 2;        ///< one may agree by chance
 constexpr double kRansacThreshold = 2.5;  ///< [px of the corner's level]
 /// Of a keyframe's points, every third tells whether a pose is worth refining.
 constexpr size_t kRoughStep = 3;
@@ -29,10 +29,10 @@ std::vector<size_t> corners_found(std::span<const PlaceMatch> matches, std::span
   return found;
 }
 
-/// Parts of the picture in which at least so many of the corners lie.
-int count_parts(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
-  PerPart<int> inside{};
-  for (const size_t corner : corners) ++inside[part_of(view.corners[corner].pixel, camera)];
+/// Cells of the image in which at least so many of the corners lie.
+int count_cells(const PlaceView& view, std::span<const size_t> corners, const Camera& camera, int fewest) {
+  PerCell<int> inside{};
+  for (const size_t corner : corners) ++inside[image_cell_of(view.corners[corner].pixel, camera)];
   return static_cast<int>(std::ranges::count_if(inside, [&](int count) { return count >= fewest; }));
 }
 
@@ -55,10 +55,10 @@ void explain_found(const PlaceView& view, const Camera& camera, std::span<const 
   *explained = std::move(both);
 }
 
-bool speak(const ConfirmOptions::Witnesses& needed, const Confirmation& said) {
-  return said.alikeness >= needed.alikeness && evidence(said) >= needed.evidence &&
+bool speak(const ConfirmOptions::Acceptance& needed, const Confirmation& said) {
+  return said.similarity >= needed.similarity && evidence(said) >= needed.evidence &&
          said.inliers >= needed.of_met * said.met && said.inliers >= needed.of_expected * said.expected &&
-         said.agreeing_parts >= needed.agreeing_parts && said.strange_parts <= needed.strange_parts;
+         said.agreeing_cells >= needed.agreeing_cells && said.inconsistent_cells <= needed.inconsistent_cells;
 }
 
 bool do_enough_agree(const ConfirmOptions& options, const Confirmation& said) {
@@ -71,8 +71,8 @@ bool does_the_rest_stand(const ConfirmOptions& options, const Confirmation& said
 }
 
 /// The fewer agree, the more the rest has to say, and there is no step between few and enough.
-ConfirmOptions::Witnesses by_picture(const ConfirmOptions& options, const Confirmation& said) {
-  ConfirmOptions::Witnesses needed = options.by_picture;
+ConfirmOptions::Acceptance by_image(const ConfirmOptions& options, const Confirmation& said) {
+  ConfirmOptions::Acceptance needed = options.by_image;
   const double lacking = options.many_agreeing - said.agreeing;
   const double at_most = options.many_agreeing - options.enough_agreeing + 1;
   needed.evidence =
@@ -82,7 +82,7 @@ ConfirmOptions::Witnesses by_picture(const ConfirmOptions& options, const Confir
 
 bool does_look_right(const ConfirmOptions& options, const Confirmation& said) {
   if (!do_enough_agree(options, said)) return speak(options.by_few, said);
-  return speak(by_picture(options, said), said) || speak(options.by_points, said);
+  return speak(by_image(options, said), said) || speak(options.by_points, said);
 }
 
 std::string why_not_upright(int agreeing) {
@@ -98,14 +98,15 @@ void judge(const PlaceView& view, const IndexedMap& map, const ConfirmOptions& o
     result->reason = why_not_upright(result->inliers);
   } else if (result->inliers < options.min_inliers) {
     result->reason = fmt::format("{} points agree, {} needed", result->inliers, options.min_inliers);
-  } else if (result->parts < options.min_parts) {
-    result->reason = fmt::format("points in few parts of the picture only ({} of {})", result->parts, kParts);
+  } else if (result->occupied_cells < options.min_cells) {
+    result->reason =
+        fmt::format("points in few parts of the image only ({} of {})", result->occupied_cells, kImageCells);
   } else if (!looks_right && !does_the_rest_stand(options, *result)) {
     result->reason = fmt::format(
-        "{} of {} corners and points that meet look alike, the picture by {:.2f}, {:.2f} of what moved "
+        "{} of {} corners and points that meet look alike, the image by {:.2f}, {:.2f} of what moved "
         "together agrees: {:.2f} in all; corners agree in {} of {} parts, {} parts show something else",
-        result->inliers, result->met, result->alikeness, unity(*result), evidence(*result),
-        result->agreeing_parts, kParts, result->strange_parts);
+        result->inliers, result->met, result->similarity, unity(*result), evidence(*result),
+        result->agreeing_cells, kImageCells, result->inconsistent_cells);
   } else {
     result->confirmed = true;
     result->changed = !looks_right;
@@ -142,16 +143,16 @@ int count_found_otherwise(std::span<const PlaceMatch> matches, std::span<const s
 /// `result` is told. Most wrong poses end here, for a small part of what refining them costs.
 Status check_roughly(const PlaceView& view, const Camera& camera, const IndexedMap& map, size_t keyframe,
                      const ConfirmOptions& options, Confirmation* result) {
-  if (result->agreeing_parts >= options.by_extent.agreeing_parts) return {};
+  if (result->agreeing_cells >= options.by_extent.agreeing_cells) return {};
   ProjectedPoints points;
   project_points(camera, *result->camera_from_map, map, std::span(&keyframe, 1), white_share(view.small),
                  &points, kRoughStep);
   const Appearance rough = compare_appearance(view, camera, points);
-  result->alikeness = rough.local;
+  result->similarity = rough.local;
   result->order = rough.order;
-  if (evidence(*result) >= options.least_evidence && rough.local >= options.least_alikeness) return {};
+  if (evidence(*result) >= options.least_evidence && rough.local >= options.least_similarity) return {};
   return fail(ErrorCode::kDegenerate,
-              fmt::format("{} corners agree on a pose by which the picture is alike by {:.2f}: {:.2f} in all",
+              fmt::format("{} corners agree on a pose by which the image is alike by {:.2f}: {:.2f} in all",
                           result->agreeing, rough.local, evidence(*result)));
 }
 
@@ -171,11 +172,11 @@ void take_refined(const PlaceView& view, const Camera& camera, const Refined& re
   result->expected = static_cast<int>(refined.points.points.size());
   result->met = static_cast<int>(refined.guided.met);
   result->found = corners_found(refined.guided.matches, refined.pose.weights);
-  result->parts = count_parts(view, result->found, camera, 1);
+  result->occupied_cells = count_cells(view, result->found, camera, 1);
   const Appearance appearance = compare_appearance(view, camera, refined.points);
-  result->alikeness = appearance.local;
+  result->similarity = appearance.local;
   result->order = appearance.order;
-  result->strange_parts = appearance.strange_parts;
+  result->inconsistent_cells = appearance.inconsistent_cells;
 }
 
 }  // namespace
@@ -186,19 +187,19 @@ double unity(const Confirmation& said) {
 }
 
 double evidence(const Confirmation& said) {
-  return (2 * said.alikeness + said.order + unity(said)) / 4;
+  return (2 * said.similarity + said.order + unity(said)) / 4;
 }
 
 Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, const CornerGrid& grid,
-                     const Camera& camera, const IndexedMap& map, size_t keyframe, const Glance& glance,
+                     const Camera& camera, const IndexedMap& map, size_t keyframe, const Prefilter& prefilter,
                      const ConfirmOptions& options) {
   Confirmation result;
-  if (glance.supported == 0) {
-    result.matches = static_cast<int>(glance.distinct);
+  if (prefilter.supported == 0) {
+    result.matches = static_cast<int>(prefilter.distinct);
     result.reason = fmt::format("none of {} corners alike lies as it does there", result.matches);
     return result;
   }
-  const auto matches = match_closer(view, cells, map, keyframe, glance);
+  const auto matches = match_closer(view, cells, map, keyframe, prefilter);
   const auto supported = keep_supported(view, matches);
   result.matches = static_cast<int>(matches.size());
   result.supported = static_cast<int>(supported.size());
@@ -224,7 +225,7 @@ Confirmation confirm(const PlaceView& view, std::span<const CellList> cells, con
   }
   result.camera_from_map = pose->camera_from_map;
   const std::vector<size_t> agree = corners_found(matches, pose->weights);
-  result.agreeing_parts = count_parts(view, agree, camera, kAgreeingInPart);
+  result.agreeing_cells = count_cells(view, agree, camera, kAgreeingInCell);
   const auto refined = check_roughly(view, camera, map, keyframe, options, &result).and_then([&] {
     return refine(view, grid, camera, map, keyframe, *pose);
   });

@@ -7,8 +7,8 @@
 
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
+#include "server/relocalization/image_cells.h"
 #include "server/relocalization/match.h"
-#include "server/relocalization/picture_parts.h"
 
 namespace cairn {
 
@@ -17,30 +17,30 @@ struct ConfirmOptions {
   int ransac_iterations = 150;
   int min_agreeing = 8;      ///< of all matches by descriptors alone, with the pose: it is refined
   int enough_agreeing = 12;  ///< of these: with fewer the pose is believed `by_few` alone
-  int many_agreeing = 16;    ///< up to which `by_picture` asks for more evidence, as `by_few` does
+  int many_agreeing = 16;    ///< up to which `by_image` asks for more evidence, as `by_few` does
   int min_inliers = 30;      ///< of the refined pose
-  int min_parts = 5;         ///< of kParts of the picture, in which inliers lie
-  /// A pose is believed when witnesses that know nothing of each other speak for it: how alike the picture is
-  /// (appearance.h), what all of them say together (evidence()), inliers: their share of what could match
-  /// around the pose (GuidedMatches::met), and of the points expected, and how much of the picture corners
-  /// that agree lie in; and in how many parts of it what is there speaks against the place. Any of these
-  /// ways.
-  struct Witnesses {
-    double alikeness = 0;
+  int min_cells = 5;         ///< of kImageCells of the image, in which inliers lie
+  /// What a hypothesis needs to be accepted. Sources that know nothing of each other have to speak for it:
+  /// how similar the image is (appearance.h), what all of them say together (evidence()), inliers: their
+  /// share of what could match around the pose (GuidedMatches::met), and of the points expected, and how much
+  /// of the image corners that agree lie in; and in how many cells of it what is there speaks against the
+  /// place. Any of these ways is enough.
+  struct Acceptance {
+    double similarity = 0;
     double evidence = 0;
     double of_met = 0;
     double of_expected = 0;
-    int agreeing_parts = 0;
-    int strange_parts = kParts;  ///< at most
+    int agreeing_cells = 0;
+    int inconsistent_cells = kImageCells;  ///< at most
   };
-  /// Looks the same, all over but for one part.
-  Witnesses by_picture = {.alikeness = 0.53, .evidence = 0.66, .of_met = 0.35, .strange_parts = 1};
+  /// It looks the same, all over but for one cell.
+  Acceptance by_image = {.similarity = 0.53, .evidence = 0.66, .of_met = 0.35, .inconsistent_cells = 1};
   /// Partly hidden: most of its points are seen.
-  Witnesses by_points = {.alikeness = 0.50, .evidence = 0.60, .of_met = 0.45, .of_expected = 0.36};
-  /// A part has moved: the rest, in most of the picture, agrees.
-  Witnesses by_extent = {.alikeness = 0.42, .of_met = 0.53, .agreeing_parts = 8};
-  /// Few corners agree, as where much of the picture is white: all else must speak clearly.
-  Witnesses by_few = {.alikeness = 0.53, .evidence = 0.75, .of_met = 0.45, .strange_parts = 1};
+  Acceptance by_points = {.similarity = 0.50, .evidence = 0.60, .of_met = 0.45, .of_expected = 0.36};
+  /// A part has moved: the rest, in most of the image, agrees.
+  Acceptance by_extent = {.similarity = 0.42, .of_met = 0.53, .agreeing_cells = 8};
+  /// Few corners agree, as where much of the image is white: all else must speak clearly.
+  Acceptance by_few = {.similarity = 0.53, .evidence = 0.75, .of_met = 0.45, .inconsistent_cells = 1};
   /// So many agreeing corners, and evidence of most right answers, which no look-alike has: no other keyframe
   /// is tried.
   int clear_agreeing = 25;
@@ -48,7 +48,7 @@ struct ConfirmOptions {
   /// With the first pose, before it is refined: with less the place is another, unless corners agree
   /// `by_extent`.
   double least_evidence = 0.45;
-  double least_alikeness = 0.25;
+  double least_similarity = 0.25;
   /// Of the depth: what position_sigma(), which is no less than the truth, may be. A pose that is farther off
   /// is wrong.
   double most_sigma = 0.03;
@@ -76,13 +76,13 @@ struct Confirmation {
   int inliers = 0;          ///< of the refined pose
   int expected = 0;         ///< points of the neighbourhood that project into the image
   int met = 0;              ///< matches of these that there could be (GuidedMatches)
-  int parts = 0;            ///< of kParts, with an inlier in them
-  int agreeing_parts = 0;   ///< of kParts, with two in them at least of those that are `agreeing`
+  int occupied_cells = 0;   ///< of kImageCells, with an inlier in them
+  int agreeing_cells = 0;   ///< of kImageCells, with two in them at least of those that are `agreeing`
   /// Appearance::local and order: by the refined pose, or else by the first, of some points of the keyframe
-  double alikeness = -1;
+  double similarity = -1;
   double order = -1;
-  int strange_parts = 0;      ///< Appearance::strange_parts
-  std::vector<size_t> found;  ///< corners on which points lie by the refined pose: as many as `inliers`
+  int inconsistent_cells = 0;  ///< Appearance::inconsistent_cells
+  std::vector<size_t> found;   ///< corners on which points lie by the refined pose: as many as `inliers`
   /// `supported`, and unless few agree and it is refused `found`, or those that are `agreeing` where there is
   /// no refined pose; ascending, each corner once
   std::vector<ExplainedCorner> explained;
@@ -95,17 +95,18 @@ struct Confirmation {
 /// a whole, and no pose fits them all.
 [[nodiscard]] double unity(const Confirmation& said);
 
-/// What the picture and unity() say together, for a place like this one may be well off by any of them: a
+/// What the image and unity() say together, for a place like this one may be well off by any of them: a
 /// mean, in which local brightness, which tells most, counts twice.
 [[nodiscard]] double evidence(const Confirmation& said);
 
 /// Corners against the keyframe's points, a pose from three that moved as their neighbours did and with which
-/// most agree (P3P in RANSAC), then, if the picture looks a little like it there, the points of that keyframe
+/// most agree (P3P in RANSAC), then, if the image looks a little like it there, the points of that keyframe
 /// and of others around the pose, and the pose from what is found. `keyframe`: index into those of the map;
-/// `glance`: at it. Deterministic.
+/// `prefilter`: its result there. Deterministic.
 [[nodiscard]] Confirmation confirm(const PlaceView& view, std::span<const CellList> cells,
                                    const CornerGrid& grid, const Camera& camera, const IndexedMap& map,
-                                   size_t keyframe, const Glance& glance, const ConfirmOptions& options);
+                                   size_t keyframe, const Prefilter& prefilter,
+                                   const ConfirmOptions& options);
 
 /// The pose of a confirmed place is looked for anew from around it (settle()), and judged again by what is
 /// seen from there: it is no longer confirmed where that speaks against it, or leaves too open where the

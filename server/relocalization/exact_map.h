@@ -49,7 +49,7 @@ class ExactMap {
   MapSnapshotPtr snapshot_;
 };
 
-/// What match_closer() finds, after a glance.
+/// What match_closer() finds, after the prefilter.
 [[nodiscard]] std::vector<PlaceMatch> match_all(const PlaceView& view, const IndexedMap& map,
                                                 size_t keyframe);
 

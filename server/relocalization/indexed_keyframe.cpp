@@ -13,7 +13,7 @@
 namespace cairn {
 namespace {
 
-constexpr float kLeastMoreWhite = 0.01F;  ///< share of the picture that is clipped only when overexposed
+constexpr float kLeastMoreWhite = 0.01F;  ///< share of the image that is clipped only when overexposed
 
 /// Of a keyframe's measurements those that it had when it was indexed before, and what it was then.
 class Known {
@@ -85,12 +85,12 @@ void describe_new(const Pyramid& pyramid, std::span<const PointMeasurement> meas
   for (int scale = 0; scale < kPlaceScales; ++scale) {
     const int level = scale / 2;
     const std::vector<uint32_t>& here = fresh[static_cast<size_t>(level)];
-    DescribedScale picture(pyramid.level(level), scale % 2 != 0, here.size());
+    DescribedScale image(pyramid.level(level), scale % 2 != 0, here.size());
     for (const uint32_t i : here) {
       const PointMeasurement& m = measurements[i];
       Described d;
       const Eigen::Vector2f pixel(to_level(m.pixel.x(), level), to_level(m.pixel.y(), level));
-      if (!picture.describe(pixel, &d.descriptor)) continue;
+      if (!image.describe(pixel, &d.descriptor)) continue;
       d.point = {i, static_cast<uint8_t>(scale)};
       d.cell = cell_of(d.descriptor);
       described->push_back(d);
@@ -131,10 +131,10 @@ DescribedPoints describe_points(const Pyramid& pyramid, std::span<const PointMea
 }
 
 /// As the camera would have taken it.
-Pyramid overexpose(const GrayView& picture) {
-  GrayImage lit(picture.width, picture.height);
-  for (int y = 0; y < picture.height; ++y) {
-    std::transform(picture.row(y), picture.row(y) + picture.width, lit.row(y), [](uint8_t grey) {
+Pyramid overexpose(const GrayView& image) {
+  GrayImage lit(image.width, image.height);
+  for (int y = 0; y < image.height; ++y) {
+    std::transform(image.row(y), image.row(y) + image.width, lit.row(y), [](uint8_t grey) {
       return static_cast<uint8_t>(std::min(kOverexposure * int{grey}, 255));
     });
   }

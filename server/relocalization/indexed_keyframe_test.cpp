@@ -16,7 +16,7 @@ using testing::describe_image;
 using testing::ExactMap;
 using testing::Scene;
 
-/// The picture as a camera takes it at so many times the exposure.
+/// The image as a camera takes it at so many times the exposure.
 GrayImage exposed(const GrayView& image, double times) {
   GrayImage lit(image);
   for (int y = 0; y < lit.height(); ++y) {
@@ -27,9 +27,9 @@ GrayImage exposed(const GrayView& image, double times) {
   return lit;
 }
 
-KeyframeView with_picture(const KeyframeView& view, const GrayImage& picture) {
+KeyframeView with_image(const KeyframeView& view, const GrayImage& image) {
   auto pyramid = std::make_shared<Pyramid>();
-  pyramid->build(picture);
+  pyramid->build(image);
   KeyframeView taken = view;
   taken.pyramid = std::move(pyramid);
   return taken;
@@ -47,7 +47,7 @@ class IndexedKeyframeTest : public ::testing::Test {
 
 TEST_F(IndexedKeyframeTest, OverexposedAKeyframeLooksAsTheCameraWouldHaveTakenIt) {
   const auto keyframe = index_keyframe(view());
-  const auto lit = index_keyframe(with_picture(view(), exposed(view().pyramid->level(0), kOverexposure)));
+  const auto lit = index_keyframe(with_image(view(), exposed(view().pyramid->level(0), kOverexposure)));
   ASSERT_TRUE(keyframe->overexposed);
   EXPECT_GT(keyframe->overexposed->white, keyframe->as_taken.white);
   EXPECT_EQ(keyframe->overexposed->white, lit->as_taken.white);
@@ -56,11 +56,11 @@ TEST_F(IndexedKeyframeTest, OverexposedAKeyframeLooksAsTheCameraWouldHaveTakenIt
 }
 
 TEST_F(IndexedKeyframeTest, WhatIsTooDarkToBeClippedIsDescribedOnce) {
-  KeyframeView growing = with_picture(view(), dim());
+  KeyframeView growing = with_image(view(), dim());
   growing.measurements.pop_back();
   const auto before = index_keyframe(growing);
   EXPECT_FALSE(before->overexposed);
-  EXPECT_FALSE(index_keyframe(with_picture(view(), dim()), before.get())->overexposed);
+  EXPECT_FALSE(index_keyframe(with_image(view(), dim()), before.get())->overexposed);
 }
 
 TEST_F(IndexedKeyframeTest, EachPointIsFoundAtEachExposure) {
@@ -124,15 +124,15 @@ TEST_F(IndexedKeyframeTest, WhatIsKnownIsTakenOverAsItIs) {
   expect_as_if_new();
 }
 
-TEST_F(IndexedKeyframeTest, OfAnotherPictureNothingIsTakenOver) {
+TEST_F(IndexedKeyframeTest, OfAnotherImageNothingIsTakenOver) {
   const auto other = scene_.render(Scene::pose(5), 105);
-  const auto before = index_keyframe(with_picture(view(), GrayImage(other->view())));
+  const auto before = index_keyframe(with_image(view(), GrayImage(other->view())));
   EXPECT_EQ(index_keyframe(view(), before.get())->as_taken.descriptors,
             index_keyframe(view())->as_taken.descriptors);
 }
 
 /// What this is for. At every exposure as many are matched as without the other description, or more.
-TEST_F(IndexedKeyframeTest, OfAnOverexposedPictureMoreCornersAreMatched) {
+TEST_F(IndexedKeyframeTest, OfAnOverexposedImageMoreCornersAreMatched) {
   const IndexedMapPtr both = map_.index();
   IndexedMap once(*both);
   auto keyframe = std::make_shared<IndexedKeyframe>(*both->keyframes[0]);

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Makes the words of vocabulary.h when the project is built, and prints them as C++. They are learned from
-// made pictures, so that they know no recording and no map: dead leaves (Lee, Mumford and Huang, IJCV 2001),
+// made images, so that they know no recording and no map: dead leaves (Lee, Mumford and Huang, IJCV 2001),
 // overlapping shapes whose sizes follow a power law, which have the statistics of edges and corners that
-// pictures of things in front of each other have.
+// images of things in front of each other have.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -16,10 +16,10 @@
 namespace cairn {
 namespace {
 
-constexpr int kPictures = 150;
+constexpr int kImages = 150;
 constexpr int kWidth = 640;
 constexpr int kHeight = 480;
-constexpr int kBackgroundLeaves = 40;  ///< large ones that cover the picture first
+constexpr int kBackgroundLeaves = 40;  ///< large ones that cover the image first
 constexpr int kLeaves = 900;
 constexpr double kSmallest = 3;   ///< [px] radius; density falls with its third power
 constexpr double kLargest = 160;  ///< [px]
@@ -45,7 +45,7 @@ class Random {  // SplitMix64 (Steele et al., OOPSLA 2014)
 };
 
 /// A disc or a box, turned and squeezed, shaded from one side to the other.
-void paint_leaf(double radius, Random* random, std::vector<float>* picture) {
+void paint_leaf(double radius, Random* random, std::vector<float>* canvas) {
   const double x0 = random->uniform(0, kWidth);
   const double y0 = random->uniform(0, kHeight);
   const double angle = random->uniform(0, 2 * std::numbers::pi);
@@ -65,19 +65,19 @@ void paint_leaf(double radius, Random* random, std::vector<float>* picture) {
       const double p = (c * dx + s * dy) / radius;
       const double q = (c * dy - s * dx) / (radius * squeeze);
       if (is_box ? std::max(std::abs(p), std::abs(q)) < 1 : p * p + q * q < 1)
-        (*picture)[static_cast<size_t>(y * kWidth + x)] =
+        (*canvas)[static_cast<size_t>(y * kWidth + x)] =
             static_cast<float>(grey + shade_x * dx + shade_y * dy);
     }
   }
 }
 
-GrayImage make_picture(Random* random) {
-  std::vector<float> picture(static_cast<size_t>(kWidth) * kHeight, 128);
+GrayImage make_image(Random* random) {
+  std::vector<float> canvas(static_cast<size_t>(kWidth) * kHeight, 128);
   for (int i = 0; i < kBackgroundLeaves; ++i)
-    paint_leaf(random->uniform(kLargest / 2, kLargest), random, &picture);
+    paint_leaf(random->uniform(kLargest / 2, kLargest), random, &canvas);
   for (int i = 0; i < kLeaves; ++i) {
     const double inverse_square = random->uniform(1 / (kLargest * kLargest), 1 / (kSmallest * kSmallest));
-    paint_leaf(1 / std::sqrt(inverse_square), random, &picture);
+    paint_leaf(1 / std::sqrt(inverse_square), random, &canvas);
   }
   GrayImage image(kWidth, kHeight);
   for (int y = 0; y < kHeight; ++y) {
@@ -88,7 +88,7 @@ GrayImage make_picture(Random* random) {
         for (int i = -1; i <= 1; ++i) {
           const int at = std::clamp(y + j, 0, kHeight - 1) * kWidth + std::clamp(x + i, 0, kWidth - 1);
           sum += static_cast<double>((2 - std::abs(i)) * (2 - std::abs(j))) *
-                 static_cast<double>(picture[static_cast<size_t>(at)]);
+                 static_cast<double>(canvas[static_cast<size_t>(at)]);
         }
       }
       // Three uniform numbers are normal enough: variance 3/12.
@@ -104,8 +104,8 @@ GrayImage make_picture(Random* random) {
 std::vector<Descriptor> describe_pictures() {
   Random random(2008);
   std::vector<Descriptor> descriptors;
-  for (int i = 0; i < kPictures; ++i) {
-    const GrayImage image = make_picture(&random);
+  for (int i = 0; i < kImages; ++i) {
+    const GrayImage image = make_image(&random);
     Pyramid pyramid;
     pyramid.build(image);
     std::array<CornerList, kPyramidLevels> corners;

@@ -70,7 +70,7 @@ TEST_F(MapAgreementTest, InexactOnesAgreeAndWrongOnesDoNot) {
   }
 }
 
-TEST_F(MapAgreementTest, PicturesOfSeveralPlacesAgreeInNothing) {
+TEST_F(MapAgreementTest, ImagesOfSeveralPlacesAgreeInNothing) {
   size_t most = 0;
   for (int round = 0; round < 50; ++round) {
     std::vector<SharedView> views;

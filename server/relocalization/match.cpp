@@ -187,19 +187,19 @@ std::vector<CellList> probed_cells(const PlaceView& view) {
   return cells;
 }
 
-Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
-                 size_t keyframe) {
-  Glance glance{.matches = match_every_second(view, cells, map, keyframe, 0, {})};
-  std::vector<PlaceMatch> distinct = glance.matches;
+Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
+                        size_t keyframe) {
+  Prefilter prefilter{.matches = match_every_second(view, cells, map, keyframe, 0, {})};
+  std::vector<PlaceMatch> distinct = prefilter.matches;
   keep_one_to_one(&distinct);
-  glance.distinct = distinct.size();
-  glance.supported = keep_supported(view, distinct).size();
-  return glance;
+  prefilter.distinct = distinct.size();
+  prefilter.supported = keep_supported(view, distinct).size();
+  return prefilter;
 }
 
 std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
-                                     const IndexedMap& map, size_t keyframe, const Glance& glance) {
-  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 1, glance.matches);
+                                     const IndexedMap& map, size_t keyframe, const Prefilter& prefilter) {
+  std::vector<PlaceMatch> matches = match_every_second(view, cells, map, keyframe, 1, prefilter.matches);
   keep_one_to_one(&matches);
   return matches;
 }

@@ -25,23 +25,23 @@ struct PlaceMatch {
 /// For each corner of a view the cells in which points are looked for that may be the same.
 [[nodiscard]] std::vector<CellList> probed_cells(const PlaceView& view);
 
-/// What a quick look at a keyframe tells: every second corner matched. Where none of these matches is
-/// supported (keep_supported()) the place is another, nearly always.
-struct Glance {
+/// The cheap match with a keyframe: of every second corner. Where none of these matches is supported
+/// (keep_supported()) the place is another, nearly always.
+struct Prefilter {
   std::vector<PlaceMatch> matches;  ///< in the order of corners, a point perhaps more than once
   size_t distinct = 0;              ///< of these, each point once
   size_t supported = 0;
 };
-[[nodiscard]] Glance glance_at(const PlaceView& view, std::span<const CellList> cells, const IndexedMap& map,
-                               size_t keyframe);
+[[nodiscard]] Prefilter run_prefilter(const PlaceView& view, std::span<const CellList> cells,
+                                      const IndexedMap& map, size_t keyframe);
 /// Every corner with the point of the keyframe, as it looks at about the view's exposure, that looks most
 /// like it, of those in the corner's cells at its own pyramid level and one up or down. Kept are matches
 /// clearly better than the best rival elsewhere in the keyframe; each point once. Points that left the map
 /// are passed over. In the order of corners.
-/// `glance`: at that keyframe, whose matches need not be looked for again.
+/// `prefilter`: its result there, whose matches need not be looked for again.
 [[nodiscard]] std::vector<PlaceMatch> match_closer(const PlaceView& view, std::span<const CellList> cells,
                                                    const IndexedMap& map, size_t keyframe,
-                                                   const Glance& glance);
+                                                   const Prefilter& prefilter);
 
 /// The corners of a query in square cells, level by level, to find those near a pixel.
 class CornerGrid {
@@ -98,7 +98,7 @@ struct ProjectedPoints {
     return std::span(sightings).subspan(p.first_sighting, p.sighting_count);
   }
 };
-/// Points in the image that some keyframes of the map (indices) have described, as they look in a picture of
+/// Points in the image that some keyframes of the map (indices) have described, as they look in an image of
 /// which a share is `white`; of these, in the order of ids, one of `every` so many. `out` keeps its memory.
 void project_points(const Camera& camera, const SE3& camera_from_map, const IndexedMap& map,
                     std::span<const size_t> keyframes, float white, ProjectedPoints* out, size_t every = 1);
@@ -114,7 +114,7 @@ struct GuidedMatches {
 [[nodiscard]] GuidedMatches match_near(const PlaceView& view, const CornerGrid& grid,
                                        const ProjectedPoints& projected, double radius);
 
-/// Matches that moved from the keyframe's picture to the query's as at least two of their neighbours did (the
+/// Matches that moved from the keyframe's image to the query's as at least two of their neighbours did (the
 /// idea of grid-based motion statistics: Bian et al., CVPR 2017). Of false matches few do, by chance:
 /// sampling from these finds a pose in tens of trials where sampling from all needs thousands. In the given
 /// order.

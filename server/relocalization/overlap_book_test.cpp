@@ -34,13 +34,13 @@ class OverlapBookTest : public ::testing::Test {
     snapshot->map = map_called(id);
     snapshot->keyframe_blocks = {block};
     map->snapshot = snapshot;
-    map->pictures.resize(count);
+    map->images.resize(count);
     map->positions.resize(count);
     map->lists = invert(map->keyframes);
     index_.put(map);
     book_.note_searched(*map);
   }
-  /// The picture of a keyframe is found near one of another map, from where it was taken: as both maps know.
+  /// The image of a keyframe is found near one of another map, from where it was taken: as both maps know.
   [[nodiscard]] PlaceCandidate found(uint8_t in, uint64_t near,
                                      const SE3& camera_from_keyframe = SE3()) const {
     PlaceCandidate candidate;

@@ -55,9 +55,8 @@ auto position_of(const std::vector<IndexedMapPtr>& maps, const MapId& id) {
 
 }  // namespace
 
-bool are_comparable(std::span<const CompactPicture> pictures) {
-  return std::ranges::all_of(pictures,
-                             [&](const CompactPicture& p) { return is_comparable(p, pictures.front()); });
+bool are_comparable(std::span<const CompactImage> images) {
+  return std::ranges::all_of(images, [&](const CompactImage& p) { return is_comparable(p, images.front()); });
 }
 
 InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes) {
@@ -85,7 +84,7 @@ size_t bytes_indexed(size_t keyframes, size_t measurements) {
       kScales * (sizeof(WordId) + sizeof(uint32_t));  // in `words`, and in the inverted lists
   constexpr size_t kTinyPixels = size_t{40} * 30;     // of 640x480
   return sizeof(IndexedMap) + kVocabularyWords * sizeof(uint32_t) +
-         keyframes * (sizeof(IndexedKeyframe) + sizeof(CompactPicture) + kTinyPixels * sizeof(float)) +
+         keyframes * (sizeof(IndexedKeyframe) + sizeof(CompactImage) + kTinyPixels * sizeof(float)) +
          measurements * kMeasurement;
 }
 
@@ -95,21 +94,21 @@ IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
   for (const KeyframeView& view : views) {
     if (snapshot->find(view.id) == nullptr) continue;
     const auto known = previous != nullptr ? find_keyframe(*previous, view.id) : std::nullopt;
-    const bool has_picture = view.pyramid != nullptr;
-    if (!known && !has_picture) continue;
+    const bool has_image = view.pyramid != nullptr;
+    if (!known && !has_image) continue;
     const IndexedKeyframePtr before = known ? previous->keyframes[*known] : nullptr;
-    const bool is_same = before && (!has_picture || same_measurements(*before, view));
+    const bool is_same = before && (!has_image || same_measurements(*before, view));
     map->keyframes.push_back(is_same ? before : index_keyframe(view, before.get()));
   }
   std::sort(map->keyframes.begin(), map->keyframes.end(),
             [](const IndexedKeyframePtr& a, const IndexedKeyframePtr& b) { return a->id < b->id; });
-  map->pictures.reserve(map->keyframes.size());
+  map->images.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes) {
     const auto known = previous != nullptr ? find_keyframe(*previous, k->id) : std::nullopt;
-    map->pictures.push_back(known && previous->keyframes[*known] == k ? previous->pictures[*known]
-                                                                      : make_compact(k->tiny));
+    map->images.push_back(known && previous->keyframes[*known] == k ? previous->images[*known]
+                                                                    : make_compact(k->tiny));
   }
-  map->is_of_one_size = are_comparable(map->pictures);
+  map->is_of_one_size = are_comparable(map->images);
   map->lists = invert(map->keyframes);
   map->positions.reserve(map->keyframes.size());
   for (const IndexedKeyframePtr& k : map->keyframes)
@@ -156,8 +155,8 @@ void PlaceIndex::locate(const MapId& id, const IndexedMap* map) {
     for (auto slot = begin; slot != slots.end() && slot->map == id; ++slot) {
       KeyframePlace& place = planted_[static_cast<size_t>(slot - slots.begin())];
       auto keyframe = map != nullptr ? find_keyframe(*map, slot->keyframe) : std::nullopt;
-      // A map that was purged and comes back from an archive may have other pictures by the same names.
-      if (keyframe && map->pictures[*keyframe] != forest_->picture(static_cast<size_t>(slot - slots.begin())))
+      // A map that was purged and comes back from an archive may have other images by the same names.
+      if (keyframe && map->images[*keyframe] != forest_->image(static_cast<size_t>(slot - slots.begin())))
         keyframe.reset();
       gone_ += static_cast<size_t>(!keyframe) - static_cast<size_t>(place.map == nullptr);
       place = keyframe ? KeyframePlace{map, *keyframe} : KeyframePlace{};
@@ -180,7 +179,7 @@ bool PlaceIndex::needs_planting(size_t most_scanned) const {
   return unplanted_.size() > most_scanned || 2 * gone_ > planted_.size();
 }
 
-void PlaceIndex::set_forest(PictureForestPtr forest) {
+void PlaceIndex::set_forest(ImageForestPtr forest) {
   forest_ = std::move(forest);
   planted_.assign(forest_ ? forest_->slots().size() : 0, {});
   gone_ = planted_.size();
@@ -205,15 +204,15 @@ bool PlaceIndex::is_within(const MapSet& maps) const {
   return std::ranges::all_of(maps_, [&](const IndexedMapPtr& m) { return maps.contains(m->snapshot->map); });
 }
 
-PictureForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {
+ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned) {
   if (index.keyframe_count() <= most_scanned) return nullptr;
-  std::vector<PictureForest::Picture> pictures;
-  pictures.reserve(index.keyframe_count());
+  std::vector<ImageForest::Image> images;
+  images.reserve(index.keyframe_count());
   for (const IndexedMapPtr& map : index.maps()) {
     for (size_t k = 0; k < map->keyframes.size(); ++k)
-      pictures.push_back({map->snapshot->map, map->keyframes[k]->id, map->pictures[k]});
+      images.push_back({map->snapshot->map, map->keyframes[k]->id, map->images[k]});
   }
-  return std::make_shared<const PictureForest>(pictures);
+  return std::make_shared<const ImageForest>(images);
 }
 
 }  // namespace cairn

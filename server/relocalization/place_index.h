@@ -10,8 +10,8 @@
 #include "common/map/map_set.h"
 #include "common/map/snapshot.h"
 #include "server/relocalization/compact.h"
+#include "server/relocalization/image_forest.h"
 #include "server/relocalization/indexed_keyframe.h"
-#include "server/relocalization/picture_forest.h"
 
 /// What the relocalizer searches: the keyframes of all maps, as immutable values shared between versions.
 /// Whoever changes an index makes a new one; queries go on with theirs.
@@ -27,15 +27,15 @@ struct InvertedLists {
 };
 
 /// Whether each can be compared with each.
-[[nodiscard]] bool are_comparable(std::span<const CompactPicture> pictures);
+[[nodiscard]] bool are_comparable(std::span<const CompactImage> images);
 
 [[nodiscard]] InvertedLists invert(std::span<const IndexedKeyframePtr> keyframes);
 
 struct IndexedMap {
   MapSnapshotPtr snapshot;                    ///< positions and poses
   std::vector<IndexedKeyframePtr> keyframes;  ///< live in `snapshot`, ascending by id
-  std::vector<CompactPicture> pictures;       ///< of `keyframes`
-  bool is_of_one_size = true;                 ///< all `pictures`
+  std::vector<CompactImage> images;           ///< of `keyframes`
+  bool is_of_one_size = true;                 ///< all `images`
   InvertedLists lists;
   /// By keyframe: where the points it measured are, map frame; not finite: gone from the map.
   std::vector<std::vector<Eigen::Vector3f>> positions;
@@ -47,14 +47,14 @@ using IndexedMapPtr = std::shared_ptr<const IndexedMap>;
 /// in all.
 [[nodiscard]] size_t bytes_indexed(size_t keyframes, size_t measurements);
 
-/// A map's part of the index. Keyframes of `previous` (null: none; of the same pictures) whose measurements
-/// are the same are shared, and those whose view has no picture to describe them anew. Views of keyframes
-/// that the snapshot does not have are left out, and those without a picture that `previous` does not have. A
+/// A map's part of the index. Keyframes of `previous` (null: none; of the same images) whose measurements
+/// are the same are shared, and those whose view has no image to describe them anew. Views of keyframes
+/// that the snapshot does not have are left out, and those without an image that `previous` does not have. A
 /// few milliseconds per keyframe that is new or changed: not for a thread that a query waits for.
 [[nodiscard]] IndexedMapPtr index_map(const IndexedMap* previous, MapSnapshotPtr snapshot,
                                       std::span<const KeyframeView> views);
 
-/// More pictures than these are found sooner by a forest than by a scan (cairn-index-bench).
+/// More images than these are found sooner by a forest than by a scan (cairn-index-bench).
 constexpr size_t kMostScanned = 40'000;
 
 /// A keyframe of an index.
@@ -82,13 +82,13 @@ class PlaceIndex {
   /// Words that keyframes show, summed over these.
   [[nodiscard]] uint64_t shown_in_all() const { return shown_in_all_; }
 
-  /// Whether plant_forest() would be of use: more than `most_scanned` pictures are in no forest, or more than
+  /// Whether plant_forest() would be of use: more than `most_scanned` images are in no forest, or more than
   /// half of those in the forest are gone.
   [[nodiscard]] bool needs_planting(size_t most_scanned = kMostScanned) const;
-  /// Takes a forest made of this index or of an earlier version of it; null: all pictures are scanned.
-  void set_forest(PictureForestPtr forest);
-  [[nodiscard]] const PictureForestPtr& forest() const { return forest_; }
-  /// By slot of the forest: whose picture that is; map null: gone.
+  /// Takes a forest made of this index or of an earlier version of it; null: all images are scanned.
+  void set_forest(ImageForestPtr forest);
+  [[nodiscard]] const ImageForestPtr& forest() const { return forest_; }
+  /// By slot of the forest: whose image that is; map null: gone.
   [[nodiscard]] std::span<const KeyframePlace> planted() const { return planted_; }
   /// What is in no forest. Ascending by map and keyframe.
   [[nodiscard]] std::span<const KeyframePlace> unplanted() const { return unplanted_; }
@@ -103,14 +103,14 @@ class PlaceIndex {
   size_t keyframe_count_ = 0;
   std::vector<uint32_t> shown_ = std::vector<uint32_t>(kVocabularyWords);  ///< by word
   uint64_t shown_in_all_ = 0;
-  PictureForestPtr forest_;
+  ImageForestPtr forest_;
   std::vector<KeyframePlace> planted_;
   std::vector<KeyframePlace> unplanted_;
   size_t gone_ = 0;  ///< of `planted_`
 };
 
-/// A forest of all pictures of an index, or null where there are not more than `most_scanned`. A second for
+/// A forest of all images of an index, or null where there are not more than `most_scanned`. A second for
 /// 100 000: not for a thread that anybody waits for.
-[[nodiscard]] PictureForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned = kMostScanned);
+[[nodiscard]] ImageForestPtr plant_forest(const PlaceIndex& index, size_t most_scanned = kMostScanned);
 
 }  // namespace cairn

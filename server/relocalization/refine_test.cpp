@@ -32,7 +32,7 @@ class RefineTest : public ::testing::Test {
     return points;
   }
 
-  /// The pose `truth` as what is measured in the left quarter of the picture leaves it, with its
+  /// The pose `truth` as what is measured in the left quarter of the image leaves it, with its
   /// covariance.
   [[nodiscard]] PoseEstimate known_on_the_left(const SE3& truth) const {
     std::vector<PointObservation> observations;
@@ -47,7 +47,7 @@ class RefineTest : public ::testing::Test {
   IndexedMapPtr index_ = map_.index();
 };
 
-TEST_F(RefineTest, PointsAreLookedForAsTheyLookAtTheExposureOfTheQuestion) {
+TEST_F(RefineTest, PointsAreLookedForAsTheyLookAtTheExposureOfTheQuery) {
   const std::vector<size_t> first = {0};
   const IndexedKeyframe& keyframe = *index_->keyframes[0];
   ASSERT_TRUE(keyframe.overexposed);
@@ -107,7 +107,7 @@ TEST_F(RefineTest, CertainIsWhatLiesWhereThePoseIsKnown) {
   EXPECT_EQ(points.points.size(), all);
 }
 
-TEST_F(RefineTest, FromOneCornerOfThePictureThePoseGrowsOverAllOfIt) {
+TEST_F(RefineTest, FromOneCornerOfTheImageThePoseGrowsOverAllOfIt) {
   const SE3 truth = Scene::pose(kStep);
   const auto image = scene_.render(truth, kSeed);
   const PlaceView view = describe_image(image->view());

@@ -17,45 +17,45 @@
 namespace cairn {
 namespace {
 
-/// Length of the two orders of merit that are fused. Where pictures or words are led astray (other light) the
+/// Length of the two orders of merit that are fused. Where images or words are led astray (other light) the
 /// place is far down in both, yet at a like rank.
 constexpr size_t kFused = 128;
 
 /// Looking for a pose is most of what a closer look costs. So many are looked for in a search, so many more
-/// where a place is believed, of its rivals, and then so many for the best pose there, unless the picture
-/// looks so much alike from one of its keyframes.
+/// where a place is believed, of its rivals, and then so many for the best pose there, unless the image
+/// looks so similar from one of its keyframes.
 constexpr size_t kMostPoses = 6;
 constexpr size_t kMoreForRivals = 3;
 constexpr size_t kMoreForPose = 2;
-constexpr double kSureAlikeness = 0.65;
+constexpr double kSureSimilarity = 0.65;
 
-/// So many keyframes of a place that has been confirmed are tried, those included that a glance ruled out;
-/// then others are, which may look as much like it.
+/// So many keyframes of a place that has been confirmed are tried, those included that the prefilter ruled
+/// out; then others are, which may look as much like it.
 constexpr int kTriesOfPlace = 3;
 
-/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are glanced at, and so
+/// Where nothing is confirmed, so many neighbours of each keyframe that is half known are prefiltered, and so
 /// many in all.
 constexpr size_t kNeighboursOfLead = 4;
 constexpr size_t kTriesOfLeads = 4;
 
 constexpr const char* kNothingToCompare = "there is no keyframe to compare with";
 
-/// A picture that cannot be compared counts as the opposite of the query's.
-Ranked rank(const IndexedMap& map, size_t keyframe, const QueryPicture& query) {
+/// An image that cannot be compared counts as the opposite of the query's.
+Ranked rank(const IndexedMap& map, size_t keyframe, const QueryImage& query) {
   constexpr float kOpposite = 2;  // a correlation of -1
-  const float cost = unlikeness(*map.keyframes[keyframe], query);
+  const float cost = dissimilarity(*map.keyframes[keyframe], query);
   return {std::isfinite(cost) ? cost : kOpposite, &map, keyframe};
 }
 
 /// Two orders of merit in one: what stands high in both comes first (reciprocal rank fusion: Cormack et al.,
-/// SIGIR 2009, with its constant). Ties: in the order of `by_picture`, then of `by_words`.
-std::vector<Ranked> fuse(const std::vector<Ranked>& by_picture, const std::vector<Voted>& by_words,
-                         const QueryPicture& query) {
+/// SIGIR 2009, with its constant). Ties: in the order of `by_image`, then of `by_words`.
+std::vector<Ranked> fuse(const std::vector<Ranked>& by_image, const std::vector<Voted>& by_words,
+                         const QueryImage& query) {
   constexpr float kDamping = 60;
   std::vector<std::pair<float, Ranked>> fused;
   std::unordered_map<const IndexedKeyframe*, size_t> position;
   float place = kDamping;
-  for (const Ranked& r : by_picture) {
+  for (const Ranked& r : by_image) {
     position.emplace(&r.indexed(), fused.size());
     fused.emplace_back(1 / ++place, r);
   }
@@ -114,80 +114,82 @@ bool is_clear(const Confirmation& said, const RelocOptions& options) {
          evidence(said) >= options.confirm.clear_evidence;
 }
 
-/// Believed first, by how alike the picture is: from one keyframe the pose may be worse than from another,
+/// Believed first, by how similar the image is: from one keyframe the pose may be worse than from another,
 /// and inliers do not tell. Then what looks right and is common, then the rest, in the order they were tried.
-void put_in_order(std::vector<Tried>* tried) {
-  std::ranges::stable_sort(*tried, [](const Tried& a, const Tried& b) {
+void put_in_order(std::vector<PlaceHypothesis>* hypotheses) {
+  std::ranges::stable_sort(*hypotheses, [](const PlaceHypothesis& a, const PlaceHypothesis& b) {
     if (a.candidate.confirmed != b.candidate.confirmed) return a.candidate.confirmed;
     if (a.said.confirmed != b.said.confirmed) return a.said.confirmed;
-    return a.candidate.confirmed && a.said.alikeness > b.said.alikeness;
+    return a.candidate.confirmed && a.said.similarity > b.said.similarity;
   });
 }
 
-/// A keyframe that was glanced at.
-struct Glanced {
+/// A keyframe that was prefiltered.
+struct Prefiltered {
   Ranked ranked;
   const KeyframePose* pose;
-  Glance glance;
+  Prefilter prefilter;
 };
 
 /// Which keyframes are looked at closer: not those of a place of which enough have been, or these, too.
 enum class Tries : uint8_t { kOfOpenPlaces, kOfAnyPlace };
 
-/// One question on its way through the keyframes.
+/// One query on its way through the keyframes.
 class Inquiry {
  public:
   Inquiry(const Camera& camera, const PlaceView& view, const RelocOptions& options)
       : camera_(camera), view_(view), options_(options), grid_(view, camera), cells_(probed_cells(view)) {}
 
   /// Tries the most promising keyframes of the index that have not been tried. True: one of them is clear.
-  bool search(const PlaceIndex& index, const QueryPicture& picture) {
+  bool search(const PlaceIndex& index, const QueryImage& query) {
     const auto shortlist = static_cast<size_t>(options_.shortlist);
     const size_t before = asked_.size();
     const size_t most_poses = poses_ + kMostPoses;
-    // Those of the maps searched before wait until these have been glanced at, too.
-    std::vector<Glanced> before_these = std::exchange(waiting_, {});
-    const NearPictures near(index, picture, options_.search);
-    const auto alike = near.alike(shortlist);
-    for (size_t n = 1; n <= static_cast<size_t>(options_.by_picture_alone); ++n) {
-      glance(alike, before + n);
+    // Those of the maps searched before wait until these have been prefiltered, too.
+    std::vector<Prefiltered> before_these = std::exchange(waiting_, {});
+    const NearImages near(index, query, options_.search);
+    const auto similar = near.most_similar(shortlist);
+    for (size_t n = 1; n <= static_cast<size_t>(options_.by_image_alone); ++n) {
+      prefilter(similar, before + n);
       if (look_closer(most_poses)) return true;
     }
     std::ranges::move(before_these, std::back_inserter(waiting_));
     const auto voted = vote(index, near.maps(), view_, cells_, kFused);
-    glance(fuse(near.alike(kFused), voted, picture), before + shortlist);
+    prefilter(fuse(near.most_similar(kFused), voted, query), before + shortlist);
     if (look_closer(most_poses)) return true;
-    if (!is_any_confirmed() && follow_leads(picture, most_poses)) return true;
-    return is_any_believed() && most_alike_believed_ < kSureAlikeness &&
+    if (!is_any_confirmed() && follow_leads(query, most_poses)) return true;
+    return is_any_believed() && most_similar_believed_ < kSureSimilarity &&
            look_closer(poses_ + kMoreForPose, Tries::kOfAnyPlace);
   }
   /// By what it shows itself, whoever else shows the same.
   [[nodiscard]] bool is_any_confirmed() const {
-    return std::any_of(tried_.begin(), tried_.end(), [](const Tried& t) { return t.said.confirmed; });
+    return std::any_of(hypotheses_.begin(), hypotheses_.end(),
+                       [](const PlaceHypothesis& h) { return h.said.confirmed; });
   }
   [[nodiscard]] std::vector<PlaceCandidate> take_candidates() {
-    for (Tried& t : tried_) {
+    for (PlaceHypothesis& t : hypotheses_) {
       if (!t.said.confirmed) continue;
-      const auto refusal = find_why_refused(options_, t, tried_);
+      const auto refusal = find_why_refused(options_, t, hypotheses_);
       t.candidate.confirmed = !refusal;
       t.candidate.reason = refusal.value_or("");
     }
-    put_in_order(&tried_);
-    while (!tried_.empty() && tried_.front().candidate.confirmed && !settle_first()) put_in_order(&tried_);
+    put_in_order(&hypotheses_);
+    while (!hypotheses_.empty() && hypotheses_.front().candidate.confirmed && !settle_first())
+      put_in_order(&hypotheses_);
     std::vector<PlaceCandidate> candidates;
-    candidates.reserve(tried_.size());
-    for (Tried& t : tried_) candidates.push_back(std::move(t.candidate));
+    candidates.reserve(hypotheses_.size());
+    for (PlaceHypothesis& t : hypotheses_) candidates.push_back(std::move(t.candidate));
     return candidates;
   }
 
  private:
   /// Whether a place is confirmed and not refused for what others show.
-  [[nodiscard]] bool is_any_believed() const { return most_alike_believed_ >= 0; }
+  [[nodiscard]] bool is_any_believed() const { return most_similar_believed_ >= 0; }
 
   /// Whether a keyframe is of a place that has been confirmed and enough asked about: the others are its
   /// rivals.
   [[nodiscard]] bool is_settled(const IndexedKeyframe& keyframe, const MapId& map) const {
-    return std::ranges::any_of(tried_, [&](const Tried& t) {
+    return std::ranges::any_of(hypotheses_, [&](const PlaceHypothesis& t) {
       return t.said.confirmed && t.tries_of_place >= kTriesOfPlace && is_of_place(keyframe, map, t);
     });
   }
@@ -199,21 +201,22 @@ class Inquiry {
   /// Keyframes of which some matches support each other while too few agree on a pose to tell, best first:
   /// from there the place is seen from too far or aside.
   [[nodiscard]] std::vector<Ranked> leads() const {
-    std::vector<const Tried*> found;
-    for (const Tried& t : tried_) {
+    std::vector<const PlaceHypothesis*> found;
+    for (const PlaceHypothesis& t : hypotheses_) {
       if (t.said.supported >= options_.confirm.min_supported &&
           t.said.agreeing < options_.confirm.enough_agreeing)
         found.push_back(&t);
     }
-    std::ranges::stable_sort(found, std::greater(),
-                             [](const Tried* t) { return std::tuple(t->said.agreeing, t->said.supported); });
+    std::ranges::stable_sort(found, std::greater(), [](const PlaceHypothesis* t) {
+      return std::tuple(t->said.agreeing, t->said.supported);
+    });
     std::vector<Ranked> leads;
-    for (const Tried* t : found) leads.push_back(t->ranked);
+    for (const PlaceHypothesis* t : found) leads.push_back(t->ranked);
     return leads;
   }
 
   /// Those that measured most points in common with it and have not been asked.
-  [[nodiscard]] std::vector<Ranked> neighbours_of(const Ranked& lead, const QueryPicture& picture) const {
+  [[nodiscard]] std::vector<Ranked> neighbours_of(const Ranked& lead, const QueryImage& query) const {
     std::vector<std::pair<size_t, size_t>> shared;  // points in common, keyframe
     for (size_t k = 0; k < lead.map->keyframes.size(); ++k) {
       const IndexedKeyframe& keyframe = *lead.map->keyframes[k];
@@ -223,76 +226,77 @@ class Inquiry {
     std::ranges::stable_sort(shared, std::greater(), &std::pair<size_t, size_t>::first);
     if (shared.size() > kNeighboursOfLead) shared.resize(kNeighboursOfLead);
     std::vector<Ranked> neighbours;
-    for (const auto& [_, k] : shared) neighbours.push_back(rank(*lead.map, k, picture));
+    for (const auto& [_, k] : shared) neighbours.push_back(rank(*lead.map, k, query));
     return neighbours;
   }
 
-  /// A neighbour of what is half known may see the place better, and stand too low by picture and words to be
-  /// tried. Nothing is glanced at that could not be looked at closer. True: one is clear.
-  bool follow_leads(const QueryPicture& picture, size_t most_poses) {
+  /// A neighbour of what is half known may see the place better, and stand too low by images and words to be
+  /// tried. Nothing is prefiltered that could not be looked at closer. True: one is clear.
+  bool follow_leads(const QueryImage& query, size_t most_poses) {
     const size_t most = asked_.size() + kTriesOfLeads;
     for (const Ranked& lead : leads()) {
       if (asked_.size() >= most || poses_ >= most_poses) return false;
-      glance(neighbours_of(lead, picture), most);
+      prefilter(neighbours_of(lead, query), most);
       if (look_closer(most_poses)) return true;
     }
     return false;
   }
 
-  /// Counts it among what was tried of its place. It may be a rival of any that were believed.
-  void add(Tried tried) {
-    for (Tried& before : tried_) {
-      if (!is_of_place(before.ranked.indexed(), before.candidate.map, tried)) continue;
+  /// Counts it among the hypotheses of its place. It may be a rival of any that were believed.
+  void add(PlaceHypothesis hypothesis) {
+    for (PlaceHypothesis& before : hypotheses_) {
+      if (!is_of_place(before.ranked.indexed(), before.candidate.map, hypothesis)) continue;
       ++before.tries_of_place;
-      ++tried.tries_of_place;
+      ++hypothesis.tries_of_place;
     }
-    tried_.push_back(std::move(tried));
-    most_alike_believed_ = -1;
-    for (const Tried& t : tried_) {
-      if (t.said.confirmed && t.said.alikeness > most_alike_believed_ &&
-          !find_why_refused(options_, t, tried_))
-        most_alike_believed_ = t.said.alikeness;
+    hypotheses_.push_back(std::move(hypothesis));
+    most_similar_believed_ = -1;
+    for (const PlaceHypothesis& t : hypotheses_) {
+      if (t.said.confirmed && t.said.similarity > most_similar_believed_ &&
+          !find_why_refused(options_, t, hypotheses_))
+        most_similar_believed_ = t.said.similarity;
     }
   }
 
-  /// Glances at the keyframes that have not been asked about, until `most` have been in all. Those that show
-  /// something of the picture wait for a closer look, most of it first.
-  void glance(std::span<const Ranked> ranked, size_t most) {
+  /// Prefilters the keyframes that have not been asked about, until `most` have been in all. Those that show
+  /// something of the image wait for a closer look, most of it first.
+  void prefilter(std::span<const Ranked> ranked, size_t most) {
     for (const Ranked& r : ranked) {
       if (asked_.size() >= most) break;
       const KeyframePose* pose = r.map->snapshot->find(r.indexed().id);
       if (pose == nullptr || was_asked(r.indexed())) continue;
       asked_.push_back(&r.indexed());
-      Glanced glanced{r, pose, glance_at(view_, cells_, *r.map, r.keyframe)};
-      if (glanced.glance.supported > 0) {
-        waiting_.push_back(std::move(glanced));
+      Prefiltered prefiltered{r, pose, run_prefilter(view_, cells_, *r.map, r.keyframe)};
+      if (prefiltered.prefilter.supported > 0) {
+        waiting_.push_back(std::move(prefiltered));
       } else {
-        try_out(glanced);
+        verify(prefiltered);
       }
     }
-    std::ranges::stable_sort(waiting_, std::greater(), [](const Glanced& g) { return g.glance.supported; });
+    std::ranges::stable_sort(waiting_, std::greater(),
+                             [](const Prefiltered& g) { return g.prefilter.supported; });
   }
 
   /// Looks closer at those that wait, until one is clear (true) or so many poses have been looked for in all.
   bool look_closer(size_t most_poses, Tries tries = Tries::kOfOpenPlaces) {
-    std::vector<Glanced> left;
+    std::vector<Prefiltered> left;
     bool is_found = false;
-    for (Glanced& g : waiting_) {
+    for (Prefiltered& g : waiting_) {
       const bool is_next = !is_found && is_worth_while(g, most_poses, tries);
       if (!is_next) {
         left.push_back(std::move(g));
         continue;
       }
-      const Tried& tried = try_out(g);
-      poses_ += tried.said.supported >= options_.confirm.min_supported ? 1 : 0;
-      is_found = is_clear(tried.said, options_) && !find_why_refused(options_, tried, tried_);
+      const PlaceHypothesis& hypothesis = verify(g);
+      poses_ += hypothesis.said.supported >= options_.confirm.min_supported ? 1 : 0;
+      is_found = is_clear(hypothesis.said, options_) && !find_why_refused(options_, hypothesis, hypotheses_);
     }
     waiting_ = std::move(left);
     return is_found;
   }
 
   /// Where a place is believed, more of its rivals are looked at than where none is.
-  [[nodiscard]] bool is_worth_while(const Glanced& g, size_t most_poses, Tries tries) const {
+  [[nodiscard]] bool is_worth_while(const Prefiltered& g, size_t most_poses, Tries tries) const {
     if (tries == Tries::kOfAnyPlace || !is_any_confirmed()) return poses_ < most_poses;
     const IndexedKeyframe& keyframe = g.ranked.indexed();
     const MapId& map = g.ranked.map->snapshot->map;
@@ -302,20 +306,20 @@ class Inquiry {
 
   /// The first of those in order has the best pose that is found around it. Whether it is still confirmed.
   bool settle_first() {
-    Tried& first = tried_.front();
+    PlaceHypothesis& first = hypotheses_.front();
     const Ranked& r = first.ranked;
     confirm_settled(view_, grid_, camera_, *r.map, r.keyframe, options_.confirm, &first.said);
     first.candidate = make_candidate(r, first.said, *r.map->snapshot->find(r.indexed().id));
     return first.said.confirmed;
   }
 
-  const Tried& try_out(const Glanced& g) {
+  const PlaceHypothesis& verify(const Prefiltered& g) {
     const Ranked& r = g.ranked;
     Confirmation said =
-        confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, g.glance, options_.confirm);
+        confirm(view_, cells_, grid_, camera_, *r.map, r.keyframe, g.prefilter, options_.confirm);
     PlaceCandidate candidate = make_candidate(r, said, *g.pose);
     add({r, std::move(candidate), std::move(said), static_cast<double>(g.pose->mean_depth)});
-    return tried_.back();
+    return hypotheses_.back();
   }
 
   const Camera& camera_;
@@ -324,10 +328,10 @@ class Inquiry {
   CornerGrid grid_;
   std::vector<CellList> cells_;
   std::vector<const IndexedKeyframe*> asked_;
-  std::vector<Glanced> waiting_;  ///< for a closer look, the most promising first
-  size_t poses_ = 0;              ///< that were looked for
-  std::vector<Tried> tried_;
-  double most_alike_believed_ = -1;  ///< of those confirmed and not refused; -1: there is none
+  std::vector<Prefiltered> waiting_;  ///< for a closer look, the most promising first
+  size_t poses_ = 0;                  ///< that were looked for
+  std::vector<PlaceHypothesis> hypotheses_;
+  double most_similar_believed_ = -1;  ///< of those confirmed and not refused; -1: there is none
 };
 
 PlaceAnswer answer_as_paper(const PlaceIndex& index, const Camera& camera, const TinyImage& tiny) {
@@ -351,11 +355,11 @@ PlaceAnswer relocalize(const PlaceIndex& index, const Camera& camera, const Plac
   if (!index.is_within(scope.maps))
     return relocalize(index.only(scope.maps), camera, view, options, {MapSet::all(), scope.first});
   const bool has_first = !scope.first.empty();
-  const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
-  if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, picture.tiny);
+  const QueryImage query(TinyImage(view.small, kPlaceBlur));
+  if (options.method == RelocMethod::kPaper) return answer_as_paper(index, camera, query.tiny);
   PlaceAnswer result;
   Inquiry inquiry(camera, view, options);
-  if (!has_first || !inquiry.search(index.only(MapSet(scope.first)), picture)) inquiry.search(index, picture);
+  if (!has_first || !inquiry.search(index.only(MapSet(scope.first)), query)) inquiry.search(index, query);
   const bool is_any_confirmed = inquiry.is_any_confirmed();
   result.candidates = inquiry.take_candidates();
   if (result.candidates.empty()) {

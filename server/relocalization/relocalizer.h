@@ -9,7 +9,7 @@
 #include "common/map/map_set.h"
 #include "common/map/place_answer.h"
 #include "server/relocalization/confirm.h"
-#include "server/relocalization/picture_search.h"
+#include "server/relocalization/image_search.h"
 #include "server/relocalization/place_index.h"
 
 /// Which map, where, and how sure. Pure and re-entrant: queries run on any threads at the
@@ -24,14 +24,14 @@ enum class RelocMethod : uint8_t {
 
 struct RelocOptions {
   RelocMethod method = RelocMethod::kImproved;
-  /// Keyframes that are glanced at before the words are asked: the most alike in the tiny images.
-  int by_picture_alone = 2;
-  /// Keyframes that are glanced at by picture and words, those included; then, where nothing is confirmed,
+  /// Keyframes that are prefiltered before the words are asked: the most similar by their tiny images.
+  int by_image_alone = 2;
+  /// Keyframes that are prefiltered by images and words, those included; then, where nothing is confirmed,
   /// four neighbours of those that are half known. Geometry is asked about those of which most is seen.
   int shortlist = 16;
   /// kScan: the answer is the same whenever and wherever these maps are asked.
-  PictureSearch search = PictureSearch::kForest;
-  /// Pictures that are scanned before a forest is planted.
+  ImageSearch search = ImageSearch::kForest;
+  /// Images that are scanned before a forest is planted.
   size_t most_scanned = kMostScanned;
   ConfirmOptions confirm;
   /// What a place that is confirmed must have before its rivals, which are places of other maps and others of
@@ -41,7 +41,7 @@ struct RelocOptions {
   double least_margin = 1.25;
 };
 
-/// Which maps a question is put to.
+/// Which maps a query is about.
 struct SearchScope {
   /// Those that may be looked at. No others are searched, named in the answer, or rivals of what is.
   MapSet maps = MapSet::all();

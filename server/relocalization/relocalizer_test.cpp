@@ -52,7 +52,7 @@ class RelocalizerTest : public ::testing::Test {
     const auto cells = probed_cells(view);
     const IndexedMap& indexed = *index_.find(map().snapshot()->map);
     return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), indexed, 1,
-                   glance_at(view, cells, indexed, 1), options);
+                   run_prefilter(view, cells, indexed, 1), options);
   }
 
   const Places* places_ = nullptr;
@@ -85,7 +85,7 @@ TEST_F(RelocalizerTest, AnUnmappedPlaceIsNotKnown) {
   }
 }
 
-TEST_F(RelocalizerTest, APictureIsFoundInEachMapThatHasItsPlace) {
+TEST_F(RelocalizerTest, AnImageIsFoundInEachMapThatHasItsPlace) {
   const ExactMap again(scene(), 3, {1, 5});
   index_.put(again.index());
   const auto image = scene().render(Scene::pose(4), 104);
@@ -103,16 +103,16 @@ TEST_F(RelocalizerTest, APictureIsFoundInEachMapThatHasItsPlace) {
   EXPECT_TRUE(find_in_each_map(index_, *elsewhere.camera(), describe_image(strange->view()), {}).empty());
 }
 
-TEST(Witnesses, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
+TEST(Acceptance, WhatMovedTogetherButNoPoseBringsTogetherSpeaksAgainstThePlace) {
   Confirmation said;
-  said.alikeness = 0.6;
+  said.similarity = 0.6;
   said.order = 0.8;
   said.supported = 40;
   said.agreeing = 38;
   EXPECT_NEAR(unity(said), 0.95, 1e-9);
-  EXPECT_GT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  EXPECT_GT(evidence(said), ConfirmOptions{}.by_image.evidence);
   said.agreeing = 14;
-  EXPECT_LT(evidence(said), ConfirmOptions{}.by_picture.evidence);
+  EXPECT_LT(evidence(said), ConfirmOptions{}.by_image.evidence);
   said.found_otherwise = 24;
   EXPECT_NEAR(unity(said), 0.95, 1e-9) << "keys taken for their neighbours";
   said.supported = 10;
@@ -128,7 +128,7 @@ TEST_F(RelocalizerTest, CornersThatThePoseExplainsOtherwiseAreNotHeldAgainstIt) 
   const auto ask = [&](const IndexedMap& map) {
     const auto cells = probed_cells(view);
     return confirm(view, cells, CornerGrid(view, *scene().camera()), *scene().camera(), map, kKeyframe,
-                   glance_at(view, cells, map, kKeyframe), {});
+                   run_prefilter(view, cells, map, kKeyframe), {});
   };
   const IndexedMapPtr exact = map().index();
   const Confirmation plain = ask(*exact);
@@ -149,7 +149,7 @@ TEST_F(RelocalizerTest, CornersThatThePoseExplainsOtherwiseAreNotHeldAgainstIt) 
   EXPECT_GT(unity(said), 0.9);
 }
 
-/// Of the left `share` of a picture what was above is below: things that were moved.
+/// Of the left `share` of an image what was above is below: things that were moved.
 GrayImage rearranged(const GrayView& image, double share) {
   GrayImage changed(image);
   const auto width = static_cast<size_t>(share * image.width);
@@ -160,7 +160,7 @@ GrayImage rearranged(const GrayView& image, double share) {
 
 TEST_F(RelocalizerTest, APlaceOfWhichAPartHasMovedIsFoundByWhatStandsAllAboutIt) {
   RelocOptions without;
-  without.confirm.by_extent.alikeness = kNever;
+  without.confirm.by_extent.similarity = kNever;
   for (const int step : {5, 6, 7}) {
     SCOPED_TRACE(step);
     const auto image = scene().render(Scene::pose(step), 400 + static_cast<uint64_t>(step));
@@ -182,34 +182,34 @@ RelocOptions few_agree() {
   return options;
 }
 
-/// Parts of a picture show what those on the other side of it show.
-GrayImage with_strange_parts(const GrayView& image, const std::vector<size_t>& parts) {
-  const auto width = static_cast<size_t>(image.width) / kPartsAcross;
-  const auto height = static_cast<size_t>(image.height) / kPartsDown;
+/// Cells of an image show what those on the other side of it show.
+GrayImage with_inconsistent_cells(const GrayView& image, const std::vector<size_t>& cells) {
+  const auto width = static_cast<size_t>(image.width) / kCellsAcross;
+  const auto height = static_cast<size_t>(image.height) / kCellsDown;
   GrayImage changed(image);
-  for (const size_t part : parts) {
-    const size_t other = (part + kParts / 2) % kParts;
+  for (const size_t cell : cells) {
+    const size_t other = (cell + kImageCells / 2) % kImageCells;
     for (size_t y = 0; y < height; ++y)
       std::copy_n(
-          image.row(static_cast<int>(other / kPartsAcross * height + y)) + other % kPartsAcross * width,
+          image.row(static_cast<int>(other / kCellsAcross * height + y)) + other % kCellsAcross * width,
           width,
-          changed.row(static_cast<int>(part / kPartsAcross * height + y)) + part % kPartsAcross * width);
+          changed.row(static_cast<int>(cell / kCellsAcross * height + y)) + cell % kCellsAcross * width);
   }
   return changed;
 }
 
 /// A place like this one is like it in part: the same things stand there, and others. The corners here agree,
-/// and the picture is alike in the mean.
-TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheMeanIsNotEnough) {
-  ConfirmOptions by_picture;
-  by_picture.by_points.evidence = kNever;
-  by_picture.by_extent.alikeness = kNever;
-  ConfirmOptions in_the_mean = by_picture;
-  in_the_mean.by_picture.strange_parts = kParts;
+/// and the image is alike in the mean.
+TEST_F(RelocalizerTest, WhereTwoCellsShowSomethingElseSimilarityInTheMeanIsNotEnough) {
+  ConfirmOptions by_image;
+  by_image.by_points.evidence = kNever;
+  by_image.by_extent.similarity = kNever;
+  ConfirmOptions in_the_mean = by_image;
+  in_the_mean.by_image.inconsistent_cells = kImageCells;
   ConfirmOptions few = few_agree().confirm;
-  few.by_few.evidence = by_picture.by_picture.evidence;
+  few.by_few.evidence = by_image.by_image.evidence;
   ConfirmOptions few_in_the_mean = few;
-  few_in_the_mean.by_few.strange_parts = kParts;
+  few_in_the_mean.by_few.inconsistent_cells = kImageCells;
   const IndexedMapPtr indexed = map().index();
   int one = 0;
   int more = 0;
@@ -221,19 +221,20 @@ TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheM
     const auto cells = probed_cells(view);
     const CornerGrid grid(view, *scene().camera());
     const auto ask = [&](const ConfirmOptions& options) {
-      return confirm(view, cells, grid, *scene().camera(), *indexed, 1, glance_at(view, cells, *indexed, 1),
-                     options);
+      return confirm(view, cells, grid, *scene().camera(), *indexed, 1,
+                     run_prefilter(view, cells, *indexed, 1), options);
     };
-    EXPECT_EQ(ask(by_picture).strange_parts, 0);
-    for (size_t part = 0; part < kParts; ++part) {
-      view.small = with_strange_parts(small.view(), {part});
-      EXPECT_LE(ask(by_picture).strange_parts, 1) << "part " << part;
-      EXPECT_TRUE(ask(by_picture).confirmed) << "one thing may have moved: part " << part;
-      one += ask(by_picture).strange_parts;
-      view.small = with_strange_parts(small.view(), {part, (part + 1) % kParts, (part + 2) % kParts});
+    EXPECT_EQ(ask(by_image).inconsistent_cells, 0);
+    for (size_t cell = 0; cell < kImageCells; ++cell) {
+      view.small = with_inconsistent_cells(small.view(), {cell});
+      EXPECT_LE(ask(by_image).inconsistent_cells, 1) << "cell " << cell;
+      EXPECT_TRUE(ask(by_image).confirmed) << "one thing may have moved: cell " << cell;
+      one += ask(by_image).inconsistent_cells;
+      view.small =
+          with_inconsistent_cells(small.view(), {cell, (cell + 1) % kImageCells, (cell + 2) % kImageCells});
       if (!ask(in_the_mean).confirmed || !ask(few_in_the_mean).confirmed) continue;
-      const bool is_like = ask(by_picture).strange_parts <= 1;
-      EXPECT_EQ(ask(by_picture).confirmed, is_like);
+      const bool is_like = ask(by_image).inconsistent_cells <= 1;
+      EXPECT_EQ(ask(by_image).confirmed, is_like);
       EXPECT_EQ(ask(few).confirmed, is_like);
       more += is_like ? 0 : 1;
     }
@@ -242,7 +243,7 @@ TEST_F(RelocalizerTest, WhereTwoPartsOfThePictureShowSomethingElseLikenessInTheM
   EXPECT_GE(more, 12) << "of 36";
 }
 
-TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
+TEST_F(RelocalizerTest, WhereFewCornersAgreeTheImageMustSpeakClearly) {
   constexpr double kMoved = 0.28;
   for (const int step : {5, 6, 7}) {
     SCOPED_TRACE(step);
@@ -262,10 +263,10 @@ TEST_F(RelocalizerTest, WhereFewCornersAgreeThePictureMustSpeakClearly) {
 TEST_F(RelocalizerTest, TheFewerCornersAgreeTheMoreEvidenceIsAsked) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
   ConfirmOptions options;
-  options.by_points.evidence = options.by_extent.alikeness = kNever;
+  options.by_points.evidence = options.by_extent.similarity = kNever;
   const Confirmation clear = ask_second_keyframe(view, options);
   ASSERT_TRUE(clear.confirmed) << clear.reason;
-  options.by_picture.evidence = evidence(clear) - 0.01;
+  options.by_image.evidence = evidence(clear) - 0.01;
   options.by_few.evidence = evidence(clear) + 0.01;
   options.enough_agreeing = clear.agreeing;
   const auto is_confirmed_of = [&](int many) {
@@ -294,9 +295,9 @@ TEST_F(RelocalizerTest, APoseWithWhichFewCornersAgreeExplainsThemOnceItIsConfirm
   ASSERT_FALSE(refused.confirmed);
   ASSERT_EQ(refused.found, clear.found);
   EXPECT_EQ(refused.explained.size(), static_cast<size_t>(refused.supported));
-  options.by_picture.evidence = kNever;
+  options.by_image.evidence = kNever;
   options.by_points.evidence = kNever;
-  options.by_extent.alikeness = kNever;
+  options.by_extent.similarity = kNever;
   options.enough_agreeing = options.min_agreeing;
   const Confirmation rival = ask(options);
   ASSERT_FALSE(rival.confirmed);
@@ -321,9 +322,9 @@ TEST_F(RelocalizerTest, NeighboursOfAKeyframeWithWhichAFewCornersAgreeAreTried) 
   EXPECT_EQ(tried(true, options), "none of the 4");
   EXPECT_EQ(tried(false, options), "none of the 1") << "they have nothing in common";
   options.confirm.enough_agreeing = 1;
-  options.confirm.by_picture.evidence = kNever;
+  options.confirm.by_image.evidence = kNever;
   options.confirm.by_points.evidence = kNever;
-  options.confirm.by_extent.alikeness = kNever;
+  options.confirm.by_extent.similarity = kNever;
   EXPECT_EQ(tried(true, options), "none of the 1") << "enough agree to tell that it is not there";
 }
 
@@ -389,7 +390,7 @@ TEST_F(RelocalizerTest, LightDoesNotMatter) {
   }
 }
 
-TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyPictureKnowNothing) {
+TEST_F(RelocalizerTest, AnEmptyIndexAndAnEmptyImageKnowNothing) {
   const auto image = scene().render(Scene::pose(2), 5);
   const PlaceView view = describe_image(image->view());
   EXPECT_EQ(relocalize({}, *scene().camera(), view).verdict, PlaceVerdict::kNotKnown);
@@ -414,7 +415,7 @@ TEST_F(RelocalizerTest, ThePaperAnswersWithTheNearestKeyframeWhateverItIs) {
             PlaceVerdict::kUnconfirmed);
 }
 
-TEST_F(RelocalizerTest, EqualQuestionsHaveEqualAnswers) {
+TEST_F(RelocalizerTest, EqualQueriesHaveEqualAnswers) {
   const auto image = scene().render(Scene::pose(3), 5);
   const PlaceView view = describe_image(image->view());
   const PlaceAnswer first = relocalize(index_, *scene().camera(), view);
@@ -517,9 +518,8 @@ TEST_F(RelocalizerTest, TheMemoryOfAnIndexIsAboutWhatIsSaid) {
   for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
     const IndexedKeyframe& keyframe = *indexed->keyframes[k];
     measurements += keyframe.measured.size();
-    held += sizeof(keyframe) + sizeof(CompactPicture) + bytes(keyframe.tiny.values()) +
-            bytes(keyframe.words) + bytes(keyframe.measured) + bytes(keyframe.sightings) +
-            bytes(indexed->positions[k]);
+    held += sizeof(keyframe) + sizeof(CompactImage) + bytes(keyframe.tiny.values()) + bytes(keyframe.words) +
+            bytes(keyframe.measured) + bytes(keyframe.sightings) + bytes(indexed->positions[k]);
     for (const DescribedPoints* exposed : {&keyframe.as_taken, &*keyframe.overexposed})
       held += bytes(exposed->points) + bytes(exposed->descriptors) + bytes(exposed->of_measured);
   }
@@ -528,7 +528,7 @@ TEST_F(RelocalizerTest, TheMemoryOfAnIndexIsAboutWhatIsSaid) {
   EXPECT_LT(static_cast<double>(said), 1.15 * static_cast<double>(held));
 }
 
-TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
+TEST_F(RelocalizerTest, ThePrefilterTellsWhetherToLookCloser) {
   const PlaceView view = describe_image(scene().render(Scene::pose(5), 105)->view());
   const auto cells = probed_cells(view);
   const CornerGrid grid(view, *scene().camera());
@@ -536,45 +536,46 @@ TEST_F(RelocalizerTest, AGlanceTellsWhetherToLookCloser) {
   size_t done_with = 0;
   for (const IndexedMapPtr& indexed : index_.maps()) {
     for (size_t k = 0; k < indexed->keyframes.size(); ++k) {
-      const Glance glance = glance_at(view, cells, *indexed, k);
-      EXPECT_TRUE(std::ranges::all_of(glance.matches, [](const PlaceMatch& m) { return m.corner % 2 == 0; }));
-      EXPECT_LE(glance.distinct, glance.matches.size());
-      const auto all = match_closer(view, cells, *indexed, k, glance);
-      if (glance.supported > 0) {
+      const Prefilter prefilter = run_prefilter(view, cells, *indexed, k);
+      EXPECT_TRUE(
+          std::ranges::all_of(prefilter.matches, [](const PlaceMatch& m) { return m.corner % 2 == 0; }));
+      EXPECT_LE(prefilter.distinct, prefilter.matches.size());
+      const auto all = match_closer(view, cells, *indexed, k, prefilter);
+      if (prefilter.supported > 0) {
         promising_at_its_place += indexed->snapshot->map == map().snapshot()->map ? 1 : 0;
         continue;
       }
       ++done_with;
       EXPECT_LT(keep_supported(view, all).size(), static_cast<size_t>(ConfirmOptions{}.min_supported));
-      const Confirmation said = confirm(view, cells, grid, *scene().camera(), *indexed, k, glance, {});
+      const Confirmation said = confirm(view, cells, grid, *scene().camera(), *indexed, k, prefilter, {});
       EXPECT_FALSE(said.confirmed);
-      EXPECT_EQ(said.matches, static_cast<int>(glance.distinct)) << "no closer look";
+      EXPECT_EQ(said.matches, static_cast<int>(prefilter.distinct)) << "no closer look";
     }
   }
   EXPECT_EQ(promising_at_its_place, 3U);
   EXPECT_GT(done_with, 0U);
 }
 
-/// The corners of a place with the picture of another: a pose is found, and what is seen at the points by it
+/// The corners of a place with the image of another: a pose is found, and what is seen at the points by it
 /// is something else.
-TEST_F(RelocalizerTest, APoseByWhichThePictureIsNotAlikeIsNotRefined) {
+TEST_F(RelocalizerTest, APoseByWhichTheImageIsNotSimilarIsNotRefined) {
   const auto image = scene().render(Scene::pose(5), 105);
   PlaceView view = describe_image(image->view());
   const auto ask = [&](const ConfirmOptions& options) { return ask_second_keyframe(view, options); };
   ConfirmOptions options;
-  options.by_extent.agreeing_parts = kParts + 1;  // as if they lay in a few parts
+  options.by_extent.agreeing_cells = kImageCells + 1;  // as if they lay in a few parts
   ASSERT_TRUE(ask(options).confirmed);
-  std::vector<size_t> all_parts(kParts);
-  std::iota(all_parts.begin(), all_parts.end(), 0);
-  view.small = with_strange_parts(GrayImage(view.small.view()).view(), all_parts);
+  std::vector<size_t> all_cells(kImageCells);
+  std::iota(all_cells.begin(), all_cells.end(), 0);
+  view.small = with_inconsistent_cells(GrayImage(view.small.view()).view(), all_cells);
   const Confirmation said = ask(options);
   EXPECT_FALSE(said.confirmed);
   EXPECT_EQ(said.inliers, 0) << "not refined";
-  EXPECT_TRUE(said.alikeness < options.least_alikeness || evidence(said) < options.least_evidence);
+  EXPECT_TRUE(said.similarity < options.least_similarity || evidence(said) < options.least_evidence);
   EXPECT_GE(said.agreeing, options.enough_agreeing);
   EXPECT_GE(said.explained.size(), static_cast<size_t>(said.agreeing)) << "as a rival it explains them";
-  EXPECT_GT(ask({}).inliers, 0) << "corners agree all about the picture: a part may have moved";
-  options.least_alikeness = -kNever;
+  EXPECT_GT(ask({}).inliers, 0) << "corners agree all about the image: a part may have moved";
+  options.least_similarity = -kNever;
   options.least_evidence = -kNever;
   EXPECT_GT(ask(options).inliers, 0);
 }
@@ -597,7 +598,7 @@ TEST_F(RelocalizerTest, TheIndexSharesWhatHasNotChanged) {
   views[1].measurements.pop_back();
   const IndexedMapPtr third = index_map(second.get(), map().snapshot(), views);
   ASSERT_EQ(third->keyframes.size(), 3U);
-  EXPECT_EQ(second->keyframes[1], third->keyframes[1]) << "there is no picture to describe it anew";
+  EXPECT_EQ(second->keyframes[1], third->keyframes[1]) << "there is no image to describe it anew";
   EXPECT_EQ(index_map(nullptr, map().snapshot(), views)->keyframes.size(), 2U);
 
   views[0].id = KeyframeId{9};  // the snapshot does not have it

@@ -14,7 +14,7 @@
 namespace cairn {
 namespace {
 
-/// What its rivals explain of a picture for which another is confirmed.
+/// What its rivals explain of an image for which another is confirmed.
 struct Rivalry {
   size_t most = 0;                 ///< corners that one of them explains
   std::vector<size_t> peculiar{};  ///< corners found that none of them explains
@@ -23,15 +23,16 @@ struct Rivalry {
 /// Another map of which any keyframe looks right is no rival: where maps overlap, both are right. Of a place
 /// that has changed every other map is one: the part that stands may be what they have in common. In the map
 /// itself whatever explains corners otherwise is one.
-bool is_rival(const MapId& map, const Tried& judged, std::span<const Tried> tried) {
+bool is_rival(const MapId& map, const PlaceHypothesis& judged, std::span<const PlaceHypothesis> hypotheses) {
   if (map == judged.candidate.map || judged.said.changed) return true;
-  return std::ranges::none_of(
-      tried, [&](const Tried& t) { return t.candidate.map == map && t.said.confirmed && !t.said.changed; });
+  return std::ranges::none_of(hypotheses, [&](const PlaceHypothesis& t) {
+    return t.candidate.map == map && t.said.confirmed && !t.said.changed;
+  });
 }
 
 /// Corners, ascending, that a rival explains as something else: in the same map, as points that by the pose
-/// that is judged lie elsewhere in the picture, as far as a pose that contradicts it would put them.
-std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged) {
+/// that is judged lie elsewhere in the image, as far as a pose that contradicts it would put them.
+std::vector<size_t> explained_otherwise(const PlaceHypothesis& rival, const PlaceHypothesis& judged) {
   const double least_cosine = std::cos(kSamePose);
   const auto is_otherwise = [&](const ExplainedCorner& e) {
     if (rival.candidate.map != judged.candidate.map) return true;
@@ -44,10 +45,10 @@ std::vector<size_t> explained_otherwise(const Tried& rival, const Tried& judged)
   return corners;
 }
 
-Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried) {
+Rivalry compare_with_rivals(const PlaceHypothesis& confirmed, std::span<const PlaceHypothesis> hypotheses) {
   Rivalry rivalry{0, confirmed.said.found};
-  for (const Tried& rival : tried) {
-    if (!is_rival(rival.candidate.map, confirmed, tried)) continue;
+  for (const PlaceHypothesis& rival : hypotheses) {
+    if (!is_rival(rival.candidate.map, confirmed, hypotheses)) continue;
     const std::vector<size_t> explained = explained_otherwise(rival, confirmed);
     rivalry.most = std::max(rivalry.most, explained.size());
     std::vector<size_t> left;
@@ -60,9 +61,9 @@ Rivalry compare_with_rivals(const Tried& confirmed, std::span<const Tried> tried
 /// What places have in common, the same desk, keyboard and carpet, speaks for none of them (the perceptual
 /// aliasing of Cummins and Newman, IJRR 2008): believed is what has something to show of its own and explains
 /// clearly more than what it is not. Why it is not; nothing: it is.
-std::optional<std::string> find_why_common(const RelocOptions& options, const Tried& confirmed,
-                                           std::span<const Tried> tried) {
-  const Rivalry rivalry = compare_with_rivals(confirmed, tried);
+std::optional<std::string> find_why_common(const RelocOptions& options, const PlaceHypothesis& confirmed,
+                                           std::span<const PlaceHypothesis> hypotheses) {
+  const Rivalry rivalry = compare_with_rivals(confirmed, hypotheses);
   const size_t found = confirmed.said.found.size();
   const size_t explained = confirmed.said.explained.size();
   if (static_cast<double>(rivalry.peculiar.size()) >= options.least_peculiar * static_cast<double>(found) &&
@@ -74,7 +75,7 @@ std::optional<std::string> find_why_common(const RelocOptions& options, const Tr
       explained, rivalry.most, rivalry.peculiar.size(), found);
 }
 
-bool contradict(const Tried& a, const Tried& b) {
+bool contradict(const PlaceHypothesis& a, const PlaceHypothesis& b) {
   if (a.candidate.map != b.candidate.map) return false;
   const SE3& one = *a.said.camera_from_map;
   const SE3& other = *b.said.camera_from_map;
@@ -82,33 +83,37 @@ bool contradict(const Tried& a, const Tried& b) {
 }
 
 /// Of two poses in one map, one is about a part that has moved or about what is there more than once: the one
-/// with which corners in more parts of the picture agree, or else more corners, stands, if nothing else
+/// with which corners in more cells of the image agree, or else more corners, stands, if nothing else
 /// speaks against it; the other is refused in any case. Why a pose is; nothing: it is not.
-std::optional<std::string> find_why_contradicted(const Tried& judged, std::span<const Tried> tried) {
-  const auto extent = [](const Tried& t) { return std::tuple(t.said.agreeing_parts, t.said.agreeing); };
-  const auto wider = std::ranges::find_if(tried, [&](const Tried& t) {
+std::optional<std::string> find_why_contradicted(const PlaceHypothesis& judged,
+                                                 std::span<const PlaceHypothesis> hypotheses) {
+  const auto extent = [](const PlaceHypothesis& t) {
+    return std::tuple(t.said.agreeing_cells, t.said.agreeing);
+  };
+  const auto wider = std::ranges::find_if(hypotheses, [&](const PlaceHypothesis& t) {
     return t.said.confirmed && contradict(judged, t) && extent(t) > extent(judged);
   });
-  if (wider == tried.end()) return std::nullopt;
+  if (wider == hypotheses.end()) return std::nullopt;
   return fmt::format("{} corners in {} of {} parts agree with another pose in this map, {} in {} with this",
-                     wider->said.agreeing, wider->said.agreeing_parts, kParts, judged.said.agreeing,
-                     judged.said.agreeing_parts);
+                     wider->said.agreeing, wider->said.agreeing_cells, kImageCells, judged.said.agreeing,
+                     judged.said.agreeing_cells);
 }
 
-/// Other keyframes by which the camera would be there as well, and which show something else in parts of the
-/// picture: where these are so many, the one that does not is right by chance. Not asked of a place that has
+/// Other keyframes by which the camera would be there as well, and which show something else in cells of the
+/// image: where these are so many, the one that does not is right by chance. Not asked of a place that has
 /// changed. Why a pose is not believed; nothing: it is.
-std::optional<std::string> find_why_outvoted(const RelocOptions& options, const Tried& judged,
-                                             std::span<const Tried> tried) {
+std::optional<std::string> find_why_outvoted(const RelocOptions& options, const PlaceHypothesis& judged,
+                                             std::span<const PlaceHypothesis> hypotheses) {
   constexpr ptrdiff_t kToOne = 3;
   if (judged.said.changed) return std::nullopt;
-  const auto is_same = [&](const Tried& t) {
+  const auto is_same = [&](const PlaceHypothesis& t) {
     return t.candidate.map == judged.candidate.map && t.said.inliers > 0 && !contradict(t, judged);
   };
-  const auto pro =
-      std::ranges::count_if(tried, [&](const Tried& t) { return t.said.confirmed && is_same(t); });
-  const auto con = std::ranges::count_if(tried, [&](const Tried& t) {
-    return !t.said.confirmed && t.said.strange_parts > options.confirm.by_picture.strange_parts && is_same(t);
+  const auto pro = std::ranges::count_if(
+      hypotheses, [&](const PlaceHypothesis& t) { return t.said.confirmed && is_same(t); });
+  const auto con = std::ranges::count_if(hypotheses, [&](const PlaceHypothesis& t) {
+    return !t.said.confirmed && t.said.inconsistent_cells > options.confirm.by_image.inconsistent_cells &&
+           is_same(t);
   });
   if (con < kToOne * pro) return std::nullopt;
   return fmt::format("{} keyframes show this place otherwise in part, {} as it is", con, pro);
@@ -133,16 +138,16 @@ size_t count_in_common(const IndexedKeyframe& a, const IndexedKeyframe& b, size_
   return shared;
 }
 
-bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const Tried& tried) {
-  return map == tried.candidate.map &&
-         count_in_common(keyframe, tried.ranked.indexed(), kInCommon) == kInCommon;
+bool is_of_place(const IndexedKeyframe& keyframe, const MapId& map, const PlaceHypothesis& hypothesis) {
+  return map == hypothesis.candidate.map &&
+         count_in_common(keyframe, hypothesis.ranked.indexed(), kInCommon) == kInCommon;
 }
 
-std::optional<std::string> find_why_refused(const RelocOptions& options, const Tried& judged,
-                                            std::span<const Tried> tried) {
-  auto refusal = find_why_contradicted(judged, tried);
-  if (!refusal) refusal = find_why_outvoted(options, judged, tried);
-  return refusal ? refusal : find_why_common(options, judged, tried);
+std::optional<std::string> find_why_refused(const RelocOptions& options, const PlaceHypothesis& judged,
+                                            std::span<const PlaceHypothesis> hypotheses) {
+  auto refusal = find_why_contradicted(judged, hypotheses);
+  if (!refusal) refusal = find_why_outvoted(options, judged, hypotheses);
+  return refusal ? refusal : find_why_common(options, judged, hypotheses);
 }
 
 }  // namespace cairn

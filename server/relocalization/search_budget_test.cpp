@@ -60,7 +60,7 @@ class SearchBudgetTest : public ::testing::Test {
   const Scene* scene_ = nullptr;
   const PlaceView* view_ = nullptr;
   IndexedMapPtr decoys_;
-  IndexedMapPtr right_;            ///< mapped from where the question is asked
+  IndexedMapPtr right_;            ///< mapped from where the query was taken
   IndexedMapPtr right_from_afar_;  ///< from farther off than the decoys
   RelocOptions options_;
 };
@@ -79,7 +79,7 @@ TEST_F(SearchBudgetTest, WhereAPlaceIsBelievedMoreOfItsRivalsAre) {
   EXPECT_EQ(decoys_tried(answer), 6 + 3 - 1);
 }
 
-TEST_F(SearchBudgetTest, NotOfOneThatIsRefuted) {
+TEST_F(SearchBudgetTest, NotOfOneThatIsRejected) {
   options_.least_margin = kNever;
   const PlaceAnswer answer = ask({decoys_, right_});
   EXPECT_EQ(answer.verdict, PlaceVerdict::kNotKnown);

@@ -85,7 +85,7 @@ void PlaceDesk::plant_if_needed() {
 }
 
 void PlaceDesk::plant() {
-  std::optional<PictureForestPtr> forest;
+  std::optional<ImageForestPtr> forest;
   try {
     forest = plant_forest(*index(), options_.most_scanned);
   } catch (const std::exception& problem) {  // memory: the scan goes on, and the next change tries again
@@ -95,7 +95,7 @@ void PlaceDesk::plant() {
   lanes_.indexers.submit([self = shared_from_this(), forest = std::move(forest)] { self->adopt(forest); });
 }
 
-void PlaceDesk::adopt(std::optional<PictureForestPtr> forest) {
+void PlaceDesk::adopt(std::optional<ImageForestPtr> forest) {
   const std::scoped_lock one_at_a_time(changing_);
   planting_ = false;
   if (!forest) return;
@@ -124,7 +124,7 @@ void PlaceDesk::ask(PlaceQuery query, Done done) {
       RelocOptions options = self->options_;
       if (query->lockstep) {
         self->catch_up();
-        options.search = PictureSearch::kScan;
+        options.search = ImageSearch::kScan;
       }
       answer = relocalize(*self->index(), *query->camera, query->view, options, query->scope);
     } catch (const std::exception& problem) {  // memory, a library: who has asked may ask again

@@ -80,7 +80,7 @@ class PlaceDesk : public std::enable_shared_from_this<PlaceDesk> {
   void plant_if_needed();
   void plant();
   /// Nothing: planting failed.
-  void adopt(std::optional<PictureForestPtr> forest);
+  void adopt(std::optional<ImageForestPtr> forest);
   void publish(PlaceIndex next);
 
   const Lanes lanes_;

@@ -13,7 +13,7 @@
 #include "common/base/log.h"
 #include "common/image/frame_images.h"
 #include "server/relocalization/relocalizer.h"
-#include "server/relocalization/test_pictures.h"
+#include "server/relocalization/test_images.h"
 #include "tests/bench/picture_statistics.h"
 #include "tests/bench/recorded_map.h"
 #include "tests/bench/timing.h"
@@ -41,13 +41,13 @@ double us_since(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
 }
 
-/// A picture as it comes with a question, and whether its place is mapped.
-struct Question {
+/// A picture as it comes with a query, and whether its place is mapped.
+struct Query {
   TinyImage tiny;
   bool is_mapped = false;
 };
 
-/// A place that was recorded, and questions about it.
+/// A place that was recorded, and queries about it.
 struct RecordedPlace {
   CameraPtr camera;
   IndexedMapPtr map;
@@ -79,7 +79,7 @@ Result<RecordedPlace> record_place(const std::string& uri, size_t map_frames, si
   }
 }
 
-/// Maps of kKeyframesOfMap pictures each, as many as are asked for, and questions about them.
+/// Maps of kKeyframesOfMap pictures each, as many as are asked for, and queries about them.
 class World {
  public:
   /// `recorded`: null, or a place that is mapped besides, whose words those of the others are made of.
@@ -98,20 +98,20 @@ class World {
         pictures.push_back(statistics_.draw_picture(places_.back(), &random_));
         words.push_back(draw_words(renaming));
       }
-      index.put(testing::picture_map(testing::map_id(static_cast<uint32_t>(places_.size())),
-                                     std::move(pictures), std::move(words)));
+      index.put(testing::image_map(testing::map_id(static_cast<uint32_t>(places_.size())),
+                                   std::move(pictures), std::move(words)));
     }
   }
   /// Every second one of a place that is mapped.
-  std::vector<Question> ask(size_t count) {
-    std::vector<Question> questions;
+  std::vector<Query> ask(size_t count) {
+    std::vector<Query> queries;
     for (size_t i = 0; i < count; ++i) {
       const bool is_mapped = i % 2 == 0;
       const Eigen::VectorXf place =
           is_mapped ? places_[random_() % places_.size()] : statistics_.draw_place(&random_);
-      questions.push_back({statistics_.draw_picture(place, &random_), is_mapped});
+      queries.push_back({statistics_.draw_picture(place, &random_), is_mapped});
     }
-    return questions;
+    return queries;
   }
 
   PlaceIndex index;
@@ -134,12 +134,12 @@ class World {
 };
 
 /// Every tiny image compared.
-std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryPicture& query, size_t count) {
+std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryImage& query, size_t count) {
   std::vector<Ranked> ranked;
   ranked.reserve(index.keyframe_count());
   for (const IndexedMapPtr& map : index.maps()) {
     for (size_t k = 0; k < map->keyframes.size(); ++k)
-      ranked.push_back({unlikeness(*map->keyframes[k], query), map.get(), k});
+      ranked.push_back({dissimilarity(*map->keyframes[k], query), map.get(), k});
   }
   const auto end = ranked.begin() + static_cast<ptrdiff_t>(std::min(count, ranked.size()));
   std::partial_sort(ranked.begin(), end, ranked.end(),
@@ -148,20 +148,20 @@ std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryPicture& que
   return ranked;
 }
 
-using Search = std::function<std::vector<Ranked>(const QueryPicture& query)>;
+using Search = std::function<std::vector<Ranked>(const QueryImage& query)>;
 
 struct Measured {
   std::vector<double> us;
   size_t wanted_mapped = 0, found_mapped = 0, wanted_else = 0, found_else = 0;
 };
 
-Measured measure(const std::vector<Question>& questions, const std::vector<std::vector<Ranked>>& exact,
+Measured measure(const std::vector<Query>& queries, const std::vector<std::vector<Ranked>>& exact,
                  size_t most, const Search& search) {
   Measured measured;
-  for (size_t q = 0; q < questions.size(); ++q) {
-    TinyImage tiny = questions[q].tiny;
+  for (size_t q = 0; q < queries.size(); ++q) {
+    TinyImage tiny = queries[q].tiny;
     const auto begin = std::chrono::steady_clock::now();
-    const std::vector<Ranked> found = search(QueryPicture(std::move(tiny)));
+    const std::vector<Ranked> found = search(QueryImage(std::move(tiny)));
     measured.us.push_back(us_since(begin));
     const size_t wanted = std::min(most, exact[q].size());
     const auto first = std::count_if(
@@ -169,8 +169,8 @@ Measured measure(const std::vector<Question>& questions, const std::vector<std::
           return std::any_of(found.begin(), found.end(),
                              [&](const Ranked& f) { return f.map == e.map && f.keyframe == e.keyframe; });
         });
-    (questions[q].is_mapped ? measured.wanted_mapped : measured.wanted_else) += wanted;
-    (questions[q].is_mapped ? measured.found_mapped : measured.found_else) += static_cast<size_t>(first);
+    (queries[q].is_mapped ? measured.wanted_mapped : measured.wanted_else) += wanted;
+    (queries[q].is_mapped ? measured.found_mapped : measured.found_else) += static_cast<size_t>(first);
   }
   return measured;
 }
@@ -197,24 +197,24 @@ double time_change(const PlaceIndex& index) {
   return percentile(us, 0.95);
 }
 
-/// Whole questions about the recorded place.
+/// Whole queries about the recorded place.
 void time_answers(const PlaceIndex& index, const RecordedPlace& place, const char* what) {
-  std::vector<double> by_picture;
+  std::vector<double> by_image;
   std::vector<double> with_words;
   size_t right = 0;
   for (const PlaceView& view : place.views) {
     const auto begin = std::chrono::steady_clock::now();
     const PlaceAnswer answer = relocalize(index, *place.camera, view);
     const double us = us_since(begin);
-    const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_picture_alone);
-    (is_early ? by_picture : with_words).push_back(us);
+    const bool is_early = answer.candidates.size() <= static_cast<size_t>(RelocOptions().by_image_alone);
+    (is_early ? by_image : with_words).push_back(us);
     if (answer.verdict == PlaceVerdict::kConfirmed &&
         answer.candidates.front().map == place.map->snapshot->map)
       ++right;
   }
   std::printf("| %zu | %s | %zu of %zu | %zu: %.1f / %.1f | %zu: %.1f / %.1f |\n", index.keyframe_count(),
-              what, right, place.views.size(), by_picture.size(), percentile(by_picture, 0.5) * 1e-3,
-              percentile(by_picture, 0.95) * 1e-3, with_words.size(), percentile(with_words, 0.5) * 1e-3,
+              what, right, place.views.size(), by_image.size(), percentile(by_image, 0.5) * 1e-3,
+              percentile(by_image, 0.95) * 1e-3, with_words.size(), percentile(with_words, 0.5) * 1e-3,
               percentile(with_words, 0.95) * 1e-3);
   std::fflush(stdout);
 }
@@ -229,35 +229,34 @@ void run_answers(World* world, const RecordedPlace& place, size_t keyframes) {
 
 void run_size(World* world, size_t keyframes, size_t count) {
   world->grow_to(keyframes);
-  const std::vector<Question> questions = world->ask(count);
+  const std::vector<Query> queries = world->ask(count);
   std::vector<std::vector<Ranked>> exact;
-  for (const Question& q : questions)
-    exact.push_back(compare_all(world->index, QueryPicture(q.tiny), kFused));
+  for (const Query& q : queries) exact.push_back(compare_all(world->index, QueryImage(q.tiny), kFused));
   PlaceIndex& index = world->index;
-  const auto look = [&](size_t wanted, size_t most, PictureSearch search) {
-    return measure(questions, exact, wanted, [&, most, search](const QueryPicture& query) {
-      return NearPictures(index, query, search).alike(most);
+  const auto look = [&](size_t wanted, size_t most, ImageSearch search) {
+    return measure(queries, exact, wanted, [&, most, search](const QueryImage& query) {
+      return NearImages(index, query, search).most_similar(most);
     });
   };
   report(keyframes, "all tiny images",
-         measure(questions, exact, kWanted,
+         measure(queries, exact, kWanted,
                  [&](const auto& query) { return compare_all(index, query, kShortlist); }),
          fmt::format("change {:.0f} us", time_change(index)));
-  report(keyframes, "scan of compact pictures", look(kWanted, kShortlist, PictureSearch::kScan),
-         fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactPicture)) * 1e-6));
-  report(keyframes, "scan, for the fused order", look(kFused, kFused, PictureSearch::kScan), "");
+  report(keyframes, "scan of compact images", look(kWanted, kShortlist, ImageSearch::kScan),
+         fmt::format("{:.1f} MB", static_cast<double>(keyframes * sizeof(CompactImage)) * 1e-6));
+  report(keyframes, "scan, for the fused order", look(kFused, kFused, ImageSearch::kScan), "");
   const auto begin = std::chrono::steady_clock::now();
-  PictureForestPtr forest = plant_forest(index, 0);
+  ImageForestPtr forest = plant_forest(index, 0);
   const double planted_us = us_since(begin);
   const size_t bytes = forest->bytes();
   const auto adopted = std::chrono::steady_clock::now();
   index.set_forest(std::move(forest));
   const double adopted_us = us_since(adopted);
-  report(keyframes, "forest", look(kWanted, kShortlist, PictureSearch::kForest),
+  report(keyframes, "forest", look(kWanted, kShortlist, ImageSearch::kForest),
          fmt::format("planted in {:.0f} ms, {:.1f} MB; adopted in {:.1f} ms; change {:.0f} us",
                      planted_us * 1e-3, static_cast<double>(bytes) * 1e-6, adopted_us * 1e-3,
                      time_change(index)));
-  report(keyframes, "forest, for the fused order", look(kFused, kFused, PictureSearch::kForest), "");
+  report(keyframes, "forest, for the fused order", look(kFused, kFused, ImageSearch::kForest), "");
   index.set_forest(nullptr);
 }
 
@@ -296,7 +295,7 @@ int main(int argc, char** argv) {
   app.add_option("--every", arguments.every, "of their frames is looked at")->check(CLI::PositiveNumber);
   app.add_option("--apart", arguments.apart, "frames between two pictures of one place")
       ->check(CLI::PositiveNumber);
-  app.add_option("--map", arguments.map, "a recording: whole questions about its place are timed, too");
+  app.add_option("--map", arguments.map, "a recording: whole queries about its place are timed, too");
   app.add_option("--map-frames", arguments.map_frames,
                  "frames that its map is made of; the others are asked about");
   app.add_option("--keyframes", arguments.sizes, "ascending");

@@ -14,10 +14,10 @@
 
 #include "client/tracking/motion.h"
 #include "client/tracking/point_search.h"
+#include "common/image/box_sums.h"
 #include "common/image/frame_images.h"
 #include "common/image/patch.h"
 #include "common/image/place.h"
-#include "common/image/window_sums.h"
 #include "tests/world/simulator.h"
 
 namespace cairn {
@@ -156,22 +156,22 @@ std::vector<PixelRun> strip_beside(Corner corner) {
   return runs;
 }
 
-void BM_FindAlike(benchmark::State& state) {
+void BM_ZmssdSearch(benchmark::State& state) {
   const PatchAtCorner at;
   const GrayView image = prepared().pyramid.level(0).view();
-  const WindowSums sums(image);
+  const BoxSums sums(image);
   const std::vector<PixelRun> runs = strip_beside(at.corner);
   std::vector<PatchMatch> found;
   for (auto _ : state) {
     found.clear();
     int limit = kMaxZmssd;
-    find_alike(at.patch, image, sums, runs, 0.7F, &limit, &found);
+    search_zmssd(at.patch, image, sums, runs, 0.7F, &limit, &found);
     benchmark::DoNotOptimize(found.data());
   }
 }
-BENCHMARK(BM_FindAlike);
+BENCHMARK(BM_ZmssdSearch);
 
-void BM_FindAlikeOneByOne(benchmark::State& state) {
+void BM_ZmssdSearchOneByOne(benchmark::State& state) {
   const PatchAtCorner at;
   const GrayView image = prepared().pyramid.level(0).view();
   const std::vector<PixelRun> runs = strip_beside(at.corner);
@@ -184,12 +184,12 @@ void BM_FindAlikeOneByOne(benchmark::State& state) {
     benchmark::DoNotOptimize(best);
   }
 }
-BENCHMARK(BM_FindAlikeOneByOne);
+BENCHMARK(BM_ZmssdSearchOneByOne);
 
-void BM_WindowSums(benchmark::State& state) {
-  for (auto _ : state) benchmark::DoNotOptimize(WindowSums(prepared().pyramid.level(0).view()));
+void BM_BoxSums(benchmark::State& state) {
+  for (auto _ : state) benchmark::DoNotOptimize(BoxSums(prepared().pyramid.level(0).view()));
 }
-BENCHMARK(BM_WindowSums);
+BENCHMARK(BM_BoxSums);
 
 /// A map of `count` points strewn over a table of 2 x 2 m, cut by one keyframe 1 m above it.
 MapSnapshotPtr table_of_points(int count) {

@@ -87,7 +87,7 @@ std::optional<Said> ask_words_confirmed(const PlaceIndex& index, const Camera& c
   const CornerGrid grid(view, camera);
   for (const Voted& v : vote_everywhere(index, view, cells, static_cast<size_t>(options.shortlist))) {
     const Confirmation said = confirm(view, cells, grid, camera, *v.map, v.keyframe,
-                                      glance_at(view, cells, *v.map, v.keyframe), options.confirm);
+                                      run_prefilter(view, cells, *v.map, v.keyframe), options.confirm);
     if (!said.confirmed) continue;
     const KeyframePose* k = v.map->snapshot->find(v.map->keyframes[v.keyframe]->id);
     return Said{v.map->snapshot->map, k->id, *said.camera_from_map * k->camera_from_map.inverse()};
@@ -126,7 +126,7 @@ Judged judge(const Place& place, const Query& query, const std::optional<Said>& 
 /// Of one method under one light.
 struct Score {
   Recall recall;       ///< with all maps
-  size_t foreign = 0;  ///< questions to an index without the place's own map
+  size_t foreign = 0;  ///< queries to an index without the place's own map
   size_t claimed = 0;  ///< of these, answered
   AnswerTimes times;   ///< with all maps
 
@@ -197,7 +197,7 @@ class Examination {
     say("not found; " + find_cause(place, view));
   }
 
-  /// Where a question about a mapped place is lost: the keyframe of its own map that geometry likes best, the
+  /// Where a query about a mapped place is lost: the keyframe of its own map that geometry likes best, the
   /// rank it has by its picture and by words, and what geometry says of it.
   [[nodiscard]] std::string find_cause(const Place& place, const PlaceView& view) const {
     const IndexedMap& map = *place.map;
@@ -210,8 +210,8 @@ class Examination {
       return std::tuple(c.confirmed, c.inliers, c.agreeing, c.supported);
     };
     for (size_t k = 0; k < map.keyframes.size(); ++k) {
-      const Confirmation said =
-          confirm(view, cells, grid, *place.camera, map, k, glance_at(view, cells, map, k), options.confirm);
+      const Confirmation said = confirm(view, cells, grid, *place.camera, map, k,
+                                        run_prefilter(view, cells, map, k), options.confirm);
       if (k > 0 && merit(said) <= merit(most)) continue;
       most = said;
       best = k;
@@ -221,14 +221,14 @@ class Examination {
                                    [&](const auto& r) { return r.map == &map && r.keyframe == best; });
       return at - ranked.begin() + 1;
     };
-    const QueryPicture picture(TinyImage(view.small, kPlaceBlur));
+    const QueryImage query(TinyImage(view.small, kPlaceBlur));
     const size_t all = all_.keyframe_count();
     return fmt::format(
         "{} corners; rank {} by picture, {} by words; {} matches, {} supported, {} agree, {} of {} "
         "met, {} of {} expected, alike {:.2f}, order {:.2f}, unity {:.2f}, evidence {:.2f}: {}",
-        view.corners.size(), rank(NearPictures(all_, picture, PictureSearch::kScan, all).alike(all)),
+        view.corners.size(), rank(NearImages(all_, query, ImageSearch::kScan, all).most_similar(all)),
         rank(vote_everywhere(all_, view, cells, all)), most.matches, most.supported, most.agreeing,
-        most.inliers, most.met, most.inliers, most.expected, most.alikeness, most.order, unity(most),
+        most.inliers, most.met, most.inliers, most.expected, most.similarity, most.order, unity(most),
         evidence(most), most.confirmed ? "confirmed" : most.reason);
   }
 
@@ -293,9 +293,9 @@ AnswerTimes times_in_all_lights(const std::vector<Scores>& totals) {
 
 /// They depend on the machine and on what else it does.
 bool are_quick(const AnswerTimes& times) {
-  constexpr double kMostByPicture = 5;  // [ms]
+  constexpr double kMostByImage = 5;  // [ms]
   constexpr double kMostWithWords = 15;
-  return percentile(times.by_picture(), 0.95) <= kMostByPicture &&
+  return percentile(times.by_image(), 0.95) <= kMostByImage &&
          percentile(times.by_words(), 0.95) <= kMostWithWords;
 }
 

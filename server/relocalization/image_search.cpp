@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/picture_search.h"
+#include "server/relocalization/image_search.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace cairn {
 namespace {
 
-/// [unlikeness] by which a bound may be wrong: the rounding of float sums over the image, divided by its
+/// [dissimilarity] by which a bound may be wrong: the rounding of float sums over the image, divided by its
 /// contrast.
 constexpr float kRounding = 1e-3F;
 
@@ -19,12 +19,12 @@ bool is_better(const Ranked& a, const Ranked& b) {
          std::tie(b.cost, b.map->snapshot->map, b.keyframe);
 }
 
-/// The unlikeness of pictures whose compact pictures are so far apart is not below.
+/// The dissimilarity of images whose compact images are so far apart is not below.
 float bound_at(float distance) {
   return 0.5F * distance - kRounding;
 }
 
-bool is_nearer(const NearPicture& a, const NearPicture& b) {
+bool is_nearer(const NearImage& a, const NearImage& b) {
   return a.distance < b.distance;
 }
 
@@ -36,7 +36,7 @@ class NearestFew {
   /// What is not nearer is of no use.
   [[nodiscard]] float limit() const { return is_full() ? heap_.front().distance : kInfinity; }
   [[nodiscard]] bool is_full() const { return heap_.size() == count_; }
-  void offer(const NearPicture& near) {
+  void offer(const NearImage& near) {
     if (!(near.distance < limit())) return;
     heap_.push_back(near);
     std::push_heap(heap_.begin(), heap_.end(), is_nearer);
@@ -44,7 +44,7 @@ class NearestFew {
     std::pop_heap(heap_.begin(), heap_.end(), is_nearer);
     heap_.pop_back();
   }
-  [[nodiscard]] std::vector<NearPicture> take_sorted() {
+  [[nodiscard]] std::vector<NearImage> take_sorted() {
     std::sort_heap(heap_.begin(), heap_.end(), is_nearer);
     return std::move(heap_);
   }
@@ -52,26 +52,26 @@ class NearestFew {
  private:
   static constexpr float kInfinity = std::numeric_limits<float>::infinity();
   size_t count_;
-  std::vector<NearPicture> heap_;
+  std::vector<NearImage> heap_;
 };
 
-/// Calls `found` for each picture nearer than `limit()` says by then.
+/// Calls `found` for each image nearer than `limit()` says by then.
 template <typename Limit, typename Found>
-void scan(const IndexedMap& map, const CompactPicture& query, const Limit& limit, const Found& found) {
-  for (uint32_t k = 0; k < map.pictures.size(); ++k) {
+void scan(const IndexedMap& map, const CompactImage& query, const Limit& limit, const Found& found) {
+  for (uint32_t k = 0; k < map.images.size(); ++k) {
     const float most = limit();
-    const float distance = compact_distance(map.pictures[k], query, most);
-    if (distance < most) found(NearPicture{distance, {&map, k}});
+    const float distance = compact_distance(map.images[k], query, most);
+    if (distance < most) found(NearImage{distance, {&map, k}});
   }
 }
 
 /// The best `count` by exact comparison of those that their bounds do not exclude. `near`: nearest first.
-std::vector<Ranked> compare_exactly(const std::vector<NearPicture>& near, const QueryPicture& query,
+std::vector<Ranked> compare_exactly(const std::vector<NearImage>& near, const QueryImage& query,
                                     size_t count) {
   std::vector<Ranked> best;
-  for (const NearPicture& n : near) {
+  for (const NearImage& n : near) {
     if (best.size() == count && bound_at(n.distance) > best.back().cost) break;
-    const Ranked ranked{unlikeness(*n.place.map->keyframes[n.place.keyframe], query), n.place.map,
+    const Ranked ranked{dissimilarity(*n.place.map->keyframes[n.place.keyframe], query), n.place.map,
                         n.place.keyframe};
     best.insert(std::upper_bound(best.begin(), best.end(), ranked, is_better), ranked);
     if (best.size() > count) best.pop_back();
@@ -79,44 +79,44 @@ std::vector<Ranked> compare_exactly(const std::vector<NearPicture>& near, const 
   return best;
 }
 
-NearestFew scan_all(const PlaceIndex& index, const CompactPicture& query, size_t count) {
+NearestFew scan_all(const PlaceIndex& index, const CompactImage& query, size_t count) {
   NearestFew few(count);
   for (const IndexedMapPtr& map : index.maps())
     scan(
-        *map, query, [&] { return few.limit(); }, [&](const NearPicture& n) { few.offer(n); });
+        *map, query, [&] { return few.limit(); }, [&](const NearImage& n) { few.offer(n); });
   return few;
 }
 
-NearestFew ask_forest(const PlaceIndex& index, const CompactPicture& query, size_t count) {
+NearestFew ask_forest(const PlaceIndex& index, const CompactImage& query, size_t count) {
   NearestFew few(count);
   const auto planted = index.planted();
   const auto is_there = [&](uint32_t slot) { return planted[slot].map != nullptr; };
   for (const auto& found : index.forest()->find(query, count, is_there))
     few.offer({found.distance, planted[found.slot]});
   for (const KeyframePlace& place : index.unplanted()) {
-    const float distance = compact_distance(place.map->pictures[place.keyframe], query, few.limit());
+    const float distance = compact_distance(place.map->images[place.keyframe], query, few.limit());
     few.offer({distance, place});
   }
   return few;
 }
 
-/// All whose unlikeness may be `most` or less, nearest first.
-std::vector<NearPicture> scan_within(const PlaceIndex& index, const CompactPicture& query, float most) {
-  std::vector<NearPicture> within;
+/// All whose dissimilarity may be `most` or less, nearest first.
+std::vector<NearImage> scan_within(const PlaceIndex& index, const CompactImage& query, float most) {
+  std::vector<NearImage> within;
   const float limit = 2 * (most + 2 * kRounding);
   for (const IndexedMapPtr& map : index.maps())
     scan(
-        *map, query, [&] { return limit; }, [&](const NearPicture& n) { within.push_back(n); });
+        *map, query, [&] { return limit; }, [&](const NearImage& n) { within.push_back(n); });
   std::sort(within.begin(), within.end(), is_nearer);
   return within;
 }
 
 }  // namespace
 
-QueryPicture::QueryPicture(TinyImage of)
+QueryImage::QueryImage(TinyImage of)
     : tiny(std::move(of)), contrast(contrast_of(tiny)), compact(make_compact(tiny)) {}
 
-float unlikeness(const IndexedKeyframe& keyframe, const QueryPicture& query) {
+float dissimilarity(const IndexedKeyframe& keyframe, const QueryImage& query) {
   const float difference = tiny_difference(keyframe.tiny, query.tiny);
   if (!std::isfinite(difference)) return difference;
   const float a = keyframe.contrast;
@@ -126,37 +126,36 @@ float unlikeness(const IndexedKeyframe& keyframe, const QueryPicture& query) {
   return 1 - (a * a + b * b - difference) / product;
 }
 
-NearPictures::NearPictures(const PlaceIndex& index, const QueryPicture& query, PictureSearch search,
-                           size_t pictures)
+NearImages::NearImages(const PlaceIndex& index, const QueryImage& query, ImageSearch search, size_t images)
     : index_(index),
       query_(query),
-      by_forest_(search == PictureSearch::kForest && index.forest() != nullptr),
-      pictures_(std::max<size_t>(1, pictures)) {
+      by_forest_(search == ImageSearch::kForest && index.forest() != nullptr),
+      images_(std::max<size_t>(1, images)) {
   if (!(query.contrast > 0)) return;
   NearestFew few =
-      by_forest_ ? ask_forest(index, query.compact, pictures_) : scan_all(index, query.compact, pictures_);
+      by_forest_ ? ask_forest(index, query.compact, images_) : scan_all(index, query.compact, images_);
   near_ = few.take_sorted();
 }
 
-std::vector<Ranked> NearPictures::alike(size_t count) const {
+std::vector<Ranked> NearImages::most_similar(size_t count) const {
   if (count == 0) return {};
   std::vector<Ranked> best = compare_exactly(near_, query_, count);
-  if (by_forest_ || near_.size() < pictures_) return best;  // there are no more
+  if (by_forest_ || near_.size() < images_) return best;  // there are no more
   const float worst = best.size() < count ? std::numeric_limits<float>::infinity() : best.back().cost;
   if (bound_at(near_.back().distance) > worst) return best;
   return compare_exactly(scan_within(index_, query_.compact, worst), query_, count);
 }
 
-std::vector<const IndexedMap*> NearPictures::maps() const {
+std::vector<const IndexedMap*> NearImages::maps() const {
   std::vector<const IndexedMap*> maps;
-  if (index_.keyframe_count() <= pictures_ || !(query_.contrast > 0)) {
+  if (index_.keyframe_count() <= images_ || !(query_.contrast > 0)) {
     for (const IndexedMapPtr& map : index_.maps()) maps.push_back(map.get());
     return maps;
   }
-  for (const NearPicture& near : near_) maps.push_back(near.place.map);
+  for (const NearImage& near : near_) maps.push_back(near.place.map);
   for (const IndexedMapPtr& map : index_.maps()) {
-    if (map->pictures.empty()) continue;
-    if (!map->is_of_one_size || !is_comparable(map->pictures.front(), query_.compact))
+    if (map->images.empty()) continue;
+    if (!map->is_of_one_size || !is_comparable(map->images.front(), query_.compact))
       maps.push_back(map.get());
   }
   std::sort(maps.begin(), maps.end(),

@@ -18,56 +18,56 @@ struct Ranked {
 };
 
 /// The tiny image of a query and what is derived of it once.
-struct QueryPicture {
-  explicit QueryPicture(TinyImage of);
+struct QueryImage {
+  explicit QueryImage(TinyImage of);
 
   TinyImage tiny;
   float contrast = 0;  ///< as IndexedKeyframe::contrast
-  CompactPicture compact;
+  CompactImage compact;
 };
 
 /// 1 - Pearson's correlation of the tiny images, which gain and bias do not change: 0 = alike, 1 = nothing in
 /// common. 2 without contrast; infinite for a keyframe whose tiny image has another size.
-[[nodiscard]] float unlikeness(const IndexedKeyframe& keyframe, const QueryPicture& query);
+[[nodiscard]] float dissimilarity(const IndexedKeyframe& keyframe, const QueryImage& query);
 
-/// How all pictures are gone through.
-enum class PictureSearch : uint8_t {
+/// How all images are gone through.
+enum class ImageSearch : uint8_t {
   kForest,  ///< those in the index's forest by it, the others by a scan: approximate where there is a forest
   kScan,    ///< all by a scan: exact, so an answer depends on the maps alone
 };
 
-/// A keyframe and the distance of its compact picture.
-struct NearPicture {
+/// A keyframe and the distance of its compact image.
+struct NearImage {
   float distance = 0;
   KeyframePlace place;
 };
 
-/// Pictures that a question looks at: its words vote for keyframes of the maps of these (without a bound
+/// Images that a query looks at: its words vote for keyframes of the maps of these (without a bound
 /// their lists are most of the time from some thousand keyframes on), and the most alike are among them.
-constexpr size_t kPicturesNear = 512;
+constexpr size_t kImagesNear = 512;
 
-/// The `pictures` keyframes (one at least) that are nearest to a query by their compact pictures, found once,
+/// The `images` keyframes (one at least) that are nearest to a query by their compact images, found once,
 /// then asked. Index and query have to outlive it.
-class NearPictures {
+class NearImages {
  public:
-  NearPictures(const PlaceIndex& index, const QueryPicture& query, PictureSearch search,
-               size_t pictures = kPicturesNear);
+  NearImages(const PlaceIndex& index, const QueryImage& query, ImageSearch search,
+             size_t images = kImagesNear);
 
-  /// The `count` keyframes of the lowest unlikeness(), best first; ties go by ids. Pictures of another size,
+  /// The `count` keyframes of the lowest dissimilarity(), best first; ties go by ids. Images of another size,
   /// and those of a query without contrast, are not among them. What is near is compared exactly: the
-  /// distance of compact pictures is a bound of the unlikeness, so a scan leaves out nothing, and a forest
+  /// distance of compact images is a bound of the dissimilarity, so a scan leaves out nothing, and a forest
   /// what it has not found near.
-  [[nodiscard]] std::vector<Ranked> alike(size_t count) const;
+  [[nodiscard]] std::vector<Ranked> most_similar(size_t count) const;
   /// Their maps, ascending by id: all where there are not more keyframes, or the query has no contrast. A map
-  /// with pictures of another size, which cannot be compared, is always one of them.
+  /// with images of another size, which cannot be compared, is always one of them.
   [[nodiscard]] std::vector<const IndexedMap*> maps() const;
 
  private:
   const PlaceIndex& index_;
-  const QueryPicture& query_;
+  const QueryImage& query_;
   const bool by_forest_;
-  const size_t pictures_;
-  std::vector<NearPicture> near_;  ///< nearest first
+  const size_t images_;
+  std::vector<NearImage> near_;  ///< nearest first
 };
 
 /// As Castle et al. 2008: the keyframe with the smallest mean squared difference, which is the cost. Null

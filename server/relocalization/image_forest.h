@@ -12,16 +12,16 @@
 
 namespace cairn {
 
-/// The nearest of many compact pictures, by FLANN's randomised kd-trees (Muja and Lowe, PAMI 2014):
+/// The nearest of many compact images, by FLANN's randomised kd-trees (Muja and Lowe, PAMI 2014):
 /// approximate, so more are asked for than are wanted and compared exactly afterwards. Immutable; any number
 /// of threads may ask. The trees are drawn from the machine's entropy (FLANN 1.9.2 takes no seed), so what is
 /// left out differs from one planting to the next.
-class PictureForest {
+class ImageForest {
  public:
-  struct Picture {
+  struct Image {
     MapId map;
     KeyframeId keyframe;
-    CompactPicture compact;
+    CompactImage compact;
   };
   /// Of whom a slot was made.
   struct Slot {
@@ -34,28 +34,28 @@ class PictureForest {
     uint32_t slot = 0;
   };
 
-  /// Plants trees for the pictures of each size. Ascending by map and keyframe, each once. A second for 100
+  /// Plants trees for the images of each size. Ascending by map and keyframe, each once. A second for 100
   /// 000: not for a thread that anybody waits for.
-  explicit PictureForest(std::span<const Picture> pictures);
-  ~PictureForest();
-  PictureForest(const PictureForest&) = delete;
-  PictureForest& operator=(const PictureForest&) = delete;
+  explicit ImageForest(std::span<const Image> images);
+  ~ImageForest();
+  ImageForest(const ImageForest&) = delete;
+  ImageForest& operator=(const ImageForest&) = delete;
 
-  /// By index of the pictures it was made of.
+  /// By index of the images it was made of.
   [[nodiscard]] const std::vector<Slot>& slots() const { return slots_; }
-  /// The picture that a slot was made of.
-  [[nodiscard]] const CompactPicture& picture(size_t slot) const { return *rows_[slot]; }
+  /// The image that a slot was made of.
+  [[nodiscard]] const CompactImage& image(size_t slot) const { return *rows_[slot]; }
   /// At most `count` slots near the query, of its size and for which `is_there` holds, ascending by distance.
-  [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
+  [[nodiscard]] std::vector<Found> find(const CompactImage& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const;
   [[nodiscard]] size_t bytes() const;
 
  private:
   class Trees;
   std::vector<Slot> slots_;
-  std::vector<const CompactPicture*> rows_;          ///< of `trees_`, by slot
-  std::vector<std::unique_ptr<const Trees>> trees_;  ///< one for each size of picture
+  std::vector<const CompactImage*> rows_;            ///< of `trees_`, by slot
+  std::vector<std::unique_ptr<const Trees>> trees_;  ///< one for each size of image
 };
-using PictureForestPtr = std::shared_ptr<const PictureForest>;
+using ImageForestPtr = std::shared_ptr<const ImageForest>;
 
 }  // namespace cairn

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/picture_forest.h"
+#include "server/relocalization/image_forest.h"
 
 #include <flann/algorithms/dist.h>
 #include <flann/algorithms/kdtree_index.h>
@@ -11,7 +11,7 @@ namespace cairn {
 namespace {
 
 constexpr int kTrees = 4;
-constexpr int kChecks = 4096;  ///< pictures compared before a search ends (recall and time: tests/bench)
+constexpr int kChecks = 4096;  ///< images compared before a search ends (recall and time: tests/bench)
 
 /// compact_distance() as FLANN wants it.
 struct Distance {
@@ -43,66 +43,66 @@ class NearestThere : public flann::ResultSet<float> {
   }
   void addPoint(float distance, size_t row) override {
     if (distance >= worstDist() || !is_there_(slots_[row])) return;
-    const PictureForest::Found found{distance, slots_[row]};
+    const ImageForest::Found found{distance, slots_[row]};
     const auto at = std::upper_bound(nearest_.begin(), nearest_.end(), found,
                                      [](const auto& a, const auto& b) { return a.distance < b.distance; });
     nearest_.insert(at, found);
     if (nearest_.size() > count_) nearest_.pop_back();
   }
-  [[nodiscard]] std::vector<PictureForest::Found> take() { return std::move(nearest_); }
+  [[nodiscard]] std::vector<ImageForest::Found> take() { return std::move(nearest_); }
 
  private:
   size_t count_;
   std::span<const uint32_t> slots_;
   const std::function<bool(uint32_t slot)>& is_there_;
-  std::vector<PictureForest::Found> nearest_;
+  std::vector<ImageForest::Found> nearest_;
 };
 
 }  // namespace
 
-/// Of pictures of one size.
-class PictureForest::Trees {
+/// Of images of one size.
+class ImageForest::Trees {
  public:
-  Trees(std::vector<CompactPicture> pictures, std::vector<uint32_t> slots)
-      : pictures_(std::move(pictures)),
+  Trees(std::vector<CompactImage> images, std::vector<uint32_t> slots)
+      : images_(std::move(images)),
         slots_(std::move(slots)),
         // FLANN keeps pointers to the rows and does not write to them.
-        index_(flann::Matrix<float>(pictures_.front().values.data(), pictures_.size(), kCompactSize,
-                                    sizeof(CompactPicture)),
+        index_(flann::Matrix<float>(images_.front().values.data(), images_.size(), kCompactSize,
+                                    sizeof(CompactImage)),
                flann::KDTreeIndexParams(kTrees)) {
     index_.buildIndex();
   }
 
-  [[nodiscard]] bool has_size_of(const CompactPicture& query) const {
-    return is_comparable(query, pictures_.front());
+  [[nodiscard]] bool has_size_of(const CompactImage& query) const {
+    return is_comparable(query, images_.front());
   }
-  [[nodiscard]] std::vector<Found> find(const CompactPicture& query, size_t count,
+  [[nodiscard]] std::vector<Found> find(const CompactImage& query, size_t count,
                                         const std::function<bool(uint32_t slot)>& is_there) const {
-    NearestThere nearest(std::min(count, pictures_.size()), slots_, is_there);
+    NearestThere nearest(std::min(count, images_.size()), slots_, is_there);
     index_.findNeighbors(nearest, query.values.data(), flann::SearchParams(kChecks));
     return nearest.take();
   }
-  [[nodiscard]] const std::vector<CompactPicture>& pictures() const { return pictures_; }
+  [[nodiscard]] const std::vector<CompactImage>& images() const { return images_; }
   [[nodiscard]] size_t bytes() const {
-    return pictures_.size() * (sizeof(CompactPicture) + sizeof(uint32_t)) +
+    return images_.size() * (sizeof(CompactImage) + sizeof(uint32_t)) +
            static_cast<size_t>(index_.usedMemory());
   }
 
  private:
-  std::vector<CompactPicture> pictures_;
+  std::vector<CompactImage> images_;
   std::vector<uint32_t> slots_;  ///< by row
   flann::KDTreeIndex<Distance> index_;
 };
 
-PictureForest::PictureForest(std::span<const Picture> pictures) {
-  slots_.reserve(pictures.size());
+ImageForest::ImageForest(std::span<const Image> images) {
+  slots_.reserve(images.size());
   std::vector<uint32_t> by_size;
-  for (const Picture& p : pictures) {
+  for (const Image& p : images) {
     by_size.push_back(static_cast<uint32_t>(slots_.size()));
     slots_.push_back({p.map, p.keyframe});
   }
   const auto size_of = [&](uint32_t slot) {
-    return std::pair(pictures[slot].compact.width, pictures[slot].compact.height);
+    return std::pair(images[slot].compact.width, images[slot].compact.height);
   };
   std::stable_sort(by_size.begin(), by_size.end(),
                    [&](uint32_t a, uint32_t b) { return size_of(a) < size_of(b); });
@@ -110,28 +110,28 @@ PictureForest::PictureForest(std::span<const Picture> pictures) {
   for (auto begin = by_size.begin(); begin != by_size.end();) {
     const auto end =
         std::find_if(begin, by_size.end(), [&](uint32_t slot) { return size_of(slot) != size_of(*begin); });
-    std::vector<CompactPicture> rows;
+    std::vector<CompactImage> rows;
     rows.reserve(static_cast<size_t>(end - begin));
-    for (auto slot = begin; slot != end; ++slot) rows.push_back(pictures[*slot].compact);
+    for (auto slot = begin; slot != end; ++slot) rows.push_back(images[*slot].compact);
     trees_.push_back(std::make_unique<const Trees>(std::move(rows), std::vector(begin, end)));
-    const CompactPicture* row = trees_.back()->pictures().data();
+    const CompactImage* row = trees_.back()->images().data();
     for (auto slot = begin; slot != end; ++slot) rows_[*slot] = row++;
     begin = end;
   }
 }
 
-PictureForest::~PictureForest() = default;
+ImageForest::~ImageForest() = default;
 
-std::vector<PictureForest::Found> PictureForest::find(
-    const CompactPicture& query, size_t count, const std::function<bool(uint32_t slot)>& is_there) const {
+std::vector<ImageForest::Found> ImageForest::find(const CompactImage& query, size_t count,
+                                                  const std::function<bool(uint32_t slot)>& is_there) const {
   for (const auto& trees : trees_) {
     if (trees->has_size_of(query)) return trees->find(query, count, is_there);
   }
   return {};
 }
 
-size_t PictureForest::bytes() const {
-  size_t sum = slots_.size() * (sizeof(Slot) + sizeof(const CompactPicture*));
+size_t ImageForest::bytes() const {
+  size_t sum = slots_.size() * (sizeof(Slot) + sizeof(const CompactImage*));
   for (const auto& trees : trees_) sum += trees->bytes();
   return sum;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/picture_search.h"
+#include "server/relocalization/image_search.h"
 
 #include <gtest/gtest.h>
 
@@ -7,14 +7,14 @@
 #include <random>
 #include <set>
 
-#include "server/relocalization/test_pictures.h"
+#include "server/relocalization/test_images.h"
 
 namespace cairn {
 namespace {
 
+using testing::image_map;
 using testing::LeafPlace;
 using testing::map_id;
-using testing::picture_map;
 
 constexpr size_t kKeyframes = 20;  // of each map
 
@@ -27,16 +27,16 @@ TinyImage random_view(const LeafPlace& place, std::mt19937_64* random) {
   return place.view(dx, dy, 0.5F + 0.5F * static_cast<float>((*random)() % 100) / 100);
 }
 
-std::vector<TinyImage> make_pictures(uint32_t place_number, size_t count) {
+std::vector<TinyImage> make_images(uint32_t place_number, size_t count) {
   std::mt19937_64 random(place_number);
   const LeafPlace place(place_number);
-  std::vector<TinyImage> pictures;
-  for (size_t i = 0; i < count; ++i) pictures.push_back(random_view(place, &random));
-  return pictures;
+  std::vector<TinyImage> images;
+  for (size_t i = 0; i < count; ++i) images.push_back(random_view(place, &random));
+  return images;
 }
 
 IndexedMapPtr make_map(uint32_t number, size_t keyframes = kKeyframes) {
-  return picture_map(map_id(number), make_pictures(number, keyframes));
+  return image_map(map_id(number), make_images(number, keyframes));
 }
 
 PlaceIndex make_index(uint32_t maps) {
@@ -45,9 +45,9 @@ PlaceIndex make_index(uint32_t maps) {
   return index;
 }
 
-QueryPicture make_query(uint32_t place, uint64_t seed) {
+QueryImage make_query(uint32_t place, uint64_t seed) {
   std::mt19937_64 random(seed);
-  return QueryPicture(random_view(LeafPlace(place), &random));
+  return QueryImage(random_view(LeafPlace(place), &random));
 }
 
 bool is_same(const Ranked& a, const Ranked& b) {
@@ -55,19 +55,19 @@ bool is_same(const Ranked& a, const Ranked& b) {
 }
 
 /// All keyframes by what they cost, best first.
-std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryPicture& query) {
+std::vector<Ranked> compare_all(const PlaceIndex& index, const QueryImage& query) {
   std::vector<Ranked> all;
   for (const IndexedMapPtr& map : index.maps()) {
     for (size_t k = 0; k < map->keyframes.size(); ++k)
-      all.push_back({unlikeness(*map->keyframes[k], query), map.get(), k});
+      all.push_back({dissimilarity(*map->keyframes[k], query), map.get(), k});
   }
   std::stable_sort(all.begin(), all.end(), [](const Ranked& a, const Ranked& b) { return a.cost < b.cost; });
   return all;
 }
 
-std::vector<Ranked> find_alike(const PlaceIndex& index, const QueryPicture& query, size_t count,
-                               PictureSearch search) {
-  return NearPictures(index, query, search).alike(count);
+std::vector<Ranked> find_similar(const PlaceIndex& index, const QueryImage& query, size_t count,
+                                 ImageSearch search) {
+  return NearImages(index, query, search).most_similar(count);
 }
 
 /// What an index says of where its keyframes are must be so: each once, in its slot or in none.
@@ -89,15 +89,15 @@ void expect_consistent(const PlaceIndex& index) {
   EXPECT_EQ(known.size(), index.keyframe_count());
 }
 
-TEST(CompactPicture, IsNeverFartherThanThePictureAndLittleNearer) {
+TEST(CompactImage, IsNeverFartherThanTheImageAndLittleNearer) {
   double sum = 0;
   double compact_sum = 0;
   for (uint32_t a = 1; a <= 20; ++a) {
-    const QueryPicture query = make_query(a, a);
+    const QueryImage query = make_query(a, a);
     const IndexedMapPtr map = make_map(a + a % 2, 10);
     for (size_t k = 0; k < map->keyframes.size(); ++k) {
-      const float exact = 2 * unlikeness(*map->keyframes[k], query);
-      const float compact = compact_distance(map->pictures[k], make_compact(query.tiny));
+      const float exact = 2 * dissimilarity(*map->keyframes[k], query);
+      const float compact = compact_distance(map->images[k], make_compact(query.tiny));
       EXPECT_LE(compact, exact + 1e-5F);
       sum += static_cast<double>(exact);
       compact_sum += static_cast<double>(compact);
@@ -106,13 +106,13 @@ TEST(CompactPicture, IsNeverFartherThanThePictureAndLittleNearer) {
   EXPECT_GT(compact_sum, 0.98 * sum);
 }
 
-TEST(CompactPicture, GainAndBiasDoNotMatter) {
+TEST(CompactImage, GainAndBiasDoNotMatter) {
   const LeafPlace place(3);
   EXPECT_LT(compact_distance(make_compact(place.view(2, 3)), make_compact(place.view(2, 3, 0.5F))), 1e-3F);
 }
 
-/// A picture with fewer pixels than there are frequencies is described wholly by those it has.
-TEST(CompactPicture, SmallImagesAreKeptWhole) {
+/// An image with fewer pixels than there are frequencies is described wholly by those it has.
+TEST(CompactImage, SmallImagesAreKeptWhole) {
   std::mt19937_64 random(5);
   std::vector<TinyImage> images;
   for (int i = 0; i < 10; ++i) {
@@ -122,35 +122,35 @@ TEST(CompactPicture, SmallImagesAreKeptWhole) {
     }
     images.emplace_back(level3, 0.0F);
   }
-  const QueryPicture query(images.back());
-  const IndexedMapPtr map = picture_map(map_id(1), images);
+  const QueryImage query(images.back());
+  const IndexedMapPtr map = image_map(map_id(1), images);
   for (size_t k = 0; k < images.size(); ++k) {
-    EXPECT_NEAR(compact_distance(map->pictures[k], make_compact(query.tiny)),
-                2 * unlikeness(*map->keyframes[k], query), 1e-4F);
+    EXPECT_NEAR(compact_distance(map->images[k], make_compact(query.tiny)),
+                2 * dissimilarity(*map->keyframes[k], query), 1e-4F);
   }
 }
 
-TEST(CompactPicture, DistanceBeyondALimitIsBeyondIt) {
-  const CompactPicture a = make_compact(LeafPlace(1).view(0, 0));
-  const CompactPicture b = make_compact(LeafPlace(2).view(0, 0));
+TEST(CompactImage, DistanceBeyondALimitIsBeyondIt) {
+  const CompactImage a = make_compact(LeafPlace(1).view(0, 0));
+  const CompactImage b = make_compact(LeafPlace(2).view(0, 0));
   const float distance = compact_distance(a, b);
   for (const float share : {0.0F, 0.1F, 0.5F, 0.99F})
     EXPECT_GT(compact_distance(a, b, share * distance), share * distance);
   EXPECT_EQ(compact_distance(a, b, distance), distance);
-  CompactPicture wider = b;
+  CompactImage wider = b;
   ++wider.width;
   EXPECT_GT(compact_distance(a, wider), 1e30F);
 }
 
-TEST(FindAlike, AScanIsExact) {
+TEST(FindSimilar, AScanIsExact) {
   const PlaceIndex index = make_index(12);
   for (uint32_t place = 1; place <= 18; ++place) {  // six of them are of no map
-    const QueryPicture query = make_query(place, 100 + place);
+    const QueryImage query = make_query(place, 100 + place);
     const auto exact = compare_all(index, query);
-    for (const size_t pictures : {size_t{5}, size_t{48}, kPicturesNear}) {
-      const NearPictures near(index, query, PictureSearch::kScan, pictures);
+    for (const size_t images : {size_t{5}, size_t{48}, kImagesNear}) {
+      const NearImages near(index, query, ImageSearch::kScan, images);
       for (const size_t count : {size_t{1}, size_t{12}, size_t{500}}) {
-        const auto found = near.alike(count);
+        const auto found = near.most_similar(count);
         ASSERT_EQ(found.size(), std::min(count, exact.size()));
         for (size_t i = 0; i < found.size(); ++i)
           EXPECT_TRUE(is_same(found[i], exact[i])) << place << " " << i;
@@ -159,8 +159,8 @@ TEST(FindAlike, AScanIsExact) {
   }
 }
 
-/// Where compact pictures cannot tell pictures apart, a few of the nearest by them are not enough.
-TEST(FindAlike, AScanIsExactAlsoWhereTheDifferenceIsInHighFrequencies) {
+/// Where compact images cannot tell images apart, a few of the nearest by them are not enough.
+TEST(FindSimilar, AScanIsExactAlsoWhereTheDifferenceIsInHighFrequencies) {
   std::mt19937_64 random(9);
   const auto noisy = [&] {
     GrayImage level3(80, 60);
@@ -170,35 +170,35 @@ TEST(FindAlike, AScanIsExactAlsoWhereTheDifferenceIsInHighFrequencies) {
     }
     return TinyImage(level3, 0);
   };
-  std::vector<TinyImage> pictures;
-  for (int i = 0; i < 400; ++i) pictures.push_back(noisy());
+  std::vector<TinyImage> images;
+  for (int i = 0; i < 400; ++i) images.push_back(noisy());
   PlaceIndex index;
-  index.put(picture_map(map_id(1), std::move(pictures)));
+  index.put(image_map(map_id(1), std::move(images)));
   for (int i = 0; i < 5; ++i) {
-    const QueryPicture query(noisy());
+    const QueryImage query(noisy());
     const auto exact = compare_all(index, query);
-    const auto found = find_alike(index, query, 12, PictureSearch::kScan);
+    const auto found = find_similar(index, query, 12, ImageSearch::kScan);
     ASSERT_EQ(found.size(), 12U);
     for (size_t k = 0; k < found.size(); ++k) EXPECT_TRUE(is_same(found[k], exact[k])) << i << " " << k;
   }
 }
 
-TEST(FindAlike, OfAnotherSizeOrWithoutContrastThereIsNone) {
+TEST(FindSimilar, OfAnotherSizeOrWithoutContrastThereIsNone) {
   PlaceIndex index = make_index(3);
   for (const bool planted : {false, true}) {
     if (planted) index.set_forest(plant_forest(index, 0));
-    for (const auto search : {PictureSearch::kScan, PictureSearch::kForest}) {
+    for (const auto search : {ImageSearch::kScan, ImageSearch::kForest}) {
       EXPECT_TRUE(
-          find_alike(index, QueryPicture(TinyImage(GrayImage(80, 60), kPlaceBlur)), 12, search).empty());
+          find_similar(index, QueryImage(TinyImage(GrayImage(80, 60), kPlaceBlur)), 12, search).empty());
       GrayImage small(60, 40);
       small.row(20)[30] = 255;
-      EXPECT_TRUE(find_alike(index, QueryPicture(TinyImage(small, kPlaceBlur)), 12, search).empty());
-      EXPECT_TRUE(find_alike({}, make_query(1, 1), 12, search).empty());
+      EXPECT_TRUE(find_similar(index, QueryImage(TinyImage(small, kPlaceBlur)), 12, search).empty());
+      EXPECT_TRUE(find_similar({}, make_query(1, 1), 12, search).empty());
     }
   }
 }
 
-TEST(FindAlike, AForestFindsNearlyAllThatAScanFinds) {
+TEST(FindSimilar, AForestFindsNearlyAllThatAScanFinds) {
   constexpr uint32_t kMaps = 250;
   PlaceIndex index = make_index(kMaps);
   index.set_forest(plant_forest(index, 0));
@@ -207,9 +207,9 @@ TEST(FindAlike, AForestFindsNearlyAllThatAScanFinds) {
   size_t wanted = 0;
   size_t found = 0;
   for (uint32_t place = 1; place <= 2 * kMaps; place += 5) {  // half of them are of no map
-    const QueryPicture query = make_query(place, 7 + place);
-    const auto exact = find_alike(index, query, 10, PictureSearch::kScan);
-    const auto by_forest = find_alike(index, query, 10, PictureSearch::kForest);
+    const QueryImage query = make_query(place, 7 + place);
+    const auto exact = find_similar(index, query, 10, ImageSearch::kScan);
+    const auto by_forest = find_similar(index, query, 10, ImageSearch::kForest);
     for (const Ranked& e : exact) {
       ++wanted;
       found += std::any_of(by_forest.begin(), by_forest.end(), [&](const Ranked& f) { return is_same(e, f); })
@@ -221,39 +221,39 @@ TEST(FindAlike, AForestFindsNearlyAllThatAScanFinds) {
   EXPECT_GE(found, 950U);
 }
 
-TEST(FindAlike, TheMapOfThePlaceIsAmongTheMapsAlike) {
+TEST(FindSimilar, TheMapOfThePlaceIsAmongTheMostSimilarMaps) {
   PlaceIndex index = make_index(30);
   for (const bool planted : {false, true}) {
     if (planted) index.set_forest(plant_forest(index, 0));
     for (uint32_t place = 1; place <= 30; ++place) {
-      const QueryPicture query = make_query(place, 50 + place);
-      const auto maps = NearPictures(index, query, PictureSearch::kForest, 100).maps();
+      const QueryImage query = make_query(place, 50 + place);
+      const auto maps = NearImages(index, query, ImageSearch::kForest, 100).maps();
       EXPECT_LT(maps.size(), 30U);
       EXPECT_EQ(std::count(maps.begin(), maps.end(), index.find(map_id(place))), 1);
-      EXPECT_EQ(NearPictures(index, query, PictureSearch::kForest, 600).maps().size(), 30U)
+      EXPECT_EQ(NearImages(index, query, ImageSearch::kForest, 600).maps().size(), 30U)
           << "there are not more";
     }
   }
 }
 
-TEST(FindAlike, AMapWithPicturesOfAnotherSizeMayBeIt) {
+TEST(FindSimilar, AMapWithImagesOfAnotherSizeMayBeIt) {
   const PlaceIndex index = make_index(30);
   const TinyImage wide(GrayImage(90, 60), kPlaceBlur);
   GrayImage striped(90, 60);
   for (int x = 0; x < 90; ++x) striped.row(20)[x] = 255;
   const auto maps =
-      NearPictures(index, QueryPicture(TinyImage(striped, kPlaceBlur)), PictureSearch::kScan, 100).maps();
+      NearImages(index, QueryImage(TinyImage(striped, kPlaceBlur)), ImageSearch::kScan, 100).maps();
   EXPECT_EQ(maps.size(), 30U) << "its words may be there";
   PlaceIndex mixed = index;
-  mixed.put(picture_map(map_id(99), {wide}));
-  mixed.put(picture_map(map_id(98), {LeafPlace(98).view(0, 0), wide}));
-  const auto with_them = NearPictures(mixed, make_query(3, 53), PictureSearch::kScan, 5).maps();
+  mixed.put(image_map(map_id(99), {wide}));
+  mixed.put(image_map(map_id(98), {LeafPlace(98).view(0, 0), wide}));
+  const auto with_them = NearImages(mixed, make_query(3, 53), ImageSearch::kScan, 5).maps();
   for (const uint32_t other : {98U, 99U})
     EXPECT_EQ(std::count(with_them.begin(), with_them.end(), mixed.find(map_id(other))), 1);
   EXPECT_LT(with_them.size(), 32U);
 }
 
-TEST(FindAlike, PicturesOfSeveralSizesHaveTheirOwnTrees) {
+TEST(FindSimilar, ImagesOfSeveralSizesHaveTheirOwnTrees) {
   PlaceIndex index = make_index(3);
   std::vector<TinyImage> wide;
   for (int i = 0; i < 10; ++i) {
@@ -261,19 +261,19 @@ TEST(FindAlike, PicturesOfSeveralSizesHaveTheirOwnTrees) {
     for (int x = 0; x < 90; ++x) level3.row(5 * i)[x] = 255;
     wide.emplace_back(level3, kPlaceBlur);
   }
-  index.put(picture_map(map_id(9), wide));
+  index.put(image_map(map_id(9), wide));
   index.set_forest(plant_forest(index, 0));
   EXPECT_EQ(index.planted().size(), 3 * kKeyframes + wide.size());
-  const auto found = find_alike(index, QueryPicture(wide[7]), 20, PictureSearch::kForest);
+  const auto found = find_similar(index, QueryImage(wide[7]), 20, ImageSearch::kForest);
   ASSERT_EQ(found.size(), wide.size());
   EXPECT_EQ(found.front().indexed().id, KeyframeId{8});
   for (const Ranked& r : found) EXPECT_EQ(r.map->snapshot->map, map_id(9));
-  EXPECT_EQ(find_alike(index, make_query(2, 5), 20, PictureSearch::kForest).size(), 20U);
+  EXPECT_EQ(find_similar(index, make_query(2, 5), 20, ImageSearch::kForest).size(), 20U);
 }
 
 TEST(PlaceIndex, WhatCameAfterTheForestIsFound) {
   PlaceIndex index = make_index(20);
-  const PictureForestPtr forest = plant_forest(index, 0);  // "under way" while the index goes on
+  const ImageForestPtr forest = plant_forest(index, 0);  // "under way" while the index goes on
   index.put(make_map(21));
   index.put(make_map(5, kKeyframes + 1));  // a keyframe more
   index.set_forest(forest);
@@ -284,8 +284,8 @@ TEST(PlaceIndex, WhatCameAfterTheForestIsFound) {
   for (const auto& [map, keyframe] :
        {std::pair(21U, 0U), {22U, 19U}, {5U, 20U}, {7U, 20U}, {7U, 21U}, {3U, 1U}}) {
     const IndexedMap& shown = *index.find(map_id(map));
-    const QueryPicture query(shown.keyframes[keyframe]->tiny);
-    const auto found = find_alike(index, query, 1, PictureSearch::kForest);
+    const QueryImage query(shown.keyframes[keyframe]->tiny);
+    const auto found = find_similar(index, query, 1, ImageSearch::kForest);
     ASSERT_EQ(found.size(), 1U);
     EXPECT_EQ(found.front().map, &shown);
     EXPECT_LT(found.front().cost, 1e-4F);
@@ -297,13 +297,13 @@ TEST(PlaceIndex, WhatIsGoneIsNotFoundAndInNobodysWay) {
   PlaceIndex index = make_index(20);
   index.put(make_map(5, 400));
   index.set_forest(plant_forest(index, 0));
-  const QueryPicture query = make_query(5, 77);
-  EXPECT_EQ(find_alike(index, query, 12, PictureSearch::kForest).front().map, index.find(map_id(5)));
+  const QueryImage query = make_query(5, 77);
+  EXPECT_EQ(find_similar(index, query, 12, ImageSearch::kForest).front().map, index.find(map_id(5)));
 
   PlaceIndex less = index;
   less.put(make_map(5, 3));  // the others have been culled
   expect_consistent(less);
-  auto found = find_alike(less, query, 12, PictureSearch::kForest);
+  auto found = find_similar(less, query, 12, ImageSearch::kForest);
   ASSERT_EQ(found.size(), 12U);
   EXPECT_EQ(std::count_if(found.begin(), found.end(),
                           [&](const Ranked& r) { return r.map == less.find(map_id(5)); }),
@@ -311,25 +311,25 @@ TEST(PlaceIndex, WhatIsGoneIsNotFoundAndInNobodysWay) {
 
   less.remove(map_id(5));
   expect_consistent(less);
-  found = find_alike(less, query, 12, PictureSearch::kForest);
+  found = find_similar(less, query, 12, ImageSearch::kForest);
   ASSERT_EQ(found.size(), 12U);
   for (const Ranked& r : found) EXPECT_NE(r.map->snapshot->map, map_id(5));
   less.put(make_map(5));  // and undeleted
   expect_consistent(less);
-  EXPECT_EQ(find_alike(less, query, 12, PictureSearch::kForest).front().map, less.find(map_id(5)));
-  EXPECT_EQ(find_alike(index, query, 12, PictureSearch::kForest).front().map, index.find(map_id(5)))
+  EXPECT_EQ(find_similar(less, query, 12, ImageSearch::kForest).front().map, less.find(map_id(5)));
+  EXPECT_EQ(find_similar(index, query, 12, ImageSearch::kForest).front().map, index.find(map_id(5)))
       << "copies are values";
 }
 
 /// As when it is purged and comes back from an archive older than the last of its keyframes.
-TEST(PlaceIndex, AMapThatComesBackWithOtherPicturesIsFoundByThose) {
+TEST(PlaceIndex, AMapThatComesBackWithOtherImagesIsFoundByThose) {
   PlaceIndex index = make_index(20);
   index.set_forest(plant_forest(index, 0));
   index.remove(map_id(5));
-  index.put(picture_map(map_id(5), make_pictures(50, kKeyframes)));
+  index.put(image_map(map_id(5), make_images(50, kKeyframes)));
   expect_consistent(index);
   EXPECT_EQ(index.unplanted().size(), kKeyframes);
-  const auto found = find_alike(index, make_query(50, 3), 1, PictureSearch::kForest);
+  const auto found = find_similar(index, make_query(50, 3), 1, ImageSearch::kForest);
   ASSERT_EQ(found.size(), 1U);
   EXPECT_EQ(found.front().map, index.find(map_id(5)));
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/image/window_sums.h"
+#include "common/image/box_sums.h"
 
 #include <algorithm>
 #include <array>
@@ -26,7 +26,7 @@ void sum_eight(const std::vector<From>& values, size_t count, To* out) {
 }
 
 /// What is found, and what it must still be below.
-struct Alike {
+struct ZmssdMatches {
   float ratio;
   int limit;
   std::vector<PatchMatch>* out;
@@ -39,11 +39,11 @@ struct Alike {
 };
 
 void find_one_by_one(const PatchTemplate& patch, const GrayView& image, std::span<const PixelRun> runs,
-                     Simd simd, Alike* alike) {
+                     Simd simd, ZmssdMatches* matches) {
   for (const PixelRun& run : runs) {
     for (int x = run.first; x <= run.last; ++x) {
       const int score = kernels::zmssd_at(patch, image, x, run.row, simd);
-      if (score < alike->limit) alike->add(x, run.row, score);
+      if (score < matches->limit) matches->add(x, run.row, score);
     }
   }
 }
@@ -86,15 +86,15 @@ CAIRN_WIDE CAIRN_INLINE I32x8 products(const Pairs& pairs, const uint8_t* window
 
 /// The exact value rounded down, as zmssd_at() has it.
 CAIRN_WIDE CAIRN_INLINE I32x8 scores(const PatchTemplate& patch, const Pairs& pairs, const GrayView& image,
-                                     const WindowSums& sums, int left, int top) {
+                                     const BoxSums& sums, int left, int top) {
   const I32x8 p = products(pairs, image.row(top) + left, image.stride);
   const I32x8 d = patch.sum - words_to_i32x8(sums.sums(left, top));
   const I32x8 squares = patch.sum_squares + load_wide<I32x8>(sums.squares(left, top)) - (p << 1);
   return ((squares << 6) - d * d) >> 6;
 }
 
-CAIRN_WIDE void find_wide(const PatchTemplate& patch, const GrayView& image, const WindowSums& sums,
-                          std::span<const PixelRun> runs, Alike* alike) {
+CAIRN_WIDE void find_wide(const PatchTemplate& patch, const GrayView& image, const BoxSums& sums,
+                          std::span<const PixelRun> runs, ZmssdMatches* matches) {
   alignas(32) Pairs pairs;
   widen(patch, &pairs);
   alignas(32) std::array<int, kLanes> eight;
@@ -104,18 +104,18 @@ CAIRN_WIDE void find_wide(const PatchTemplate& patch, const GrayView& image, con
       const int left = std::min(x - kHalf, image.width - kBytesLoaded);
       const int skipped = x - kHalf - left;
       if (skipped == kLanes) {  // the last window of the row
-        find_one_by_one(patch, image, {{{run.row, x, x}}}, Simd::kWide, alike);
+        find_one_by_one(patch, image, {{{run.row, x, x}}}, Simd::kWide, matches);
         break;
       }
       const int wanted = std::min(run.last - x + 1, kLanes - skipped);
       const I32x8 all = scores(patch, pairs, image, sums, left, run.row - kHalf);
-      uint32_t bits = lane_bits(all < alike->limit) >> skipped;
+      uint32_t bits = lane_bits(all < matches->limit) >> skipped;
       bits &= (1U << wanted) - 1;
       if (bits != 0) store_lanes(eight.data(), all);
       for (; bits != 0; bits &= bits - 1) {
         const int lane = std::countr_zero(bits);
         const int score = eight[static_cast<size_t>(skipped + lane)];
-        if (score < alike->limit) alike->add(x + lane, run.row, score);
+        if (score < matches->limit) matches->add(x + lane, run.row, score);
       }
       x += wanted;
     }
@@ -124,7 +124,7 @@ CAIRN_WIDE void find_wide(const PatchTemplate& patch, const GrayView& image, con
 
 }  // namespace
 
-WindowSums::WindowSums(const GrayView& image)
+BoxSums::BoxSums(const GrayView& image)
     : width_(std::max(0, image.width - kTemplateSize + 1)),
       height_(std::max(0, image.height - kTemplateSize + 1)) {
   const auto count = static_cast<size_t>(width_);
@@ -149,28 +149,28 @@ WindowSums::WindowSums(const GrayView& image)
   }
 }
 
-void kernels::find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
-                         std::span<const PixelRun> runs, float ratio, int* limit,
-                         std::vector<PatchMatch>* out, Simd simd) {
-  Alike alike{ratio, *limit, out};
+void kernels::search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
+                           std::span<const PixelRun> runs, float ratio, int* limit,
+                           std::vector<PatchMatch>* out, Simd simd) {
+  ZmssdMatches matches{ratio, *limit, out};
   if (simd == Simd::kWide && level_image.width >= kBytesLoaded) {
-    find_wide(patch, level_image, sums, runs, &alike);
+    find_wide(patch, level_image, sums, runs, &matches);
   } else {
-    find_one_by_one(patch, level_image, runs, simd, &alike);
+    find_one_by_one(patch, level_image, runs, simd, &matches);
   }
-  *limit = alike.limit;
+  *limit = matches.limit;
 }
 
-void find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
-                std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out) {
-  kernels::find_alike(patch, level_image, sums, runs, ratio, limit, out, best_simd());
+void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
+                  std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out) {
+  kernels::search_zmssd(patch, level_image, sums, runs, ratio, limit, out, best_simd());
 }
 
-void find_alike(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
-                float ratio, int* limit, std::vector<PatchMatch>* out) {
-  Alike alike{ratio, *limit, out};
-  find_one_by_one(patch, level_image, runs, best_simd(), &alike);
-  *limit = alike.limit;
+void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
+                  float ratio, int* limit, std::vector<PatchMatch>* out) {
+  ZmssdMatches matches{ratio, *limit, out};
+  find_one_by_one(patch, level_image, runs, best_simd(), &matches);
+  *limit = matches.limit;
 }
 
 }  // namespace cairn

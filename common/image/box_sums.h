@@ -10,11 +10,11 @@
 
 namespace cairn {
 
-/// What every 8x8 window of an image adds to a ZMSSD whatever the template: the sums of its pixels and of
-/// their squares. 6 bytes a pixel. Immutable.
-class WindowSums {
+/// Box sums: what every 8x8 window of an image adds to a ZMSSD whatever the template, the sums of its pixels
+/// and of their squares. 6 bytes a pixel. Immutable.
+class BoxSums {
  public:
-  explicit WindowSums(const GrayView& image);
+  explicit BoxSums(const GrayView& image);
 
   /// Windows side by side, and one below the other: none where the image is smaller than one.
   [[nodiscard]] int width() const { return width_; }
@@ -45,10 +45,10 @@ struct PixelRun {
 /// Each of them lowers `limit` to 1 / ratio (in (0, 1]) of its own: what is farther from it can neither be
 /// the best nor its rival. All windows must lie inside the image, of which `sums` are. Vectorised, exact
 /// integers.
-void find_alike(const PatchTemplate& patch, const GrayView& level_image, const WindowSums& sums,
-                std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out);
+void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, const BoxSums& sums,
+                  std::span<const PixelRun> runs, float ratio, int* limit, std::vector<PatchMatch>* out);
 /// The same without sums: each window costs more, but of a few windows less than the sums of an image do.
-void find_alike(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
-                float ratio, int* limit, std::vector<PatchMatch>* out);
+void search_zmssd(const PatchTemplate& patch, const GrayView& level_image, std::span<const PixelRun> runs,
+                  float ratio, int* limit, std::vector<PatchMatch>* out);
 
 }  // namespace cairn

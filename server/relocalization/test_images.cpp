@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/relocalization/test_pictures.h"
+#include "server/relocalization/test_images.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 namespace cairn::testing {
 namespace {
 
-constexpr int kWidth = 80;  // of level 3 of a picture
+constexpr int kWidth = 80;  // of level 3 of an image
 constexpr int kHeight = 60;
 
 /// Keyframes 1 to `count`, all in one place.
@@ -67,23 +67,23 @@ MapId map_id(uint32_t number) {
   return id;
 }
 
-IndexedMapPtr picture_map(const MapId& id, std::vector<TinyImage> pictures,
-                          std::vector<std::vector<WordId>> words) {
-  words.resize(pictures.size());
+IndexedMapPtr image_map(const MapId& id, std::vector<TinyImage> images,
+                        std::vector<std::vector<WordId>> words) {
+  words.resize(images.size());
   auto snapshot = std::make_shared<MapSnapshot>();
   snapshot->map = id;
-  snapshot->keyframe_blocks = keyframe_blocks(pictures.size());
+  snapshot->keyframe_blocks = keyframe_blocks(images.size());
   auto map = std::make_shared<IndexedMap>();
-  for (size_t i = 0; i < pictures.size(); ++i) {
+  for (size_t i = 0; i < images.size(); ++i) {
     auto keyframe = std::make_shared<IndexedKeyframe>();
     keyframe->id = KeyframeId{i + 1};
-    keyframe->contrast = contrast_of(pictures[i]);
-    keyframe->tiny = std::move(pictures[i]);
+    keyframe->contrast = contrast_of(images[i]);
+    keyframe->tiny = std::move(images[i]);
     keyframe->words = std::move(words[i]);
-    map->pictures.push_back(make_compact(keyframe->tiny));
+    map->images.push_back(make_compact(keyframe->tiny));
     map->keyframes.push_back(std::move(keyframe));
   }
-  map->is_of_one_size = are_comparable(map->pictures);
+  map->is_of_one_size = are_comparable(map->images);
   map->lists = invert(map->keyframes);
   map->positions.resize(map->keyframes.size());
   map->snapshot = std::move(snapshot);

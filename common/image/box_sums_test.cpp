@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/image/window_sums.h"
+#include "common/image/box_sums.h"
 
 #include <gtest/gtest.h>
 
@@ -25,10 +25,10 @@ PatchTemplate noise_template(std::mt19937* rng) {
   return patch;
 }
 
-TEST(WindowSumsTest, AreThoseOfEachWindow) {
+TEST(BoxSumsTest, AreThoseOfEachWindow) {
   std::mt19937 rng(11);
   const TightImage image = TightImage::noise(37, 21, 255, &rng);
-  const WindowSums sums(image.view());
+  const BoxSums sums(image.view());
   ASSERT_EQ(sums.width(), 30);
   ASSERT_EQ(sums.height(), 14);
   for (int top = 0; top < sums.height(); ++top) {
@@ -48,9 +48,9 @@ TEST(WindowSumsTest, AreThoseOfEachWindow) {
   }
 }
 
-TEST(WindowSumsTest, NoneWhereTheImageIsSmallerThanAWindow) {
+TEST(BoxSumsTest, NoneWhereTheImageIsSmallerThanAWindow) {
   const GrayImage image = test::render(7, 30, [](int, int) { return 9; });
-  EXPECT_EQ(WindowSums(image).width(), 0);
+  EXPECT_EQ(BoxSums(image).width(), 0);
 }
 
 /// Whatever is below the limit, which what is found lowers.
@@ -77,13 +77,13 @@ void expect_equal(const std::vector<PatchMatch>& found, const std::vector<PatchM
 }
 
 /// Images down to the narrowest, every row of windows, from every column to every other, and to none.
-TEST(FindAlikeTest, EveryVariantComparesEveryPositionOfARun) {
+TEST(ZmssdSearchTest, EveryVariantComparesEveryPositionOfARun) {
   constexpr int kAll = std::numeric_limits<int>::max();
   constexpr float kKeepsAll = 1e-9F;
   std::mt19937 rng(12);
   for (const int width : {8, 15, 16, 17, 23, 24, 40}) {
     const TightImage image = TightImage::noise(width, 12, 255, &rng);
-    const WindowSums sums(image.view());
+    const BoxSums sums(image.view());
     const PatchTemplate patch = noise_template(&rng);
     for (int y = 4; y <= 8; ++y) {
       for (int from = 4; from <= width - 4; ++from) {
@@ -96,7 +96,7 @@ TEST(FindAlikeTest, EveryVariantComparesEveryPositionOfARun) {
                          << "width " << width << ", row " << y << ", " << from << " to " << to);
             std::vector<PatchMatch> found;
             int limit = kAll;
-            kernels::find_alike(patch, image.view(), sums, runs, kKeepsAll, &limit, &found, simd);
+            kernels::search_zmssd(patch, image.view(), sums, runs, kKeepsAll, &limit, &found, simd);
             ASSERT_NO_FATAL_FAILURE(expect_equal(found, expected));
           }
         }
@@ -105,11 +105,11 @@ TEST(FindAlikeTest, EveryVariantComparesEveryPositionOfARun) {
   }
 }
 
-TEST(FindAlikeTest, WhatIsFoundLowersTheLimitToAShareOfIt) {
+TEST(ZmssdSearchTest, WhatIsFoundLowersTheLimitToAShareOfIt) {
   constexpr double kRatio = 0.75;  // without rounding, as a float too
   std::mt19937 rng(13);
   const TightImage image = TightImage::noise(60, 40, 60, &rng);
-  const WindowSums sums(image.view());
+  const BoxSums sums(image.view());
   const std::vector<PixelRun> runs = {{20, 10, 50}, {21, 4, 56}, {12, 30, 29}, {30, 7, 9}};
   size_t kept = 0;
   for (int trial = 0; trial < 50; ++trial) {
@@ -120,13 +120,13 @@ TEST(FindAlikeTest, WhatIsFoundLowersTheLimitToAShareOfIt) {
     for (const Simd simd : test::simd_variants()) {
       std::vector<PatchMatch> found;
       int limit = first_limit;
-      kernels::find_alike(patch, image.view(), sums, runs, kRatio, &limit, &found, simd);
+      kernels::search_zmssd(patch, image.view(), sums, runs, kRatio, &limit, &found, simd);
       ASSERT_NO_FATAL_FAILURE(expect_equal(found, expected));
       for (const PatchMatch& m : found) ASSERT_LE(limit, std::ceil(m.zmssd / kRatio));
     }
     std::vector<PatchMatch> without_sums;
     int limit = first_limit;
-    find_alike(patch, image.view(), runs, kRatio, &limit, &without_sums);
+    search_zmssd(patch, image.view(), runs, kRatio, &limit, &without_sums);
     ASSERT_NO_FATAL_FAILURE(expect_equal(without_sums, expected));
     for (const PatchMatch& m : without_sums) ASSERT_LE(limit, std::ceil(m.zmssd / kRatio));
   }
@@ -134,19 +134,19 @@ TEST(FindAlikeTest, WhatIsFoundLowersTheLimitToAShareOfIt) {
   EXPECT_LT(kept, 50U * 90);
 }
 
-TEST(FindAlikeTest, ExtremesDoNotOverflow) {
+TEST(ZmssdSearchTest, ExtremesDoNotOverflow) {
   const GrayImage halves = test::render(40, 24, [](int, int y) { return y < 12 ? 0 : 255; });
   const GrayImage flipped = test::render(40, 24, [](int, int y) { return y < 12 ? 255 : 0; });
   SourcePatch source{};
   PatchTemplate patch;
   ASSERT_TRUE(cut_source_patch(halves.view(), {12, 12}, &source));
   ASSERT_TRUE(make_template(source, Warp::Identity(), 0, &patch));
-  const WindowSums sums(flipped.view());
+  const BoxSums sums(flipped.view());
   const std::vector<PixelRun> runs = {{12, 12, 20}};
   for (const Simd simd : test::simd_variants()) {
     std::vector<PatchMatch> found;
     int limit = std::numeric_limits<int>::max();
-    kernels::find_alike(patch, flipped.view(), sums, runs, 1.0F, &limit, &found, simd);
+    kernels::search_zmssd(patch, flipped.view(), sums, runs, 1.0F, &limit, &found, simd);
     ASSERT_FALSE(found.empty());
     EXPECT_EQ(found.front().zmssd, 64 * 255 * 255);
   }
@@ -154,7 +154,7 @@ TEST(FindAlikeTest, ExtremesDoNotOverflow) {
 
 /// The largest sums there are, on either side: a picture all white differs from one all black by its mean
 /// only.
-TEST(FindAlikeTest, WhiteIsBlackLessItsMean) {
+TEST(ZmssdSearchTest, WhiteIsBlackLessItsMean) {
   const GrayImage black = test::render(40, 24, [](int, int) { return 0; });
   const GrayImage white = test::render(40, 24, [](int, int) { return 255; });
   const std::vector<PixelRun> runs = {{12, 12, 20}};
@@ -163,11 +163,11 @@ TEST(FindAlikeTest, WhiteIsBlackLessItsMean) {
     PatchTemplate patch;
     ASSERT_TRUE(cut_source_patch(of->view(), {12, 12}, &source));
     ASSERT_TRUE(make_template(source, Warp::Identity(), 0, &patch));
-    const WindowSums sums(in->view());
+    const BoxSums sums(in->view());
     for (const Simd simd : test::simd_variants()) {
       std::vector<PatchMatch> found;
       int limit = 1;
-      kernels::find_alike(patch, in->view(), sums, runs, 1.0F, &limit, &found, simd);
+      kernels::search_zmssd(patch, in->view(), sums, runs, 1.0F, &limit, &found, simd);
       ASSERT_EQ(found.size(), 1U) << "the first leaves nothing that could be better";
       EXPECT_EQ(found.front().zmssd, 0);
       EXPECT_EQ(limit, 0);
