@@ -3,15 +3,9 @@
 
 #include <utility>
 
+#include "common/base/overloaded.h"
+
 namespace cairn {
-namespace {
-
-template <typename... Visitors>
-struct Overloaded : Visitors... {
-  using Visitors::operator()...;
-};
-
-}  // namespace
 
 Result<std::unique_ptr<Sender>> Sender::start(SharedCore& core, const wire::Participant& participant,
                                               const std::string& partition, wire::ImageEncoding encoding,

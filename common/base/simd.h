@@ -19,8 +19,14 @@
 #define CAIRN_WIDE __attribute__((target("avx2")))
 /// What lies between these two may use AVX2: for sources that are included once for each instruction set. GCC
 /// splits vectors wider than the target before it inlines, so templates shared by targets would lose them.
+#ifdef __clang__
+#define CAIRN_BEGIN_WIDE \
+  _Pragma("clang attribute push(__attribute__((target(\"avx2\"))), apply_to = function)")
+#define CAIRN_END_WIDE _Pragma("clang attribute pop")
+#else
 #define CAIRN_BEGIN_WIDE _Pragma("GCC push_options") _Pragma("GCC target(\"avx2\")")
 #define CAIRN_END_WIDE _Pragma("GCC pop_options")
+#endif
 #elif defined(__aarch64__)
 #define CAIRN_WIDE
 #define CAIRN_BEGIN_WIDE

@@ -18,7 +18,7 @@ class MapSet {
   [[nodiscard]] static MapSet all() { return MapSet(std::nullopt); }
   explicit MapSet(std::vector<MapId> maps) : MapSet(std::optional(std::move(maps))) {
     std::ranges::sort(*maps_);
-    maps_->erase(std::ranges::unique(*maps_).begin(), maps_->end());
+    maps_->erase(std::unique(maps_->begin(), maps_->end()), maps_->end());
   }
 
   [[nodiscard]] bool contains(const MapId& map) const {

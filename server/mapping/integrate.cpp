@@ -164,6 +164,20 @@ std::string not_of_this_map(size_t shown, size_t measured) {
          " needed: it was measured in another map, or in another state of this one";
 }
 
+KeyframeDecision too_few_points(const std::optional<Judged>& judged) {
+  return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
+                                                    " good measurements of map points, " +
+                                                    std::to_string(kMinMeasurements) + " needed");
+}
+
+bool has_enough_points(const std::optional<Judged>& judged) {
+  return judged && judged->inliers.size() >= kMinMeasurements;
+}
+
+KeyframeDecision stale_reference() {
+  return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+}
+
 void add_measurements(MapState* map, KeyframeId id, const std::vector<Measurement>& measurements) {
   for (const Measurement& m : measurements) {
     MapPoint& point = map->point(m.point);
@@ -194,20 +208,25 @@ KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_me
   return {options.min_keyframe_distance * std::clamp(options.baseline / first_mean_depth, kLeast, kMost)};
 }
 
+std::optional<KeyframeDecision> refuse_without_image(const MapState& map, const KeyframeInput& input) {
+  if (!input.camera || !input.camera_from_reference.is_finite())
+    return std::nullopt;  // not sound, for it to say
+  if (!map.is_live(input.reference)) return stale_reference();
+  if (input.is_chained) return std::nullopt;  // its image shows more points
+  const auto judged = reoptimize(map, input);
+  if (has_enough_points(judged)) return std::nullopt;
+  return too_few_points(judged);
+}
+
 KeyframeDecision integrate_keyframe(MapState* map, const KeyframeInput& offered,
                                     const KeyframeSpacing& spacing) {
   KeyframeInput input = offered;
   if (!is_sound(input)) return refuse(KeyframeVerdict::kDamaged, "image, camera or pose do not make a frame");
-  if (!map->is_live(input.reference))
-    return refuse(KeyframeVerdict::kStale, "its reference keyframe is gone");
+  if (!map->is_live(input.reference)) return stale_reference();
   auto images = input.is_chained ? prepare_images(input.image->view(), input.still) : nullptr;
   const size_t expected = images ? add_what_is_expected(*map, images, &input) : 0;
   const auto judged = reoptimize(*map, input);
-  if (!judged || judged->inliers.size() < kMinMeasurements) {
-    return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged ? judged->inliers.size() : 0) +
-                                                      " good measurements of map points, " +
-                                                      std::to_string(kMinMeasurements) + " needed");
-  }
+  if (!has_enough_points(judged)) return too_few_points(judged);
   if (static_cast<double>(judged->inliers.size()) < kChainedShare * static_cast<double>(expected)) {
     return refuse(KeyframeVerdict::kTooFewPoints, std::to_string(judged->inliers.size()) + " of the " +
                                                       std::to_string(expected) +

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+
 #include "server/mapping/map_maker.h"
 #include "server/mapping/map_state.h"
 
@@ -12,6 +14,11 @@ struct KeyframeSpacing {
   double min_distance_over_depth = 0.1;
 };
 [[nodiscard]] KeyframeSpacing keyframe_spacing(const MapMakerOptions& options, double first_mean_depth);
+
+/// What integrate_keyframe() would refuse for its reference or its measurements, so that its image need not
+/// be decoded; nothing: it takes the image to say. The image of `input` may be null.
+[[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const MapState& map,
+                                                                   const KeyframeInput& input);
 
 /// Re-optimises the pose on the measurements, judges, and on acceptance adds the keyframe with its
 /// measurements, refined to sub-pixel, and with every other point of the map that is found in it.

@@ -241,6 +241,13 @@ int MapMaker::State::take_candidates(KeyframeId keyframe, const KeyframeInput& i
   return static_cast<int>(made.size());
 }
 
+std::optional<KeyframeDecision> MapMaker::refuse_without_image(const KeyframeInput& input) const {
+  if (std::string why = state_->why_full(); !why.empty())
+    return KeyframeDecision{KeyframeVerdict::kFull, std::move(why), {}};
+  if (input.doubt) return std::nullopt;
+  return cairn::refuse_without_image(state_->map, input);
+}
+
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};

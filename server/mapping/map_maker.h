@@ -180,6 +180,9 @@ class MapMaker {
   MapMaker(const MapMaker&) = delete;
   MapMaker& operator=(const MapMaker&) = delete;
 
+  /// Whether add_keyframe() would refuse a frame whatever its image shows: to be asked before that is
+  /// decoded. Nothing: it takes the image to say. The image of `input` may be null.
+  [[nodiscard]] std::optional<KeyframeDecision> refuse_without_image(const KeyframeInput& input) const;
   /// Judges a frame (re-optimises its pose on its measurements first) and takes it in: keyframe,
   /// measurements of known points and points of its candidates are in the map on return, the rest is work
   /// for step(). Candidates that come while images are let go are passed over. A few milliseconds.

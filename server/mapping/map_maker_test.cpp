@@ -199,6 +199,29 @@ TEST_F(MapMakerTest, SaysWhyItRefusesAFrame) {
   EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
 }
 
+TEST_F(MapMakerTest, WhatIsRefusedWithoutItsImageIsRefusedWithItForTheSameReason) {
+  start();
+  const KeyframeInput good = make_offer(scene_, *maker_->snapshot(), 5);
+  KeyframeInput stale = good;
+  stale.reference = KeyframeId{77};
+  KeyframeInput few = good;
+  few.measurements.resize(10);
+  for (const KeyframeInput& input : {stale, few}) {
+    KeyframeInput unseen = input;
+    unseen.image = nullptr;
+    const auto refused = maker_->refuse_without_image(unseen);
+    ASSERT_TRUE(refused.has_value());
+    const KeyframeDecision decision = maker_->add_keyframe(input);
+    EXPECT_EQ(refused->verdict, decision.verdict);
+    EXPECT_EQ(refused->reason, decision.reason);
+  }
+  KeyframeInput chained = few;  // its image shows what it has not measured
+  chained.is_chained = true;
+  EXPECT_FALSE(maker_->refuse_without_image(chained).has_value());
+  EXPECT_FALSE(maker_->refuse_without_image(good).has_value());
+  EXPECT_EQ(maker_->add_keyframe(good).verdict, KeyframeVerdict::kAccepted);
+}
+
 /// A tracker may hold another state of the map than the server, by its fault or ours: then what it calls by a
 /// number is not what the map has under it.
 TEST_F(MapMakerTest, AFrameOfWhichNothingAgreesWithTheMapIsRefusedWhateverItsPoseSays) {

@@ -68,7 +68,8 @@ std::vector<Described> take_over(const DescribedPoints& before, const Known& kno
     if (!was) continue;
     for (uint8_t d = 0; d < known.previous()->sightings[*was].descriptions; ++d) {
       const uint32_t at = before.of_measured[*was][d];
-      Described& taken = described.emplace_back(before.points[at], before.descriptors[at], cells[at]);
+      Described& taken =
+          described.emplace_back(Described{before.points[at], before.descriptors[at], cells[at]});
       taken.point.measured = i;
     }
   }

@@ -124,7 +124,8 @@ size_t OverlapBook::count_missing(const IndexedMap& asked, const IndexedMap& oth
       standing.push_back({pose, pose->camera_from_map.center(), entry.searched_since});
   }
   size_t missing = 0;
-  for (const auto& [keyframe, entry] : keyframes_.at(asked.snapshot->map)) {
+  for (const auto& [keyframe, kept] : keyframes_.at(asked.snapshot->map)) {
+    const auto& entry = kept;
     const KeyframePose* here = asked.snapshot->find(keyframe);
     if (entry.asked_at == 0 || entry.asked_at < since || entry.is_found || here == nullptr) continue;
     const SE3 camera = other_from_asked.transform_camera(here->camera_from_map);

@@ -288,6 +288,8 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
   if (times_ != nullptr) times_->waited(clock_->now() - arrival);
+  if (std::optional<KeyframeDecision> refused = maker_->refuse_without_image(job.input))
+    return {to_decision(refused->verdict), std::move(refused->reason), {}, {}};
   Result<GrayImagePtr> image = decode_image(job.image);
   if (!image) return {OfferDecision::kDamaged, image.error().message, {}, {}};
   if (!fits(**image, *job.input.camera)) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <variant>
 
+#include "common/base/overloaded.h"
 #include "common/base/utf8.h"
 #include "common/io/json_text.h"
 
@@ -16,13 +17,6 @@ using nlohmann::json;
 
 constexpr size_t kLoggedBytes = 200;  ///< of a request
 constexpr const char* kInternal = "internal error; the server's log says more";
-
-template <typename... Cases>
-struct Overloaded : Cases... {
-  using Cases::operator()...;
-};
-template <typename... Cases>
-Overloaded(Cases...) -> Overloaded<Cases...>;
 
 }  // namespace
 

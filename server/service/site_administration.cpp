@@ -13,7 +13,8 @@ namespace cairn {
 using nlohmann::json;
 
 void enforce_rights(const ServiceContext& context, Clients& clients, MapNews& news) {
-  for (auto& [name, client] : clients.all()) {
+  for (auto& known : clients.all()) {
+    Client& client = known.second;
     client.pending_offers.withdraw([&](const PendingOffers::What& what) {
       if (what.kind == PendingOffers::Kind::kProposal)
         return !context.access().may_propose(client.principal(), what.map);
