@@ -1,21 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // No include guard: included once per instruction set by tile_kernels.cpp, inside a namespace and a target.
 
-using Lanes = double __attribute__((vector_size(32), aligned(8), may_alias));
-using HalfLanes = double __attribute__((vector_size(16), aligned(8), may_alias));
+using Lanes = double __attribute__((vector_size(32)));
+using HalfLanes = double __attribute__((vector_size(16)));
 constexpr int kLanes = 4;
 
-inline Lanes& lanes(double* p) {
-  return *reinterpret_cast<Lanes*>(p);
+/// Of matrices, which are aligned as a double is. (A reference to a vector of less alignment keeps that with
+/// GCC only.)
+template <typename Vector>
+struct __attribute__((packed, may_alias)) Unaligned {
+  Vector lanes;
+};
+inline Lanes load(const double* p) {
+  return reinterpret_cast<const Unaligned<Lanes>*>(p)->lanes;
 }
-inline const Lanes& lanes(const double* p) {
-  return *reinterpret_cast<const Lanes*>(p);
+inline HalfLanes load_half(const double* p) {
+  return reinterpret_cast<const Unaligned<HalfLanes>*>(p)->lanes;
 }
-inline HalfLanes& half_lanes(double* p) {
-  return *reinterpret_cast<HalfLanes*>(p);
+inline void store(const Lanes& lanes, double* p) {
+  reinterpret_cast<Unaligned<Lanes>*>(p)->lanes = lanes;
 }
-inline const HalfLanes& half_lanes(const double* p) {
-  return *reinterpret_cast<const HalfLanes*>(p);
+inline void store(const HalfLanes& lanes, double* p) {
+  reinterpret_cast<Unaligned<HalfLanes>*>(p)->lanes = lanes;
 }
 
 /// 8x4 elements of C in registers.
@@ -27,22 +33,22 @@ void subtract_product(const double* a, const double* b, double* c) {
       double* corner = c + column * kTileSize + row;
       Lanes sum[kColumns][2];
       for (int j = 0; j < kColumns; ++j) {
-        sum[j][0] = lanes(corner + j * kTileSize);
-        sum[j][1] = lanes(corner + j * kTileSize + kLanes);
+        sum[j][0] = load(corner + j * kTileSize);
+        sum[j][1] = load(corner + j * kTileSize + kLanes);
       }
       const double* a_k = a + row;
       const double* b_k = b + column;
       for (int k = 0; k < kTileSize; ++k, a_k += kTileSize, b_k += kTileSize) {
-        const Lanes top = lanes(a_k);
-        const Lanes bottom = lanes(a_k + kLanes);
+        const Lanes top = load(a_k);
+        const Lanes bottom = load(a_k + kLanes);
         for (int j = 0; j < kColumns; ++j) {
           sum[j][0] -= top * b_k[j];
           sum[j][1] -= bottom * b_k[j];
         }
       }
       for (int j = 0; j < kColumns; ++j) {
-        lanes(corner + j * kTileSize) = sum[j][0];
-        lanes(corner + j * kTileSize + kLanes) = sum[j][1];
+        store(sum[j][0], corner + j * kTileSize);
+        store(sum[j][1], corner + j * kTileSize + kLanes);
       }
     }
   }
@@ -54,19 +60,19 @@ inline void subtract_columns(const double* l, int k, int first, double* x) {
   for (int row = first; row < kTileSize; row += kRows) {
     double* column = x + k * kTileSize + row;
     Lanes sum[4];
-    for (int i = 0; i < 4; ++i) sum[i] = lanes(column + i * kLanes);
+    for (int i = 0; i < 4; ++i) sum[i] = load(column + i * kLanes);
     const double* x_j = x + row;
     for (int j = 0; j < k; ++j, x_j += kTileSize) {
       const double l_kj = l[j * kTileSize + k];
-      for (int i = 0; i < 4; ++i) sum[i] -= lanes(x_j + i * kLanes) * l_kj;
+      for (int i = 0; i < 4; ++i) sum[i] -= load(x_j + i * kLanes) * l_kj;
     }
-    for (int i = 0; i < 4; ++i) lanes(column + i * kLanes) = sum[i];
+    for (int i = 0; i < 4; ++i) store(sum[i], column + i * kLanes);
   }
 }
 
 inline void scale_column(double factor, int k, int first, double* x) {
   double* column = x + k * kTileSize;
-  for (int row = first; row < kTileSize; row += kLanes) lanes(column + row) *= factor;
+  for (int row = first; row < kTileSize; row += kLanes) store(load(column + row) * factor, column + row);
 }
 
 void divide(const double* l, double* x) {
@@ -92,9 +98,9 @@ bool factorise(double* a) {
 void subtract_point(const double* z, const int* poses, int count, const TileTable& table) {
   for (int i = 0; i < count; ++i) {
     const double* z_i = z + i * kSlotElements;
-    const Lanes top[kPointSize] = {lanes(z_i), lanes(z_i + kPoseSize), lanes(z_i + 2 * kPoseSize)};
-    const HalfLanes bottom[kPointSize] = {half_lanes(z_i + kLanes), half_lanes(z_i + kPoseSize + kLanes),
-                                          half_lanes(z_i + 2 * kPoseSize + kLanes)};
+    const Lanes top[kPointSize] = {load(z_i), load(z_i + kPoseSize), load(z_i + 2 * kPoseSize)};
+    const HalfLanes bottom[kPointSize] = {load_half(z_i + kLanes), load_half(z_i + kPoseSize + kLanes),
+                                          load_half(z_i + 2 * kPoseSize + kLanes)};
     for (int j = 0; j <= i; ++j) {
       const double* z_j = z + j * kSlotElements;
       double* block = table.block(poses[i], poses[j]);
@@ -102,8 +108,8 @@ void subtract_point(const double* z, const int* poses, int count, const TileTabl
         const double b0 = z_j[c];
         const double b1 = z_j[c + kPoseSize];
         const double b2 = z_j[c + 2 * kPoseSize];
-        lanes(block) -= top[0] * b0 + top[1] * b1 + top[2] * b2;
-        half_lanes(block + kLanes) -= bottom[0] * b0 + bottom[1] * b1 + bottom[2] * b2;
+        store(load(block) - (top[0] * b0 + top[1] * b1 + top[2] * b2), block);
+        store(load_half(block + kLanes) - (bottom[0] * b0 + bottom[1] * b1 + bottom[2] * b2), block + kLanes);
       }
     }
   }
