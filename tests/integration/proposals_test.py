@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Keyframes of readers, kept aside and accepted, with the programs as people run them: the sun has moved since a desk was mapped.
+"""Keyframes of readers, kept aside and accepted, with the programs as people run them: the sun, or books and a mug, have moved since a
+desk was mapped.
 
 proposals_test.py BIN_DIR [TestClass[.test]]   Standard library only.
 """
@@ -19,6 +20,8 @@ from programs_test import LIMIT, ServerProcess, command
 OK, USAGE, REFUSED = 0, 2, 5
 DESK = "sim:desk?seed=1&frames="
 LATER = "sim:desk?seed=1&light=later&frames="
+MOVED = "sim:desk-moved?seed=1&frames="
+AT_WHAT_MOVED = slice(185, 250)  # frames of that route that look at the books from near by
 
 
 def size_and_colours(png):
@@ -105,6 +108,24 @@ class Proposals(unittest.TestCase):
         log = [(e["who"].split()[0], e["action"]) for e in self.ctl("audit")]
         self.assertIn(("operator", "proposal accept"), log)
         self.assertIn(("operator", "proposals welcome"), log)
+
+    def test_a_map_stays_fresh_when_furniture_has_moved(self):
+        self.track("builder", DESK + "185")
+        self.ctl("proposals", "on", "map-1")
+        before = self.keyframes()
+        _, saw = self.track("visitor", MOVED + "300", "--role", "reader")
+        for proposal in self.ctl("proposals", "map-1"):  # the map maker has the last word
+            subprocess.run(command("cairnctl", "--domain", self.server.domain, "proposals", "accept", proposal["id"]), capture_output=True,
+                           timeout=LIMIT)
+        self.assertGreater(self.keyframes(), before)
+        _, sees = self.track("other", MOVED + "300", "--role", "reader", "--no-proposals")
+        near = [run["frames"][AT_WHAT_MOVED] for run in (saw, sees)]
+        held = [sum(frame["state"] == "tracking" for frame in frames) for frames in near]
+        inliers = [sum(frame["inliers"] for frame in frames) for frames in near]
+        print(f"{before} keyframes, then {self.keyframes()}; beside what was moved, of {len(near[0])} frames {held[0]} are well tracked "
+              f"before and {held[1]} after, with {inliers[0]} and {inliers[1]} points found")
+        self.assertGreater(held[1], held[0], "where things were moved, more frames are well tracked")
+        self.assertGreater(inliers[1], inliers[0], "and more is found")
 
 
 if __name__ == "__main__":

@@ -26,8 +26,9 @@ enum Stream : uint64_t { kSurfaces = 1, kPrint, kScreens, kBooks, kGoods, kMugs,
 /// Builds the desk part by part; places vary a little with the seed, pictures altogether.
 class DeskBuilder {
  public:
-  explicit DeskBuilder(const ScenarioOptions& options)
-      : options_(options), seed_(options.seed), world_("desk", light_of(options.daytime)) {}
+  /// `moved`: as it is once somebody has been at it.
+  DeskBuilder(const ScenarioOptions& options, const char* name, bool moved)
+      : options_(options), seed_(options.seed), is_moved_(moved), world_(name, light_of(options.daytime)) {}
 
   Scenario build() {
     world_.begin(SE3(), 0);
@@ -80,7 +81,8 @@ class DeskBuilder {
       const TextureRegion front = world_.add_texture(cover(256, 512, random));
       TextureRegion back = world_.add_texture(spine(64, 512, random));
       const double thickness = random.uniform(0.018, 0.04);
-      const Placement at = place(-0.60, -0.02, 12 + random.uniform(-14.0, 14.0), random, height);
+      const double turned = (is_moved_ ? -35 : 12) + random.uniform(-14.0, 14.0);
+      const Placement at = place(is_moved_ ? -0.40 : -0.60, -0.02, turned, random, height);
       world_.add_box(at, {0.17 - 0.008 * i, 0.24 - 0.01 * i, thickness}, {materials_.light, back, front});
       height += thickness;
     }
@@ -117,7 +119,8 @@ class DeskBuilder {
   void add_mugs() {
     Random random(seed_, kMugs);
     const TextureRegion label = world_.add_texture(wrapped_label(512, 256, 0.82F, random));
-    for (const auto& [x, y] : {std::pair{-0.34, -0.06}, {0.27, -0.02}, {0.66, -0.08}}) {
+    const std::pair first = is_moved_ ? std::pair(-0.66, -0.10) : std::pair(-0.34, -0.06);
+    for (const auto& [x, y] : {first, {0.27, -0.02}, {0.66, -0.08}}) {
       const Placement at = place(x, y, random.uniform(-180.0, 180.0), random);
       add_mug(at, label, materials_, &world_);
     }
@@ -249,6 +252,7 @@ class DeskBuilder {
 
   ScenarioOptions options_;
   uint64_t seed_;
+  bool is_moved_;
   WorldBuilder world_;
   Materials materials_;
 };
@@ -256,7 +260,11 @@ class DeskBuilder {
 }  // namespace
 
 Scenario make_desk(const ScenarioOptions& options) {
-  return DeskBuilder(options).build();
+  return DeskBuilder(options, "desk", false).build();
+}
+
+Scenario make_desk_moved(const ScenarioOptions& options) {
+  return DeskBuilder(options, "desk-moved", true).build();
 }
 
 }  // namespace cairn

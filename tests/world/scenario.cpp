@@ -20,10 +20,12 @@ struct Recipe {
   Scenario (*make)(const ScenarioOptions& options);
 };
 
-constexpr std::array<Recipe, 14> kRecipes = {
+constexpr std::array<Recipe, 15> kRecipes = {
     {{{"desk",
        "a 1.6 m desk with monitors, books, print, mugs and cables before a blank wall; a round trip of 55 s"},
       make_desk},
+     {{"desk-moved", "the desk of the same seed, whose stack of books and a mug have been moved"},
+      make_desk_moved},
      {{"desks",
        "an office of 15 look-alike curved desks, two of them nearly empty; 12 are mapped, then all visited"},
       make_office},

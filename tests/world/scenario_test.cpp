@@ -63,6 +63,21 @@ TEST_P(EveryScenario, LightLeavesGeometryAndRoute) {
   }
 }
 
+TEST(DeskMoved, IsTheDeskButForAFewThings) {
+  const Scenario before = make_scenario("desk", {.seed = 3}).value();
+  const Scenario after = make_scenario("desk-moved", {.seed = 3}).value();
+  ASSERT_EQ(after.faces.size(), before.faces.size());
+  size_t moved = 0;
+  for (size_t i = 0; i < after.faces.size(); ++i) {
+    if (after.faces[i].corners != before.faces[i].corners) ++moved;
+    EXPECT_EQ(after.faces[i].texture, before.faces[i].texture);
+  }
+  EXPECT_GT(moved, 4 * 5U) << "four books have five sides each";
+  EXPECT_LT(moved, after.faces.size() / 4);
+  ASSERT_EQ(after.route.size(), before.route.size());
+  for (size_t i = 0; i < after.route.size(); ++i) EXPECT_EQ(after.route[i].eye, before.route[i].eye);
+}
+
 TEST_P(EveryScenario, PhasesHaveNoGapsAndLookAtTheirPlaces) {
   for (const std::string_view camera : {"hand", "shoulder"}) {
     SimulatorOptions options;
