@@ -52,8 +52,8 @@ class SessionAdapter final : public MapLink {
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) override {
     session_.send_offer(std::move(proposal), std::move(image), time);
   }
-  void send_question(std::shared_ptr<const PlaceView> view, Timestamp time) override {
-    session_.send_question(std::move(view), time);
+  void send_query(std::shared_ptr<const PlaceView> view, Timestamp time) override {
+    session_.send_query(std::move(view), time);
   }
   void publish_state(const FrameResult& result, Timestamp time) override {
     session_.publish_state(result, time);

@@ -93,7 +93,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   tracker_.make_keyframes(wants_keyframes(snapshot, frame.time));
   const FrameResult& result = tracker_.track(frame.image, frame.time, snapshot, &stages_);
   const auto wall = clock_.now() - taken.due;
-  settle_trial(result);
+  settle_verification(result);
   const bool sent = send_proposals(result, frame);
   link_.publish_state(result, frame.time);
   const auto cpu = thread_cpu_time() - cpu_start;
@@ -110,7 +110,7 @@ Status FrameLoop::handle(TakenFrame&& taken) {
   if (sent && options_.pace == Pace::kLockstep) {
     settle();
     deliver_replies();
-    if (on_trial_) settle();  // its replica comes
+    if (map_to_verify_) settle();  // its replica comes
   }
   start_over_if_needed(status, state);
   ++frames_seen_;
@@ -184,23 +184,23 @@ bool FrameLoop::try_place(const PlaceAnswer& answer) {
                                                                place->camera_from_keyframe, place->confirmed})
                                 : std::nullopt;
   const PlaceUse use = tracker_.place_answered(suggestion);
-  if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kTried);
-  if (use != PlaceUse::kTried) return false;
+  if (use != PlaceUse::kNotNeeded) lost_.answered(use == PlaceUse::kToVerify);
+  if (use != PlaceUse::kToVerify) return false;
   link_.use_map(place->map, place->epoch, place->revision);
-  on_trial_ = place->map;
+  map_to_verify_ = place->map;
   return true;
 }
 
 /// Where its pose is measured the tracker stays, whatever was suggested meanwhile. A place that does not hold
 /// gives way to the map it was last tracked in: who is lost looks there by itself.
-void FrameLoop::settle_trial(const FrameResult& result) {
-  if (result.pose_measured) proven_ = {result.map, result.epoch, result.revision};
-  if (!on_trial_) return;
-  const bool has_failed =
-      result.map == on_trial_ && result.state == TrackingState::kLost && !result.on_trial && proven_.map;
+void FrameLoop::settle_verification(const FrameResult& result) {
+  if (result.pose_measured) verified_ = {result.map, result.epoch, result.revision};
+  if (!map_to_verify_) return;
+  const bool has_failed = result.map == map_to_verify_ && result.state == TrackingState::kLost &&
+                          !result.verifying && verified_.map;
   if (!result.pose_measured && !has_failed) return;
-  if (on_trial_ != proven_.map) link_.use_map(proven_.map, proven_.epoch, proven_.revision);
-  on_trial_ = {};
+  if (map_to_verify_ != verified_.map) link_.use_map(verified_.map, verified_.epoch, verified_.revision);
+  map_to_verify_ = {};
 }
 
 void FrameLoop::observe_status(const SessionStatus& status) {
@@ -228,11 +228,11 @@ bool FrameLoop::send_proposals(const FrameResult& result, const Frame& frame) {
       tracker_.keyframe_answered(result.keyframe->number, std::nullopt);
     }
   }
-  if (result.place_question) {
-    link_.send_question(result.place_question, frame.time);
+  if (result.reloc_query) {
+    link_.send_query(result.reloc_query, frame.time);
     asked_ = frame.time;
   }
-  return result.seed || result.keyframe || result.place_question;
+  return result.seed || result.keyframe || result.reloc_query;
 }
 
 /// In slices, so that a request to stop is heard while a server works.
@@ -269,8 +269,8 @@ void FrameLoop::start_over_if_needed(const SessionStatus& status, FrameState sta
   link_.leave_map();
   tracker_.start_over(start->wish);
   lost_ = {};
-  on_trial_ = {};
-  proven_ = {};
+  map_to_verify_ = {};
+  verified_ = {};
   has_tracked_ = false;
 }
 

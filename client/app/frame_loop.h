@@ -59,7 +59,7 @@ class FrameLoop {
   /// Whether the tracker will.
   [[nodiscard]] bool try_place(const PlaceAnswer& answer);
   void add_samples(Timestamp time);
-  void settle_trial(const FrameResult& result);
+  void settle_verification(const FrameResult& result);
   /// Whether the tracker should offer keyframes of this map now.
   [[nodiscard]] bool wants_keyframes(const MapSnapshotPtr& snapshot, Timestamp time) const;
   [[nodiscard]] bool send_proposals(const FrameResult& result, const Frame& frame);
@@ -101,14 +101,14 @@ class FrameLoop {
   /// Since it started (over). Who was not yet tracked anywhere has nothing to find again: a suggestion that
   /// did not hold costs a start no patience.
   bool has_tracked_ = false;
-  Timestamp asked_;  ///< of the frame of the latest question
-  MapId on_trial_;   ///< in use because a place in it was suggested, and not proven yet
-  struct ProvenMap {
+  Timestamp asked_;      ///< of the frame of the latest query
+  MapId map_to_verify_;  ///< in use because a place in it was suggested, and not verified yet
+  struct VerifiedMap {
     MapId map;
     Epoch epoch;
     Revision revision;
   };
-  ProvenMap proven_;  ///< of the last pose measured since it started (over)
+  VerifiedMap verified_;  ///< of the last pose measured since it started (over)
 };
 
 }  // namespace cairn

@@ -172,7 +172,7 @@ TEST(FrameLoop, AStateWithoutAMeasuredPoseIsNotTracked) {
 
 void asking(FrameResult& result) {
   lost(result);
-  result.place_question = std::make_shared<const PlaceView>();
+  result.reloc_query = std::make_shared<const PlaceView>();
 }
 
 PlaceAnswer place_in(MapId map, PlaceVerdict verdict) {
@@ -185,15 +185,15 @@ PlaceAnswer place_in(MapId map, PlaceVerdict verdict) {
   return answer;
 }
 
-TEST(FrameLoop, QuestionsAreSentAndOnlyLockstepWaitsForTheAnswer) {
+TEST(FrameLoop, QueriesAreSentAndOnlyLockstepWaitsForTheAnswer) {
   for (const Pace pace : {Pace::kMax, Pace::kRealtime, Pace::kLockstep}) {
     Rig rig({tracking, asking, lost});
     rig.options.pace = pace;
     ASSERT_TRUE(rig.run());
     if (pace == Pace::kLockstep) {
-      EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle"));
+      EXPECT_THAT(rig.link.sent, ElementsAre("query", "settle"));
     } else {
-      EXPECT_THAT(rig.link.sent, ElementsAre("question"));
+      EXPECT_THAT(rig.link.sent, ElementsAre("query"));
     }
   }
 }
@@ -206,12 +206,12 @@ TEST(FrameLoop, AMapIsUsedWhenAPlaceInItIsWanted) {
     std::vector<std::string> sent;
   };
   const std::vector<Case> cases = {
-      {PlaceVerdict::kConfirmed, PlaceUse::kTried, "try a place", {"use 7 at 5"}},
-      {PlaceVerdict::kUnconfirmed, PlaceUse::kTried, "try a place, unconfirmed", {"use 7 at 5"}},
+      {PlaceVerdict::kConfirmed, PlaceUse::kToVerify, "try a place", {"use 7 at 5"}},
+      {PlaceVerdict::kUnconfirmed, PlaceUse::kToVerify, "try a place, unconfirmed", {"use 7 at 5"}},
       {PlaceVerdict::kConfirmed, PlaceUse::kNotNeeded, "try a place", {}},
       {PlaceVerdict::kConfirmed, PlaceUse::kNotKnown, "try a place", {}},
-      {PlaceVerdict::kNotKnown, PlaceUse::kTried, "place not known", {}},
-      {PlaceVerdict::kNotThere, PlaceUse::kTried, "left open", {}},
+      {PlaceVerdict::kNotKnown, PlaceUse::kToVerify, "place not known", {}},
+      {PlaceVerdict::kNotThere, PlaceUse::kToVerify, "left open", {}},
   };
   for (const Case& c : cases) {
     Rig rig({starting, starting});
@@ -228,7 +228,7 @@ TEST(FrameLoop, InLockstepTheNextFrameWaitsForTheReplicaOfThePlace) {
   rig.options.pace = Pace::kLockstep;
   rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
   ASSERT_TRUE(rig.run());
-  EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle", "use 7 at 5", "settle"));
+  EXPECT_THAT(rig.link.sent, ElementsAre("query", "settle", "use 7 at 5", "settle"));
 }
 
 TEST(FrameLoop, AnAnswerIsReportedWithTheFrameThatWasAskedAbout) {
@@ -250,33 +250,33 @@ TEST(FrameLoop, ATrackerThatFindsBackByItselfStaysInItsMap) {
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.link.sent, ElementsAre("use 7 at 5", "use 1 at 0"));
 
-  Rig proven({lost, lost, tracking, tracking});
-  proven.link.place_answer = place_in(kMap, PlaceVerdict::kConfirmed);
-  ASSERT_TRUE(proven.run());
-  EXPECT_THAT(proven.link.sent, ElementsAre("use 1 at 5"));
+  Rig verified({lost, lost, tracking, tracking});
+  verified.link.place_answer = place_in(kMap, PlaceVerdict::kConfirmed);
+  ASSERT_TRUE(verified.run());
+  EXPECT_THAT(verified.link.sent, ElementsAre("use 1 at 5"));
 }
 
 TEST(FrameLoop, AMapWhosePlaceDoesNotHoldIsLeftForTheOneLastTrackedIn) {
-  const auto on_trial = [](FrameResult& result) {
+  const auto verifying = [](FrameResult& result) {
     lost(result);
     result.map = MapId{{7}};
-    result.on_trial = true;
+    result.verifying = true;
   };
-  const auto refuted = [](FrameResult& result) {
+  const auto rejected = [](FrameResult& result) {
     lost(result);
     result.map = MapId{{7}};
   };
-  for (const auto& trial : {std::vector<ScriptedTracker::Step>{refuted}, {on_trial, refuted}}) {
+  for (const auto& verification : {std::vector<ScriptedTracker::Step>{rejected}, {verifying, rejected}}) {
     std::vector<ScriptedTracker::Step> script = {tracking, asking};
-    script.insert(script.end(), trial.begin(), trial.end());
+    script.insert(script.end(), verification.begin(), verification.end());
     script.emplace_back(lost);
     Rig rig(script);
     rig.options.pace = Pace::kLockstep;
     rig.link.on_settled = [&rig] { rig.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed); };
     ASSERT_TRUE(rig.run());
-    EXPECT_THAT(rig.link.sent, ElementsAre("question", "settle", "use 7 at 5", "settle", "use 1 at 0"));
+    EXPECT_THAT(rig.link.sent, ElementsAre("query", "settle", "use 7 at 5", "settle", "use 1 at 0"));
   }
-  Rig never_tracked({lost, refuted, lost});
+  Rig never_tracked({lost, rejected, lost});
   never_tracked.link.place_answer = place_in(MapId{{7}}, PlaceVerdict::kConfirmed);
   ASSERT_TRUE(never_tracked.run());
   EXPECT_THAT(never_tracked.link.sent, ElementsAre("use 7 at 5"));

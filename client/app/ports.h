@@ -41,7 +41,7 @@ class MapLink {
   [[nodiscard]] virtual KeyframeUse keyframe_use(MapId map) const = 0;
   virtual void send_seed(SeedProposal proposal) = 0;
   virtual void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time) = 0;
-  virtual void send_question(std::shared_ptr<const PlaceView> view, Timestamp time) = 0;
+  virtual void send_query(std::shared_ptr<const PlaceView> view, Timestamp time) = 0;
   virtual void publish_state(const FrameResult& result, Timestamp time) = 0;
   [[nodiscard]] virtual std::optional<SeedReply> take_seed_reply() = 0;
   [[nodiscard]] virtual std::vector<OfferReply> take_offer_replies() = 0;

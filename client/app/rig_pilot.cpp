@@ -25,8 +25,8 @@ void RigPilot::on_frame(const FrameReport& report) {
     if (!chosen_) choose(report);
     follow(report);
   }
-  RigSight sight{report.frame.time,      tracked, report.state == FrameState::kLost,
-                 report.result.on_trial, {},      {}};
+  RigSight sight{report.frame.time,       tracked, report.state == FrameState::kLost,
+                 report.result.verifying, {},      {}};
   sight.map = report.result.map;
   sight.lost = sight.lost || (report.state == FrameState::kStarting && !options_.makes_maps);
   if (tracked && point_) sight.target = report.result.camera_from_map * *point_;

@@ -107,7 +107,7 @@ class ScriptedTracker final : public TrackingEngine {
 
   void make_keyframes(bool wanted) override { keyframes_wanted.push_back(wanted); }
 
-  PlaceUse use_of_places = PlaceUse::kTried;
+  PlaceUse use_of_places = PlaceUse::kToVerify;
   std::vector<bool> keyframes_wanted;  ///< of each frame
 
   std::vector<size_t> sample_counts;
@@ -133,7 +133,7 @@ class ScriptedLink final : public MapLink {
   KeyframeUse keyframe_use(MapId) const override { return use_of_keyframes; }
   void send_seed(SeedProposal) override { sent.emplace_back("seed"); }
   void send_offer(KeyframeProposal, GrayImagePtr, Timestamp) override { sent.emplace_back("offer"); }
-  void send_question(std::shared_ptr<const PlaceView>, Timestamp) override { sent.emplace_back("question"); }
+  void send_query(std::shared_ptr<const PlaceView>, Timestamp) override { sent.emplace_back("query"); }
   void publish_state(const FrameResult&, Timestamp) override { ++states_published; }
   std::optional<SeedReply> take_seed_reply() override { return std::exchange(seed_reply, std::nullopt); }
   std::vector<OfferReply> take_offer_replies() override { return std::exchange(offer_replies, {}); }

@@ -6,7 +6,8 @@
 
 namespace cairn {
 
-/// Where a lost camera may be, from outside: to be tried, and believed only when the next frames prove it.
+/// A hypothesis from the server: where a lost camera may be. It is believed when the next frames have
+/// verified it.
 struct PoseSuggestion {
   MapId map;
   Epoch epoch;
@@ -15,11 +16,11 @@ struct PoseSuggestion {
   bool confirmed = true;      ///< by geometry, and compared with all maps
 };
 
-/// What a tracker does with the answer to its question.
+/// What a tracker does with the answer to its query.
 enum class PlaceUse {
-  kTried,      ///< in the next frame that comes with the map
+  kToVerify,   ///< with the next frame that comes with the map
   kNotNeeded,  ///< it knows where it is, or has not been lost for long enough to leave its map
-  kNotKnown,   ///< no place was suggested, or one that was tried in vain again and again
+  kNotKnown,   ///< no place was suggested, or one that was rejected again and again
 };
 
 }  // namespace cairn

@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr int kProofFrames = 3;  // in a row, for a pose that was found by looking for it
+constexpr int kVerificationFrames = 3;  // in a row
 constexpr float kSuggestedQuality =
     0.25F;  // for a place that geometry or motion speaks for: it may be poorly mapped
 constexpr double kSamePlace = 0.03;   // [depths] a pose may be off and be right
@@ -16,13 +16,13 @@ constexpr size_t kMemoriesTried = 3;  // candidates of the memory, by successive
 // A camera that has been lost for longer, or has since seen what no map is known of, may have been carried
 // elsewhere, to a place that looks the same from where it was [s].
 constexpr double kStillHere = 1.0;
-constexpr double kWitnessPatience = 0.2;  // [s] an answer takes a frame or two
+constexpr double kServerPatience = 0.2;  // [s] an answer takes a frame or two
 
 }  // namespace
 
 void Recovery::start_over(bool insists) {
   state_ = Starting{insists};
-  question_.restart();
+  query_.restart();
   path_.clear();
 }
 
@@ -30,7 +30,7 @@ void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp ti
   path_.clear();
   path_.add(pose, time);
   last_sight_ = {};
-  proven_time_ = time;
+  verified_time_ = time;
   if (is_tracked) {
     state_ = Tracking{};
   } else {
@@ -39,37 +39,37 @@ void Recovery::begin_map(const AnchoredPose& pose, bool is_tracked, Timestamp ti
 }
 
 void Recovery::begin_verifying(const PoseStart& start, Timestamp time) {
-  Verifying trial;
-  trial.frames_left = kProofFrames;
-  trial.needed_quality = start.quality;
+  Verifying verification;
+  verification.frames_left = kVerificationFrames;
+  verification.needed_quality = start.quality;
   if (const Lost* lost = as<Lost>()) {
-    trial.memories_tried = lost->memories_tried;
-    trial.lost_at_cut = lost->at_cut;
+    verification.memories_tried = lost->memories_tried;
+    verification.lost_at_cut = lost->at_cut;
   }
-  trial.is_out_of_reach = !is_reachable(start.camera_from_map);
-  if (start.is_own_guess) trial.witness_from = time;
-  state_ = trial;
+  verification.is_out_of_reach = !is_reachable(start.camera_from_map);
+  if (start.is_own_guess) verification.answer_needed_from = time;
+  state_ = verification;
 }
 
 bool Recovery::confirm(float quality, const AnchoredPose& pose, Timestamp time, bool is_leap) {
-  if (auto* trial = std::get_if<Verifying>(&state_)) {
-    trial->quality = quality;
-    --trial->frames_left;
-    if (needs_more(*trial, time)) return false;
-    if (trial->is_out_of_reach) path_.clear();
+  if (auto* verification = std::get_if<Verifying>(&state_)) {
+    verification->quality = quality;
+    --verification->frames_left;
+    if (needs_more(*verification, time)) return false;
+    if (verification->is_out_of_reach) path_.clear();
   }
   state_ = Tracking{quality};
   if (!is_leap) path_.add(pose, time);
-  proven_time_ = time;
-  question_.prove();
+  verified_time_ = time;
+  query_.verified();
   return true;
 }
 
-/// Another frame, or the word of the server for a while.
-bool Recovery::needs_more(const Verifying& trial, Timestamp time) const {
-  if (trial.frames_left > 0) return true;
-  return lacks_witness() && !question_.nobody_answers() &&
-         std::abs(seconds_between(time, *trial.witness_from)) < kWitnessPatience;
+/// Another frame, or for a while the server's answer.
+bool Recovery::needs_more(const Verifying& verification, Timestamp time) const {
+  if (verification.frames_left > 0) return true;
+  return lacks_answer() && !query_.nobody_answers() &&
+         std::abs(seconds_between(time, *verification.answer_needed_from)) < kServerPatience;
 }
 
 void Recovery::turn_away() {
@@ -83,9 +83,9 @@ void Recovery::lose_sight(const FrameImages& before) {
 }
 
 void Recovery::fail(bool is_cut, Timestamp time) {
-  if (const Verifying* trial = as<Verifying>()) {
-    state_ = Lost{trial->memories_tried, trial->lost_at_cut};
-    question_.refute(time);
+  if (const Verifying* verification = as<Verifying>()) {
+    state_ = Lost{verification->memories_tried, verification->lost_at_cut};
+    query_.reject(time);
   } else if (auto* tracking = std::get_if<Tracking>(&state_)) {
     if (tracking->failed_frames++ == 0) tracking->failed_at_cut = is_cut;
     if (tracking->failed_frames >= options_.lost_after_failed_frames)
@@ -126,7 +126,7 @@ std::optional<PoseStart> Recovery::next_start(const FrameImages& frame, const Ma
     const bool is_repeated = source == Source::kKeyframes && ++keyframes_tried_ < KeyframeRounds::kPerFrame;
     if (!is_repeated) source_ = static_cast<Source>(static_cast<int>(source) + 1);
     if (!is_worth_trying(source, time)) continue;
-    if (source == Source::kRefuted && suggested_) question_.refute(time);
+    if (source == Source::kRejected && suggested_) query_.reject(time);
     const auto start = start_from(source, frame, map, last, mean_depth);
     if (!start) continue;
     if (is_reachable(start->camera_from_map)) return start;
@@ -145,7 +145,7 @@ PoseStart Recovery::next_out_of_reach() {
 void Recovery::compare_within_reach(const PoseStart& found) {
   out_of_reach_.push_front({found, true});
   out_of_reach_.push_front(
-      {{within_reach(found.camera_from_map), PoseStart::Reach::kNear, kProvenQuality, true}, true});
+      {{within_reach(found.camera_from_map), PoseStart::Reach::kNear, kVerifiedQuality, true}, true});
 }
 
 std::optional<PoseStart> Recovery::believe(const PoseStart& start, const FoundPose& found, Timestamp time) {
@@ -172,18 +172,18 @@ bool Recovery::is_worth_trying(Source source, Timestamp time) const {
     case Source::kConfirmed:
     case Source::kSuggested:
     case Source::kOutOfReach:
-    case Source::kRefuted:
+    case Source::kRejected:
       return true;
     case Source::kContinued:
     case Source::kTurned:
       return is_lost() && region_;
     case Source::kCorners:
     case Source::kMemory:
-    case Source::kProven:
-      return is_lost() && (question_.nobody_answers() || !may_be_elsewhere(time) || (region_));
+    case Source::kVerified:
+      return is_lost() && (query_.nobody_answers() || !may_be_elsewhere(time) || (region_));
     case Source::kKeyframes:
     case Source::kNone:
-      return is_lost() && question_.nobody_answers();
+      return is_lost() && query_.nobody_answers();
   }
   return false;
 }
@@ -193,7 +193,7 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
   using Reach = PoseStart::Reach;
   const auto guess = [](const std::optional<SE3>& pose, Reach reach) -> std::optional<PoseStart> {
     if (!pose) return std::nullopt;
-    return PoseStart{*pose, reach, kProvenQuality, true};
+    return PoseStart{*pose, reach, kVerifiedQuality, true};
   };
   switch (source) {
     case Source::kContinued:
@@ -203,8 +203,8 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
       return std::nullopt;
     case Source::kConfirmed:
       // What geometry confirms is right to a few pixels: who looks no farther meets fewer look-alikes.
-      suggested_ = question_.take(frame, *camera_, map);
-      if (!suggested_ || !question_.took_confirmed()) return std::nullopt;
+      suggested_ = query_.take(frame, *camera_, map);
+      if (!suggested_ || !query_.took_confirmed()) return std::nullopt;
       return PoseStart{*suggested_, Reach::kNear, kSuggestedQuality, false};
     case Source::kSuggested:
       if (!suggested_) return std::nullopt;
@@ -213,12 +213,12 @@ std::optional<PoseStart> Recovery::start_from(Source source, const FrameImages& 
       return guess(by_corners(frame, map, last, mean_depth), Reach::kNear);
     case Source::kMemory:
       return guess(places_.recall(frame, *camera_, map, next_memory()), Reach::kWide);
-    case Source::kProven:
+    case Source::kVerified:
       return guess(path_.last(map), Reach::kWide);
     case Source::kKeyframes:
       return guess(rounds_.next(map), Reach::kQuick);
     case Source::kOutOfReach:
-    case Source::kRefuted:
+    case Source::kRejected:
     case Source::kNone:
       break;
   }
@@ -235,7 +235,7 @@ SE3 Recovery::within_reach(const SE3& turned) const {
   return {turned.rotation(), -(turned.rotation() * region_->centre)};
 }
 
-/// The pose proven last, turned as the small images then and now say: what came between, a hand maybe, has
+/// The pose verified last, turned as the small images then and now say: what came between, a hand maybe, has
 /// no part in it.
 std::optional<SE3> Recovery::turned_since(const FrameImages& frame, const MapSnapshot& map) const {
   const auto last = path_.last(map);
@@ -251,14 +251,14 @@ std::optional<SE3> Recovery::by_corners(const FrameImages& frame, const MapSnaps
 }
 
 bool Recovery::may_be_elsewhere(Timestamp time) const {
-  const double since = seconds_between(time, proven_time_);
-  return since < 0 || since > kStillHere || question_.is_elsewhere();
+  const double since = seconds_between(time, verified_time_);
+  return since < 0 || since > kStillHere || query_.is_elsewhere();
 }
 
 std::shared_ptr<const PlaceView> Recovery::ask(const FrameImages& frame, Timestamp time, bool may_enter,
                                                const std::optional<UpDirection>& up) {
   if (!is_asking(may_enter)) return nullptr;
-  return question_.ask(frame, time, up);
+  return query_.ask(frame, time, up);
 }
 
 /// Whether a place suggested would be tried.
@@ -271,15 +271,16 @@ bool Recovery::is_looking(bool may_enter) const {
 /// first of many.
 bool Recovery::is_asking(bool may_enter) const {
   const Tracking* tracking = as<Tracking>();
-  return is_looking(may_enter) || (tracking != nullptr && tracking->failed_frames > 0) || lacks_witness();
+  return is_looking(may_enter) || (tracking != nullptr && tracking->failed_frames > 0) || lacks_answer();
 }
 
-bool Recovery::lacks_witness() const {
-  const Verifying* trial = as<Verifying>();
-  return trial != nullptr && trial->witness_from && !question_.is_answered_since(*trial->witness_from);
+bool Recovery::lacks_answer() const {
+  const Verifying* verification = as<Verifying>();
+  return verification != nullptr && verification->answer_needed_from &&
+         !query_.is_answered_since(*verification->answer_needed_from);
 }
 
-/// The map in use is left for another only when it is not in sight, or when the picture changed as no hand
+/// The map in use is left for another only when it is not in sight, or when the image changed as no hand
 /// can move.
 bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const {
   if (is_looking(may_enter)) return true;
@@ -290,20 +291,20 @@ bool Recovery::wants(const PoseSuggestion& place, std::optional<MapId> map, bool
 
 /// Whether the server knows the camera in another map than the one in which it is verified by its own guess.
 bool Recovery::is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const {
-  const Verifying* trial = as<Verifying>();
-  return trial != nullptr && trial->witness_from && question_.is_answered_since(*trial->witness_from) &&
-         place.confirmed && place.map != map;
+  const Verifying* verification = as<Verifying>();
+  return verification != nullptr && verification->answer_needed_from &&
+         query_.is_answered_since(*verification->answer_needed_from) && place.confirmed && place.map != map;
 }
 
 PlaceUse Recovery::answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
                             bool may_enter) {
-  if (!question_.answered(suggestion)) return PlaceUse::kNotKnown;
+  if (!query_.answered(suggestion)) return PlaceUse::kNotKnown;
   if (is_contradicted_by(*suggestion, map)) {
     state_ = Lost{as<Verifying>()->memories_tried, true};
-    question_.contradict();
+    query_.contradict();
   }
-  if (wants(*suggestion, map, may_enter)) return PlaceUse::kTried;
-  question_.drop_suggestion();
+  if (wants(*suggestion, map, may_enter)) return PlaceUse::kToVerify;
+  query_.drop_suggestion();
   return PlaceUse::kNotNeeded;
 }
 

@@ -14,9 +14,9 @@
 #include "client/relocalization/described_views.h"
 #include "client/relocalization/keyframe_rounds.h"
 #include "client/relocalization/place_memory.h"
-#include "client/relocalization/place_question.h"
 #include "client/relocalization/pose_suggestion.h"
-#include "client/relocalization/proven_path.h"
+#include "client/relocalization/reloc_query_state.h"
+#include "client/relocalization/verified_path.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/geometry/se3.h"
@@ -49,14 +49,14 @@ struct Verifying {
   size_t memories_tried = 0;     ///< before this one
   bool lost_at_cut = false;      ///< as Lost::at_cut
   bool is_out_of_reach = false;  ///< of a camera that moves as it did before
-  /// When it began, if the place is the tracker's own guess: that knows one map only, and the server, which
-  /// compares with all, is to be heard about a frame from then on.
-  std::optional<Timestamp> witness_from;
+  /// When it began, if the place is the tracker's own guess: that compares with one map only. The server
+  /// compares with all, and its answer about a frame from then on is needed.
+  std::optional<Timestamp> answer_needed_from;
 };
 /// The camera is in the map, most likely, and not known where.
 struct Lost {
   size_t memories_tried = 0;
-  bool at_cut = false;  ///< the picture changed as no hand can move: it may be elsewhere by now
+  bool at_cut = false;  ///< the image changed as no hand can move: it may be elsewhere by now
 };
 using RecoveryState = std::variant<Starting, Tracking, Turned, Verifying, Lost>;
 
@@ -87,14 +87,14 @@ struct FoundPose {
 };
 
 /// What a tracker knows of whether the camera is lost, and where it may be looked for then: one state, what
-/// it remembers of the maps that it was in, and the question that is asked outside. It decides nothing about
-/// pictures: the tracker searches from the poses that it names and reports what came of it. Pure; one thread.
+/// it remembers of the maps that it was in, and the relocalization query. It decides nothing about
+/// images: the tracker searches from the poses that it names and reports what came of it. Pure; one thread.
 class Recovery {
  public:
   /// Points that must be found of a pose that was looked for.
   static constexpr int kFewestPoints = 25;
   /// And their share, where nothing else speaks for it.
-  static constexpr float kProvenQuality = 0.4F;
+  static constexpr float kVerifiedQuality = 0.4F;
 
   Recovery(CameraPtr camera, const RecoveryOptions& options)
       : camera_(std::move(camera)), options_(options) {}
@@ -168,21 +168,20 @@ class Recovery {
   [[nodiscard]] std::optional<SE3> by_corners(const FrameImages& frame, const MapSnapshot& map,
                                               const SE3& last, double mean_depth);
 
-  // The question where this is. While starting it is asked where `may_enter`: another map than one's own to
+  // The relocalization query. While starting it is made where `may_enter`: another map than one's own to
   // be would be entered.
 
-  /// The frame described, with which way is up in it where that is known, if a question is due; null
-  /// otherwise.
+  /// The frame described, with which way is up in it where that is known, if a query is due; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time, bool may_enter,
                                                      const std::optional<UpDirection>& up = {});
   /// Its answer; `map` in use, if there is one.
   PlaceUse answered(const std::optional<PoseSuggestion>& suggestion, std::optional<MapId> map,
                     bool may_enter);
-  void left_open() { question_.left_open(); }
-  [[nodiscard]] const PlaceQuestion& question() const { return question_; }
+  void left_open() { query_.left_open(); }
+  [[nodiscard]] const RelocQueryState& query() const { return query_; }
 
  private:
-  /// Of poses, in the order in which they are named; at kRefuted it is known that what others say is wrong.
+  /// Of poses, in the order in which they are named; at kRejected it is known that what others say is wrong.
   enum class Source : uint8_t {
     kContinued,
     kTurned,
@@ -190,17 +189,17 @@ class Recovery {
     kSuggested,
     kCorners,
     kMemory,
-    kProven,
+    kVerified,
     kOutOfReach,
-    kRefuted,
+    kRejected,
     kKeyframes,
     kNone
   };
 
   [[nodiscard]] bool is_looking(bool may_enter) const;
   [[nodiscard]] bool is_asking(bool may_enter) const;
-  [[nodiscard]] bool lacks_witness() const;
-  [[nodiscard]] bool needs_more(const Verifying& trial, Timestamp time) const;
+  [[nodiscard]] bool lacks_answer() const;
+  [[nodiscard]] bool needs_more(const Verifying& verification, Timestamp time) const;
   [[nodiscard]] bool is_contradicted_by(const PoseSuggestion& place, std::optional<MapId> map) const;
   [[nodiscard]] bool wants(const PoseSuggestion& place, std::optional<MapId> map, bool may_enter) const;
   [[nodiscard]] bool may_be_elsewhere(Timestamp time) const;
@@ -217,15 +216,15 @@ class Recovery {
   CameraPtr camera_;
   RecoveryOptions options_;
   RecoveryState state_ = Starting{};
-  PlaceQuestion question_;
+  RelocQueryState query_;
   PlaceMemory places_;
   DescribedViews views_;
   KeyframeRounds rounds_;
-  ProvenPath path_;        ///< the last poses published,
-  Timestamp proven_time_;  ///< and when the latest was
-  TinyImage last_sight_;   ///< of its frame, once the next has failed; empty: another frame came between
-  Timestamp now_;          ///< of the present frame
-  Timestamp before_;       ///< of the one before
+  VerifiedPath path_;        ///< the last poses published,
+  Timestamp verified_time_;  ///< and when the latest was
+  TinyImage last_sight_;     ///< of its frame, once the next has failed; empty: another frame came between
+  Timestamp now_;            ///< of the present frame
+  Timestamp before_;         ///< of the one before
   // Of the present frame:
   std::optional<PlaceView> described_;
   std::optional<ReachableRegion> region_;  ///< where the camera can be, as far as is known

@@ -90,7 +90,7 @@ TEST_F(RecoveryTest, NothingSurvivesATransition) {
 
 TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
   lose();
-  EXPECT_EQ(answer(at(100), suggestion_here()), PlaceUse::kTried);
+  EXPECT_EQ(answer(at(100), suggestion_here()), PlaceUse::kToVerify);
   recovery.begin_frame(*map, 1.0, at(133));
   const auto start = recovery.next_start(frame, *map, home, 1.0, at(133));
   ASSERT_TRUE(start);
@@ -103,7 +103,7 @@ TEST_F(RecoveryTest, APoseThatOthersSayIsPublishedAfterThreeFrames) {
   EXPECT_NE(recovery.as<Tracking>(), nullptr);
 }
 
-TEST_F(RecoveryTest, AQuestionThatWasOpenWhenItFoundItselfSaysNothingOfTheServerLater) {
+TEST_F(RecoveryTest, AQueryThatWasOpenWhenItFoundItselfSaysNothingOfTheServerLater) {
   lose();
   ASSERT_NE(recovery.ask(frame, at(100), true), nullptr);
   recovery.begin_verifying({home, PoseStart::Reach::kNear, 0.25F, false}, at(110));
@@ -111,9 +111,9 @@ TEST_F(RecoveryTest, AQuestionThatWasOpenWhenItFoundItselfSaysNothingOfTheServer
   ASSERT_NE(recovery.as<Tracking>(), nullptr);
   lose();
   ASSERT_NE(recovery.ask(frame, at(60'000), true), nullptr);
-  EXPECT_FALSE(recovery.question().nobody_answers());
+  EXPECT_FALSE(recovery.query().nobody_answers());
   EXPECT_NE(recovery.ask(frame, at(60'600), true), nullptr);
-  EXPECT_TRUE(recovery.question().nobody_answers()) << "this one was not";
+  EXPECT_TRUE(recovery.query().nobody_answers()) << "this one was not";
 }
 
 TEST_F(RecoveryTest, WhatFailsWhileItIsVerifiedIsLostAtOnce) {
@@ -133,7 +133,7 @@ TEST_F(RecoveryTest, AnOwnGuessWaitsForTheWordOfTheServer) {
   for (const int64_t t : {100, 133, 166}) EXPECT_FALSE(recovery.confirm(0.5F, here, at(t)));
   PoseSuggestion elsewhere = suggestion_here();
   elsewhere.map.bytes[0] ^= 1;
-  EXPECT_EQ(recovery.answered(elsewhere, map->map, true), PlaceUse::kTried);
+  EXPECT_EQ(recovery.answered(elsewhere, map->map, true), PlaceUse::kToVerify);
   EXPECT_TRUE(recovery.is_lost());
 
   recovery.begin_verifying({home, PoseStart::Reach::kWide, 0.4F, true}, at(200));
@@ -144,7 +144,7 @@ TEST_F(RecoveryTest, AnOwnGuessWaitsForTheWordOfTheServer) {
 TEST_F(RecoveryTest, AFrameThatFailsIsTriedWhereOthersSayOnly) {
   recovery.fail(false, at(0));
   EXPECT_TRUE(starts(at(10)).empty());
-  EXPECT_EQ(answer(at(20), suggestion_here()), PlaceUse::kTried);
+  EXPECT_EQ(answer(at(20), suggestion_here()), PlaceUse::kToVerify);
   EXPECT_EQ(starts(at(30)).size(), 2U) << "near, then wide";
   EXPECT_TRUE(starts(at(40)).empty()) << "it was tried";
 }
@@ -157,7 +157,7 @@ TEST_F(RecoveryTest, WhoIsLostLooksWhereItWasUntilItMayBeElsewhere) {
   ASSERT_GE(soon.size(), 2U) << "the memory, the last pose";
   for (const PoseStart& start : soon) {
     EXPECT_TRUE(start.is_own_guess);
-    EXPECT_GE(start.quality, Recovery::kProvenQuality);
+    EXPECT_GE(start.quality, Recovery::kVerifiedQuality);
     EXPECT_LT((start.camera_from_map * home.inverse()).log().norm(), 0.02);
   }
   EXPECT_TRUE(starts(at(1500)).empty()) << "carried elsewhere, maybe";
@@ -177,7 +177,7 @@ class RecoveryOnTheWay : public RecoveryTest {
 
   SE3 went_on_to = looking_down(0.02 * 36, 0);
   SE3 a_period_back = looking_down(0.02 * 36 - 0.5, 0);
-  PoseStart own{went_on_to, PoseStart::Reach::kWide, Recovery::kProvenQuality, true};
+  PoseStart own{went_on_to, PoseStart::Reach::kWide, Recovery::kVerifiedQuality, true};
   PoseStart of_others{a_period_back, PoseStart::Reach::kNear, 0.25F, false};
 };
 
@@ -227,7 +227,7 @@ TEST_F(RecoveryOnTheWay, TheImageOfAnotherFrameDoesNotSayHowItTurned) {
   }
 }
 
-TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoWitness) {
+TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoAnswer) {
   const auto near = recovery.believe(own, {went_on_to, 60, 0.3F}, at(33 * 36));
   ASSERT_TRUE(near);
   EXPECT_LE(near->quality, 0.3F);
@@ -238,10 +238,10 @@ TEST_F(RecoveryOnTheWay, WhereItCanHaveGotToLessIsNeededAndNoWitness) {
   recovery.begin_frame(*map, 1.0, at(33 * 38));
   const auto after_cut = recovery.believe(own, {recovery.within_reach(home), 60, 0.3F}, at(33 * 38));
   ASSERT_TRUE(after_cut);
-  EXPECT_TRUE(after_cut->is_own_guess) << "the picture changed as no hand can move";
+  EXPECT_TRUE(after_cut->is_own_guess) << "the image changed as no hand can move";
 }
 
-TEST_F(RecoveryOnTheWay, AfterASecondAGuessOfItsOwnNeedsAWitness) {
+TEST_F(RecoveryOnTheWay, AfterASecondAGuessOfItsOwnNeedsAnAnswer) {
   recovery.begin_frame(*map, 1.0, at(33 * 30 + 1100));
   const auto late = recovery.believe(own, {looking_down(0.6 + 0.66, 0), 60, 0.3F}, at(33 * 30 + 1100));
   ASSERT_TRUE(late);
@@ -294,7 +294,7 @@ TEST_F(RecoveryTest, AnotherMapIsEnteredFromALostOneOrACutOnly) {
   EXPECT_EQ(answer(at(10), elsewhere), PlaceUse::kNotNeeded);
   EXPECT_TRUE(recovery.confirm(0.8F, here, at(20)));
   recovery.fail(true, at(200));
-  EXPECT_EQ(answer(at(210), elsewhere), PlaceUse::kTried) << "the picture changed as no hand can move";
+  EXPECT_EQ(answer(at(210), elsewhere), PlaceUse::kToVerify) << "the image changed as no hand can move";
 }
 
 /// Who knows only how it is turned may have been carried elsewhere: it asks, any map is entered, and what is
@@ -305,8 +305,8 @@ TEST_F(RecoveryTest, WhoHasTurnedAwayAsksAndIsBackAtOnce) {
   ASSERT_NE(recovery.as<Turned>(), nullptr);
   PoseSuggestion elsewhere = suggestion_here();
   elsewhere.map.bytes[0] ^= 1;
-  EXPECT_EQ(answer(at(33), elsewhere), PlaceUse::kTried);
-  EXPECT_EQ(answer(at(133), suggestion_here()), PlaceUse::kTried);
+  EXPECT_EQ(answer(at(33), elsewhere), PlaceUse::kToVerify);
+  EXPECT_EQ(answer(at(133), suggestion_here()), PlaceUse::kToVerify);
   EXPECT_EQ(starts(at(166)).size(), 2U) << "what others say, and no guess of its own";
   EXPECT_TRUE(recovery.confirm(0.8F, here, at(200)));
   recovery.turn_away();
@@ -320,7 +320,7 @@ TEST_F(RecoveryTest, WhileStartingItAsksUnlessItInsistsOrIsDecidedAbout) {
   recovery.start_over(false);
   EXPECT_EQ(recovery.ask(frame, at(100), false), nullptr);
   EXPECT_NE(recovery.ask(frame, at(200), true), nullptr);
-  EXPECT_EQ(recovery.answered(suggestion_here(), std::nullopt, true), PlaceUse::kTried);
+  EXPECT_EQ(recovery.answered(suggestion_here(), std::nullopt, true), PlaceUse::kToVerify);
 }
 
 }  // namespace

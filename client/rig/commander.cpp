@@ -135,7 +135,7 @@ void RigCommander::see(const RigSight& sight) {
   }
   if (!lost_since_) lost_since_ = sight.time;
   if (looking_ == Looking::kAtCandidate) {
-    if (sight.on_trial || !candidate_since_) candidate_since_ = sight.time;
+    if (sight.verifying || !candidate_since_) candidate_since_ = sight.time;
     if (sight.time - *candidate_since_ <= kCandidateTime) return;
     looking_ = Looking::kSearching;  // it was none
   }

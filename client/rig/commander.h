@@ -26,7 +26,7 @@ struct RigSight {
   Timestamp time;                         ///< of the frame, by the host's clock
   bool tracked = false;                   ///< its pose is known
   bool lost = false;                      ///< it is not, and the camera is looked for in maps
-  bool on_trial = false;                  ///< a pose is being verified
+  bool verifying = false;                 ///< a pose is being verified
   MapId map;                              ///< that it is tracked in
   std::optional<Eigen::Vector3d> target;  ///< to be fixated, as the camera saw it
 };

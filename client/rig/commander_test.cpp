@@ -125,12 +125,12 @@ TEST_F(Commander, ALostCameraSearchesWhereItWasTrackedLastLooksAtAPlaceAndIsThen
   const auto look = after(commander, lost_, 100ms);
   EXPECT_EQ(look.mode, RigMode::kLock);  // turned back to where that picture was taken
   EXPECT_LT((look.target - Vector3d(std::cos(1), std::sin(1), 0)).norm(), 1e-9);
-  RigSight trial = lost_;
-  trial.on_trial = true;
-  EXPECT_EQ(after(commander, trial, 1000ms).mode, RigMode::kLock);   // as long as it takes
-  EXPECT_EQ(after(commander, lost_, 500ms).mode, RigMode::kSearch);  // it failed
+  RigSight verifying = lost_;
+  verifying.verifying = true;
+  EXPECT_EQ(after(commander, verifying, 1000ms).mode, RigMode::kLock);  // as long as it takes
+  EXPECT_EQ(after(commander, lost_, 500ms).mode, RigMode::kSearch);     // it failed
   commander.try_place(time());
-  (void)after(commander, trial, 100ms);
+  (void)after(commander, verifying, 100ms);
   EXPECT_EQ(after(commander, tracked_, 100ms).mode, RigMode::kFollow);
   EXPECT_EQ(commander.counts().searches, 1);
   EXPECT_EQ(commander.counts().candidates, 2);

@@ -62,7 +62,7 @@ void Sender::write(const SessionCore::Outgoing& outgoing) {
                  [&](const wire::TrackerStateMessage& state) {
                    report(writers_.tracker.write(state), "TrackerState");
                  },
-                 [&](const QuestionSlot::Sendable& query) {
+                 [&](const QuerySlot::Sendable& query) {
                    report(writers_.queries.write(make_message(query, header_)), "RelocQuery");
                  },
                  [&](const SeedSlot::Sendable& seed) {

@@ -108,7 +108,7 @@ void Session::send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestam
   state_->core.apply([&](SessionCore& core) { core.send_offer(std::move(offer)); });
 }
 
-void Session::send_question(std::shared_ptr<const PlaceView> view, Timestamp time) {
+void Session::send_query(std::shared_ptr<const PlaceView> view, Timestamp time) {
   state_->core.apply([&](SessionCore& core) { core.send_query(std::move(view), time); });
 }
 

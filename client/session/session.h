@@ -44,7 +44,7 @@ class Session {
   /// Makes a map of the server's the one in use; its replica comes, or is there if it was in use of late. In
   /// lockstep settling waits for the revision.
   void use_map(MapId map, Epoch epoch = {}, Revision revision = {});
-  /// Forgets the map in use, e.g. to begin another, the seed and the question under way and their answers.
+  /// Forgets the map in use, e.g. to begin another, the seed and the query under way and their answers.
   void leave_map();
 
   /// As far as the server has said what we may do in the map.
@@ -52,9 +52,9 @@ class Session {
 
   void send_seed(SeedProposal proposal);
   void send_offer(KeyframeProposal proposal, GrayImagePtr image, Timestamp time);
-  /// Asks where the frame was taken; an unanswered earlier question is superseded. Dropped while there is no
+  /// Asks where the frame was taken; an unanswered earlier query is superseded. Dropped while there is no
   /// server.
-  void send_question(std::shared_ptr<const PlaceView> view, Timestamp time);
+  void send_query(std::shared_ptr<const PlaceView> view, Timestamp time);
   void publish_state(const FrameResult& result, Timestamp time);
 
   /// Labels of a map that was in use of late, in the epoch of its replica; null without any.
@@ -83,7 +83,7 @@ class Session {
   [[nodiscard]] bool wait_for_name(std::chrono::milliseconds timeout);
   /// Waits until a whole revision of the map in use is there (false on time-out). For start-up and tests.
   [[nodiscard]] bool wait_for_map(std::chrono::milliseconds timeout);
-  /// Lockstep: waits until every command sent is decided, every question answered, and the revision named
+  /// Lockstep: waits until every command sent is decided, every query answered, and the revision named
   /// by the decision is swapped in. False when the server was lost or began to refuse us meanwhile, or on
   /// time-out.
   [[nodiscard]] bool wait_until_settled(std::chrono::milliseconds timeout);

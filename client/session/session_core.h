@@ -85,7 +85,7 @@ class SessionCore {
     Spool::Sendable sendable;
     uint64_t reference = 0;  ///< the command of the offer that it is relative to; 0: none, or not known
   };
-  using Outgoing = std::variant<wire::CameraMessage, wire::TrackerStateMessage, QuestionSlot::Sendable,
+  using Outgoing = std::variant<wire::CameraMessage, wire::TrackerStateMessage, QuerySlot::Sendable,
                                 SeedSlot::Sendable, Offer, RequestSpool::Sendable>;
   /// The next, counted as sent; nothing is to be sent now. A camera must then be told to written().
   [[nodiscard]] std::optional<Outgoing> next(MonotonicTime now, const Readers& readers);
@@ -142,7 +142,7 @@ class SessionCore {
   SeedSlot seed_;
   std::optional<SeedReply> seed_reply_;
   std::vector<OfferReply> offer_replies_;
-  QuestionSlot query_;
+  QuerySlot query_;
   std::optional<PlaceAnswer> place_answer_;
   RequestSpool requests_;
   std::vector<RequestReply> request_replies_;

@@ -235,7 +235,7 @@ TEST_F(SessionCoreTest, LeavingAMapForgetsWhatWasUnderWayAndItsAnswers) {
   EXPECT_TRUE(core_->is_settled());
   EXPECT_EQ(core_->maps().snapshot(), nullptr);
   const auto sent = drain();
-  EXPECT_TRUE(only<SeedSlot::Sendable>(sent).empty() && only<QuestionSlot::Sendable>(sent).empty());
+  EXPECT_TRUE(only<SeedSlot::Sendable>(sent).empty() && only<QuerySlot::Sendable>(sent).empty());
 }
 
 TEST_F(SessionCoreTest, AMapThatWasInUseOfLateIsThereAtOnce) {
@@ -267,7 +267,7 @@ TEST_F(BoundCoreTest, UsesTheMapOfItsNameAndHearsOfNoOther) {
   core_->take_presence(true);
   EXPECT_EQ(core_->maps().in_use(), kDesk);
   core_->send_query(std::make_shared<const PlaceView>(), {});
-  const auto sent = only<QuestionSlot::Sendable>(drain());
+  const auto sent = only<QuerySlot::Sendable>(drain());
   ASSERT_EQ(sent.size(), 1U);
   wire::RelocAnswer answer;
   answer.command = sent.front().command;

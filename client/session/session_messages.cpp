@@ -48,19 +48,19 @@ wire::KeyframeOffer make_message(const SessionCore::Offer& offer, const CommandH
   return message;
 }
 
-wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable, const CommandHeader& header) {
-  const PlaceQuestionSent& question = *sendable.question;
+wire::RelocQuery make_message(const QuerySlot::Sendable& sendable, const CommandHeader& header) {
+  const SentRelocQuery& query = *sendable.query;
   wire::RelocQuery message;
   message.client = header.client;
   message.command = sendable.command;
-  message.map_hint = question.map_hint;
+  message.map_hint = query.map_hint;
   message.camera = header.camera.camera;
   message.camera_version = header.camera.version;
   message.lockstep = header.lockstep;
-  message.time = question.time;
-  message.small_image = encode_image(question.view->small, wire::ImageEncoding::kRaw);
-  message.corners = question.view->corners;
-  message.up = question.view->up;
+  message.time = query.time;
+  message.small_image = encode_image(query.view->small, wire::ImageEncoding::kRaw);
+  message.corners = query.view->corners;
+  message.up = query.view->up;
   return message;
 }
 

@@ -18,8 +18,7 @@ struct CommandHeader {
 /// Commands as they go out. Images are encoded here, which takes milliseconds. Pure; thread-safe.
 [[nodiscard]] wire::MapSeed make_message(const SeedSlot::Sendable& sendable, const CommandHeader& header);
 [[nodiscard]] wire::KeyframeOffer make_message(const SessionCore::Offer& offer, const CommandHeader& header);
-[[nodiscard]] wire::RelocQuery make_message(const QuestionSlot::Sendable& sendable,
-                                            const CommandHeader& header);
+[[nodiscard]] wire::RelocQuery make_message(const QuerySlot::Sendable& sendable, const CommandHeader& header);
 [[nodiscard]] wire::ClientRequest make_message(const RequestSpool::Sendable& sendable,
                                                const CommandHeader& header);
 

@@ -131,25 +131,25 @@ void SeedSlot::restart(SessionId session) {
   timer_.send_at_once();
 }
 
-void QuestionSlot::put(PlaceQuestionSent question) {
-  question_ = std::make_shared<const PlaceQuestionSent>(std::move(question));
+void QuerySlot::put(SentRelocQuery query) {
+  query_ = std::make_shared<const SentRelocQuery>(std::move(query));
   ++seq_;
   timer_.send_at_once();
 }
 
-std::optional<QuestionSlot::Sendable> QuestionSlot::next(MonotonicTime now) {
-  if (question_ == nullptr || !timer_.due(now)) return std::nullopt;
+std::optional<QuerySlot::Sendable> QuerySlot::next(MonotonicTime now) {
+  if (query_ == nullptr || !timer_.due(now)) return std::nullopt;
   timer_.sent(now);
-  return Sendable{{session_, seq_}, question_};
+  return Sendable{{session_, seq_}, query_};
 }
 
-bool QuestionSlot::apply(const wire::RelocAnswer& answer) {
-  if (question_ == nullptr || answer.command != wire::CommandId{session_, seq_}) return false;
-  question_.reset();
+bool QuerySlot::apply(const wire::RelocAnswer& answer) {
+  if (query_ == nullptr || answer.command != wire::CommandId{session_, seq_}) return false;
+  query_.reset();
   return true;
 }
 
-void QuestionSlot::restart(SessionId session) {
+void QuerySlot::restart(SessionId session) {
   session_ = session;
   drop();
 }

@@ -144,38 +144,38 @@ class SeedSlot {
 };
 
 /// A frame described, to find out where it was taken.
-struct PlaceQuestionSent {
+struct SentRelocQuery {
   std::shared_ptr<const PlaceView> view;
   MapId map_hint;
   Timestamp time;
 };
 
-/// The one question that may be under way. Answering it changes nothing at the server, so it may be sent
-/// again. Pure. One thread.
-class QuestionSlot {
+/// The one relocalization query that may be under way. Answering it changes nothing at the server, so it may
+/// be sent again. Pure. One thread.
+class QuerySlot {
  public:
-  explicit QuestionSlot(SessionId session) : session_(session) {}
+  explicit QuerySlot(SessionId session) : session_(session) {}
 
-  /// Takes a question; one that is still unanswered is superseded.
-  void put(PlaceQuestionSent question);
+  /// Takes a query; one that is still unanswered is superseded.
+  void put(SentRelocQuery query);
 
   struct Sendable {
     wire::CommandId command;
-    std::shared_ptr<const PlaceQuestionSent> question;
+    std::shared_ptr<const SentRelocQuery> query;
   };
   [[nodiscard]] std::optional<Sendable> next(MonotonicTime now);
-  /// Whether the answer is to the question under way, which it then ends.
+  /// Whether the answer is to the query under way, which it then ends.
   [[nodiscard]] bool apply(const wire::RelocAnswer& answer);
-  /// Nobody wants to know any more: an answer is to no question.
-  void drop() { question_.reset(); }
+  /// Nobody wants to know any more: an answer is to no query.
+  void drop() { query_.reset(); }
   /// Nobody will answer: the server has gone or is another one, whose session this is.
   void restart(SessionId session);
-  [[nodiscard]] bool empty() const { return question_ == nullptr; }
+  [[nodiscard]] bool empty() const { return query_ == nullptr; }
 
  private:
   SessionId session_;
   uint64_t seq_ = 0;
-  std::shared_ptr<const PlaceQuestionSent> question_;
+  std::shared_ptr<const SentRelocQuery> query_;
   ResendTimer timer_;
 };
 

@@ -214,14 +214,14 @@ TEST(SeedSlot, ANewerSeedSupersedesAndAnotherServerGetsItToo) {
   EXPECT_EQ(again->command.session, SessionId{78});
 }
 
-wire::RelocAnswer answer_to(const QuestionSlot::Sendable& sent) {
+wire::RelocAnswer answer_to(const QuerySlot::Sendable& sent) {
   wire::RelocAnswer answer;
   answer.command = sent.command;
   return answer;
 }
 
-TEST(QuestionSlot, OneQuestionIsUnderWayAndOnlyItsAnswerCounts) {
-  QuestionSlot slot(SessionId{5});
+TEST(QuerySlot, OneQueryIsUnderWayAndOnlyItsAnswerCounts) {
+  QuerySlot slot(SessionId{5});
   const MonotonicTime now{};
   EXPECT_FALSE(slot.next(now));
   slot.put({});
@@ -239,8 +239,8 @@ TEST(QuestionSlot, OneQuestionIsUnderWayAndOnlyItsAnswerCounts) {
   EXPECT_FALSE(slot.apply(answer_to(*second))) << "twice";
 }
 
-TEST(QuestionSlot, ADroppedServerAnswersNothing) {
-  QuestionSlot slot(SessionId{5});
+TEST(QuerySlot, ADroppedServerAnswersNothing) {
+  QuerySlot slot(SessionId{5});
   slot.put({});
   const auto sent = slot.next(MonotonicTime{});
   ASSERT_TRUE(sent);

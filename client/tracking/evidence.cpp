@@ -21,7 +21,7 @@ struct Demand {
 
 /// Of a place where the camera can have got to.
 float kept_quality(float quality, const TrackerOptions& options) {
-  return std::clamp(kQualityKept * quality, options.lost_quality, Recovery::kProvenQuality);
+  return std::clamp(kQualityKept * quality, options.lost_quality, Recovery::kVerifiedQuality);
 }
 
 Demand demand_while_tracking(const Tracking& tracking, PoseOrigin origin, const TrackerOptions& options) {
@@ -47,7 +47,7 @@ Demand demand_of(PoseOrigin origin, const RecoveryState& state, const TrackerOpt
     return demand_while_tracking(*tracking, origin, options);
   if (const auto* turned = std::get_if<Turned>(&state))
     return {Recovery::kFewestPoints, kept_quality(turned->quality, options)};
-  return {Recovery::kFewestPoints, Recovery::kProvenQuality};
+  return {Recovery::kFewestPoints, Recovery::kVerifiedQuality};
 }
 
 /// What leaves the picture is tracked on its last points, all of them to one side, and with these the pose

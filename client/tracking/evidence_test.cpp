@@ -47,7 +47,7 @@ TEST(Evidence, AfterAFailureMostMustBeFoundAgain) {
   EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, Recovery::kFewestPoints - 1, 0.9F), failed),
             PoseVerdict::kBad);
   const Tracking rich{1.0F, 1, false};
-  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, Recovery::kProvenQuality), rich), PoseVerdict::kGood);
+  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 40, Recovery::kVerifiedQuality), rich), PoseVerdict::kGood);
 }
 
 TEST(Evidence, WhatIsFollowedOrRecognizedIsPoorAtLeast) {
@@ -60,10 +60,10 @@ TEST(Evidence, WhatIsFollowedOrRecognizedIsPoorAtLeast) {
 }
 
 TEST(Evidence, WhileItIsVerifiedEachFrameMustShowWhatWasAskedFor) {
-  Verifying trial;
-  trial.needed_quality = 0.4F;
-  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 100, 0.39F), trial), PoseVerdict::kBad);
-  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 100, 0.41F), trial), PoseVerdict::kGood);
+  Verifying verification;
+  verification.needed_quality = 0.4F;
+  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 100, 0.39F), verification), PoseVerdict::kBad);
+  EXPECT_EQ(by_motion(seen(PoseVerdict::kGood, 100, 0.41F), verification), PoseVerdict::kGood);
 }
 
 TEST(Evidence, ASoundPoseIsGoodOrHasManyPoints) {

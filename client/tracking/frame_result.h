@@ -82,7 +82,7 @@ struct FrameResult {
   bool pose_measured = false;  ///< the pose comes from points measured in this frame
   /// It was measured, but found by looking for it, and has still to hold in the next frames: for statistics,
   /// not to be shown.
-  bool on_trial = false;
+  bool verifying = false;
   SE3 camera_from_map;
   MapId map;
   Epoch epoch;
@@ -96,9 +96,9 @@ struct FrameResult {
   std::vector<TrailLine> trails;
   std::optional<SeedProposal> seed;
   std::optional<KeyframeProposal> keyframe;
-  /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a question is
+  /// Lost or starting: the frame as the server's relocalizer wants it described. Null when a query is
   /// under way.
-  std::shared_ptr<const PlaceView> place_question;
+  std::shared_ptr<const PlaceView> reloc_query;
   ImuUse imu = ImuUse::kNone;
   std::string note;  ///< for the status line: why there is no map yet, why it is lost
 };

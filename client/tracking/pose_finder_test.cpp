@@ -58,9 +58,9 @@ TEST(PoseFinder, AsksForAllCornersOnlyWhereAlignmentFindsTooFew) {
   constexpr int kCoarseOnly = 1;
   EXPECT_EQ(ask(*image, normal_effort(options)), kCoarseOnly);
   EXPECT_EQ(ask(covered, normal_effort(options)), kCoarseOnly + 1);
-  SearchEffort on_trial = normal_effort(options);
-  on_trial.enough_aligned = 1;
-  EXPECT_EQ(ask(*image, on_trial), kCoarseOnly + 1);
+  SearchEffort verifying = normal_effort(options);
+  verifying.enough_aligned = 1;
+  EXPECT_EQ(ask(*image, verifying), kCoarseOnly + 1);
 }
 
 /// What is near is near although a hand, or the dark, lets only what is far be found.

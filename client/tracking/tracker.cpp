@@ -182,7 +182,7 @@ void Tracker::State::follow_trails(const GrayImagePtr& image, Timestamp time) {
     return;
   }
   trails.follow(image, time, now(), previous(), seen);
-  const bool is_new_place = recovery.insists() || recovery.question().is_not_known(trails.begun_at(), time);
+  const bool is_new_place = recovery.insists() || recovery.query().is_not_known(trails.begun_at(), time);
   if (options.make_maps && !trails.awaited() && is_new_place)
     result.seed = trails.propose(image, time, now());
   if (result.seed) result.seed->second_up = gyro.up();
@@ -240,7 +240,7 @@ void Tracker::State::locate(Timestamp time, const MapSnapshotPtr& snapshot) {
   recovery.begin_frame(*map, near_depth, time);
   if (recovery.is_lost()) {
     const ScopedStage stage(probe, Stage::kRecover);
-    miss(time, recovery.question().nobody_answers()
+    miss(time, recovery.query().nobody_answers()
                    ? "looking from where it was before; nobody answers, more cannot be done"
                    : "asking where this is");
     look_for_camera(time);
@@ -441,7 +441,7 @@ void Tracker::State::accept(const Attempt& found, Timestamp time) {
     return;
   }
   result.state = TrackingState::kLost;
-  result.on_trial = true;
+  result.verifying = true;
   result.note = "proving a pose that was found";
 }
 
@@ -513,7 +513,7 @@ void Tracker::State::report_search() {
 void Tracker::State::end_frame(Timestamp time) {
   {
     const ScopedStage stage(probe, Stage::kDescribe);
-    result.place_question = recovery.ask(now(), time, may_enter(), gyro.up());
+    result.reloc_query = recovery.ask(now(), time, may_enter(), gyro.up());
   }
   learn_still();
   result.camera_from_map = model.last();

@@ -92,7 +92,7 @@ TEST(Tracker, NoSeedWithoutAFreshWordThatThePlaceIsNotKnown) {
       const FrameResult& result =
           tracker.track(world.scene.render(looking_down(x, 0.2 * x)), {i * kFrame}, nullptr);
       if (result.seed) return true;
-      if (result.place_question) answer(tracker, i);
+      if (result.reloc_query) answer(tracker, i);
     }
     return false;
   };
@@ -133,8 +133,8 @@ class OnMap : public ::testing::Test {
     answer.map = map->map;
     answer.second_keyframe = KeyframeId{1};
     tracker.seed_accepted(answer);
-    for (int i = 0; i < 3; ++i) {  // found from the keyframe, and proven
-      if (step(looking_down(0, 0)).place_question) tracker.place_answered(std::nullopt);
+    for (int i = 0; i < 3; ++i) {  // found from the keyframe, and verified
+      if (step(looking_down(0, 0)).reloc_query) tracker.place_answered(std::nullopt);
     }
   }
   static TrackerOptions options() {
@@ -187,7 +187,7 @@ TEST_F(OnMap, CoveredCameraIsLostAndRecoversInTheSameMap) {
 /// Its memory is tried while it cannot have gone far. Of a covered lens "not known" says nothing, of a
 /// picture with much to see it says that the camera is elsewhere: then only who compares with all maps is
 /// believed.
-TEST_F(OnMap, MemoryIsNoWitnessOnceTheCameraWasSeenElsewhere) {
+TEST_F(OnMap, MemoryIsNotBelievedOnceTheCameraWasSeenElsewhere) {
   const test::PlaneScene elsewhere(99, camera);
   const SE3 truth = looking_down(0.02, 0);
   const auto stranger = elsewhere.render(truth);
@@ -196,35 +196,35 @@ TEST_F(OnMap, MemoryIsNoWitnessOnceTheCameraWasSeenElsewhere) {
     for (int i = 0; i < 6; ++i) {
       const FrameResult& result = step(truth);
       found |= result.pose_measured;
-      if (result.place_question) tracker.place_answered(std::nullopt);
+      if (result.reloc_query) tracker.place_answered(std::nullopt);
     }
     return found;
   };
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   for (int i = 0; i < 4; ++i) {
-    if (blank().place_question) tracker.place_answered(std::nullopt);
+    if (blank().reloc_query) tracker.place_answered(std::nullopt);
   }
   EXPECT_TRUE(is_found_again());
   for (int i = 0; i < 4; ++i) {
-    if (tracker.track(stranger, {++frame * kFrame}, map).place_question) tracker.place_answered(std::nullopt);
+    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query) tracker.place_answered(std::nullopt);
   }
   EXPECT_FALSE(is_found_again());
   tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1},
                                         truth * map->find(KeyframeId{1})->camera_from_map.inverse()});
   EXPECT_TRUE(is_found_again());
   for (int i = 0; i < 4; ++i) {
-    if (blank().place_question) tracker.place_answered(std::nullopt);
+    if (blank().reloc_query) tracker.place_answered(std::nullopt);
   }
   EXPECT_TRUE(is_found_again()) << "since then it is here again";
 }
 
-TEST_F(OnMap, MemoryIsTheOnlyWitnessWhenNobodyAnswersAnyMore) {
+TEST_F(OnMap, MemoryIsBelievedAloneWhenNobodyAnswersAnyMore) {
   const test::PlaneScene elsewhere(99, camera);
   const SE3 truth = looking_down(0.02, 0);
   const auto stranger = elsewhere.render(truth);
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   for (int i = 0; i < 4; ++i) {
-    if (tracker.track(stranger, {++frame * kFrame}, map).place_question) tracker.place_answered(std::nullopt);
+    if (tracker.track(stranger, {++frame * kFrame}, map).reloc_query) tracker.place_answered(std::nullopt);
   }
   bool found = false;
   for (int i = 0; i < 30 && !found; ++i) found = step(truth).pose_measured;
@@ -239,21 +239,21 @@ TEST_F(OnMap, WhatMemoryFindsGivesWayToAPlaceConfirmedInAnotherMap) {
   const SE3 truth = looking_down(0.02, 0);
   for (const bool confirmed : {true, false}) {
     for (int i = 0; i < 3; ++i) {
-      if (step(looking_down(0.01 * i, 0)).place_question) tracker.place_answered(std::nullopt);
+      if (step(looking_down(0.01 * i, 0)).reloc_query) tracker.place_answered(std::nullopt);
     }
     for (int i = 0; i < 4; ++i) {
-      if (blank().place_question) tracker.place_answered(std::nullopt);
+      if (blank().reloc_query) tracker.place_answered(std::nullopt);
     }
     bool asked = false;
     bool published = false;
     for (int i = 0; i < 5; ++i) {
       const FrameResult& result = step(truth);
       published |= result.pose_measured;
-      if (!result.place_question) continue;
-      EXPECT_TRUE(result.on_trial || asked) << "frame " << i;
+      if (!result.reloc_query) continue;
+      EXPECT_TRUE(result.verifying || asked) << "frame " << i;
       asked = true;
       EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, SE3(), confirmed}),
-                confirmed ? PlaceUse::kTried : PlaceUse::kNotNeeded);
+                confirmed ? PlaceUse::kToVerify : PlaceUse::kNotNeeded);
     }
     EXPECT_TRUE(asked);
     EXPECT_EQ(published, !confirmed);
@@ -276,14 +276,14 @@ TEST_F(OnMap, ASuggestedPlaceIsBelievedWhenThreeFramesProveIt) {
     const FrameResult& result = stranger.track(image, {i * kFrame}, map);
     EXPECT_EQ(result.pose_measured, i >= 3) << "frame " << i << " " << result.note;
     EXPECT_EQ(result.state, i >= 3 ? TrackingState::kTracking : TrackingState::kLost);
-    EXPECT_FALSE(result.keyframe) << "before it is proven";
+    EXPECT_FALSE(result.keyframe) << "before it is verified";
     if (i >= 3) {
       EXPECT_LT(center_distance(result.camera_from_map, truth), 2e-3);
     }
   }
 }
 
-TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsProven) {
+TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsVerified) {
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(step(looking_down(0.01 * i, 0)).pose_measured);
   const test::PlaneScene elsewhere(99, camera);
   auto other = std::make_shared<MapSnapshot>(*elsewhere.make_map(looking_down(0, 0)));
@@ -295,13 +295,13 @@ TEST_F(OnMap, ACameraThatIsSuddenlyElsewhereAsksAtOnceAndIsTrackedThereWhenItIsP
   };
   const FrameResult& carried = show(map);
   EXPECT_FALSE(carried.pose_measured);
-  ASSERT_TRUE(carried.place_question) << "in the first frame";
+  ASSERT_TRUE(carried.reloc_query) << "in the first frame";
   const SE3 there = truth * other->find(KeyframeId{1})->camera_from_map.inverse();
   ASSERT_EQ(tracker.place_answered(PoseSuggestion{other->map, other->epoch, KeyframeId{1}, there}),
-            PlaceUse::kTried);
+            PlaceUse::kToVerify);
   for (int i = 0; i < 3; ++i) {
     const FrameResult& result = show(other);
-    EXPECT_EQ(result.on_trial, i < 2) << "frame " << i << " " << result.note;
+    EXPECT_EQ(result.verifying, i < 2) << "frame " << i << " " << result.note;
     EXPECT_EQ(result.pose_measured, i == 2);
     EXPECT_EQ(result.map, other->map);
     EXPECT_LT(center_distance(result.camera_from_map, truth), 2e-3);
@@ -353,13 +353,14 @@ TEST_F(OnMap, AFrameThatFailsAsksButAnotherMapMustWait) {
   const auto image = scene.render(truth);
   const FrameResult& bad = tracker.track(blurred(*image), {++frame * kFrame}, map);
   EXPECT_FALSE(bad.pose_measured);
-  ASSERT_TRUE(bad.place_question);
+  ASSERT_TRUE(bad.reloc_query);
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
   MapId other;
   other.bytes[0] = 99;
   EXPECT_EQ(tracker.place_answered(PoseSuggestion{other, map->epoch, KeyframeId{1}, there}),
             PlaceUse::kNotNeeded);
-  EXPECT_TRUE(tracker.track(image, {++frame * kFrame}, map).pose_measured) << "it holds: no proof needed";
+  EXPECT_TRUE(tracker.track(image, {++frame * kFrame}, map).pose_measured)
+      << "it holds: no verification needed";
   EXPECT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
             PlaceUse::kNotNeeded)
       << "nothing is wanted by who is not in need";
@@ -379,10 +380,10 @@ TEST_F(OnMap, WhatIsSuggestedInTheSameMapIsTriedBeforeItIsLost) {
   // Aside by more than any search reaches, and so near that corners look otherwise.
   const SE3 truth = SE3(so3_exp({0, 0, 1.2}), Eigen::Vector3d::Zero()) * looking_down(0.02, 0, 0.3);
   const auto image = scene.render(truth);
-  ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).place_question);
+  ASSERT_TRUE(tracker.track(image, {++frame * kFrame}, map).reloc_query);
   const SE3 there = truth * map->find(KeyframeId{1})->camera_from_map.inverse();
   ASSERT_EQ(tracker.place_answered(PoseSuggestion{map->map, map->epoch, KeyframeId{1}, there}),
-            PlaceUse::kTried);
+            PlaceUse::kToVerify);
   for (int i = 0; i < 3; ++i)
     EXPECT_EQ(tracker.track(image, {++frame * kFrame}, map).pose_measured, i == 2) << "frame " << i;
 }
@@ -408,7 +409,7 @@ TEST_F(OnMap, AWrongSuggestionChangesNothing) {
   }
 }
 
-TEST_F(OnMap, AProofThatBreaksStartsAnew) {
+TEST_F(OnMap, AVerificationThatBreaksStartsAnew) {
   const SE3 truth = looking_down(0.05, 0.01);
   const PoseSuggestion right{map->map, map->epoch, KeyframeId{1},
                              truth * map->find(KeyframeId{1})->camera_from_map.inverse()};
@@ -423,11 +424,11 @@ TEST_F(OnMap, AProofThatBreaksStartsAnew) {
   }
 }
 
-TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQuestionAtATime) {
-  for (int i = 0; i < 3; ++i) EXPECT_FALSE(step(looking_down(0.01 * i, 0)).place_question);
+TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQueryAtATime) {
+  for (int i = 0; i < 3; ++i) EXPECT_FALSE(step(looking_down(0.01 * i, 0)).reloc_query);
   std::vector<int> asked;
   for (int i = 0; i < 40; ++i) {
-    if (blank().place_question) asked.push_back(i);
+    if (blank().reloc_query) asked.push_back(i);
   }
   ASSERT_GE(asked.size(), 2U);
   for (size_t i = 1; i < asked.size(); ++i)
@@ -435,7 +436,7 @@ TEST_F(OnMap, ALostTrackerAsksAtMostFifteenTimesASecondAndOneQuestionAtATime) {
   for (const bool left_open : {false, true}) {
     asked.clear();
     for (int i = 0; i < 30; ++i) {
-      if (!blank().place_question) continue;
+      if (!blank().reloc_query) continue;
       asked.push_back(i);
       if (left_open) {
         tracker.place_left_open();
@@ -495,7 +496,7 @@ TEST_F(OnMap, SameFramesSameBytes) {
   answer.second_keyframe = KeyframeId{1};
   other.seed_accepted(answer);
   for (int i = 0; i < 3; ++i) {
-    if (other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map).place_question)
+    if (other.track(scene.render(looking_down(0, 0)), {i * kFrame}, map).reloc_query)
       other.place_answered(std::nullopt);
   }
   for (int i = 3; i < 8; ++i) {
@@ -508,7 +509,7 @@ TEST_F(OnMap, SameFramesSameBytes) {
 }
 
 /// A map made by others, and nobody to be asked where in it the camera is.
-TEST_F(OnMap, AStrangerFindsItsPoseFromTheKeyframesAndProvesItOverThreeFrames) {
+TEST_F(OnMap, AStrangerFindsItsPoseFromTheKeyframesAndVerifiesItOverThreeFrames) {
   for (const double turn : {0.0, 0.15}) {  // nearly as the keyframe looks, and aside of it
     Tracker stranger(camera, options());
     EXPECT_EQ(stranger.track(scene.render(looking_down(0, 0)), {0}, nullptr).state, TrackingState::kStarting);

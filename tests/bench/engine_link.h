@@ -12,7 +12,7 @@
 namespace cairn {
 
 /// A server of finished maps behind the port of cairn-track's frame loop, in one process without DDS: a
-/// question is answered and a map's replica is there as soon as the loop waits for it, as in lockstep. Seeds
+/// query is answered and a map's replica is there as soon as the loop waits for it, as in lockstep. Seeds
 /// and keyframes are not for it: its trackers must be readers.
 class EngineLink final : public MapLink {
  public:
@@ -28,7 +28,7 @@ class EngineLink final : public MapLink {
   KeyframeUse keyframe_use(MapId /*map*/) const override { return KeyframeUse::kNothing; }
   void send_seed(SeedProposal /*proposal*/) override {}
   void send_offer(KeyframeProposal /*proposal*/, GrayImagePtr /*image*/, Timestamp /*time*/) override {}
-  void send_question(std::shared_ptr<const PlaceView> view, Timestamp /*time*/) override {
+  void send_query(std::shared_ptr<const PlaceView> view, Timestamp /*time*/) override {
     asked_ = std::move(view);
   }
   void publish_state(const FrameResult& /*result*/, Timestamp /*time*/) override {}

@@ -83,7 +83,7 @@ struct AdjustmentTotals {
 
 struct Totals {
   size_t frames = 0, with_map = 0, tracked = 0, lost = 0, accepted = 0, refused = 0;
-  size_t questions = 0, places = 0;
+  size_t queries = 0, places = 0;
   long first_map_frame = -1;
   std::vector<double> cpu_ms, attempted, found, seed_ms, keyframe_ms;
   AdjustmentTotals local, global;
@@ -163,7 +163,7 @@ class EngineRun final : public MappingObserver {
                 percentile(t.keyframe_ms, 0.5), percentile(t.keyframe_ms, 0.95));
     t.local.print("local");
     t.global.print("global");
-    std::printf("questions %zu, places found %zu\n", t.questions, t.places);
+    std::printf("queries %zu, places found %zu\n", t.queries, t.places);
     for (const auto& [reason, n] : refusals_) std::printf("  refused %zu: %s\n", n, reason.c_str());
     if (const MapMaker* maker = mapping_.maker()) {
       const MapStatistics m = maker->statistics();
@@ -183,7 +183,7 @@ class EngineRun final : public MappingObserver {
   }
 
   void on_answer(const PlaceAnswer& answer) override {
-    ++totals_.questions;
+    ++totals_.queries;
     if (answer.verdict == PlaceVerdict::kConfirmed) ++totals_.places;
   }
 

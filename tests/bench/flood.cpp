@@ -40,7 +40,7 @@ struct FloodOptions {
 // What a tracker sends, per second.
 constexpr double kStates = 30;
 constexpr double kKeyframes = 1;
-constexpr double kQuestions = 2;
+constexpr double kQueries = 2;
 constexpr double kRequests = 0.1;
 constexpr double kSeeds = 0.1;
 
@@ -75,7 +75,7 @@ class Flood {
                                     wire::Reader<wire::OfferVerdict>, wire::Reader<wire::RelocAnswer>>(
         participant_, partition_);
     if (!readers) return tl::unexpected(readers.error());
-    auto& [cameras, states, offers, questions, requests, seeds] = *writers;
+    auto& [cameras, states, offers, queries, requests, seeds] = *writers;
     auto& [status, maps, verdicts, answers] = *readers;
     prepare();
     const auto patience = Clock::now() + std::chrono::minutes(2);
@@ -97,7 +97,7 @@ class Flood {
       const double now = std::chrono::duration<double>(Clock::now() - begun).count();
       send(states, &state_, "states", kStates, now);
       send(offers, &offer_, "keyframes", kKeyframes, now);
-      send(questions, &question_, "questions", kQuestions, now);
+      send(queries, &query_, "queries", kQueries, now);
       send(requests, &request_, "requests", kRequests, now);
       send(seeds, &seed_, "seeds", kSeeds, now);
       (void)status.take();
@@ -107,7 +107,7 @@ class Flood {
         for (const wire::OfferOutcome& outcome : sample.message->recent) hear("keyframes", outcome.reason);
       }
       for (const auto& sample : answers.take()) {
-        if (sample.message) hear("questions", sample.message->answer.reason);
+        if (sample.message) hear("queries", sample.message->answer.reason);
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
@@ -125,13 +125,13 @@ class Flood {
     offer_.client = id_;
     offer_.image = encode_image(image, wire::ImageEncoding::kJpeg);
     std::mt19937 random(7);
-    question_.client = id_;
-    question_.small_image = encode_image(picture(80, 60, 2), wire::ImageEncoding::kRaw);
+    query_.client = id_;
+    query_.small_image = encode_image(picture(80, 60, 2), wire::ImageEncoding::kRaw);
     for (int i = 0; i < 700; ++i) {
       PlaceCorner corner;
       corner.pixel = {static_cast<float>(random() % 640), static_cast<float>(random() % 480)};
       for (auto& word : corner.descriptor) word = static_cast<std::decay_t<decltype(word)>>(random());
-      question_.corners.push_back(corner);
+      query_.corners.push_back(corner);
     }
     request_.client = id_;
     request_.text = "flood";
@@ -186,7 +186,7 @@ class Flood {
   wire::CameraMessage camera_;
   wire::TrackerStateMessage state_;
   wire::KeyframeOffer offer_;
-  wire::RelocQuery question_;
+  wire::RelocQuery query_;
   wire::ClientRequest request_;
   wire::MapSeed seed_;
   std::map<std::string, uint64_t> sent_;

@@ -198,8 +198,8 @@ void play_once(const Place& place, const MapSnapshotPtr& map, uint64_t seed, std
                         static_cast<double>(result.found)};
     FrameCost& cost = (*costs)[i];
     if (!cost.tracked || now.ms < cost.ms) cost = now;
-    if (result.place_question) {
-      const PlaceAnswer said = relocalize(index, *place.camera, *result.place_question);
+    if (result.reloc_query) {
+      const PlaceAnswer said = relocalize(index, *place.camera, *result.reloc_query);
       static_cast<void>(tracker.place_answered(suggestion_of(said)));
     }
   }

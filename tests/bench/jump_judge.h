@@ -21,7 +21,7 @@ struct Jump {
 
 /// What a tracker said of one frame after a jump.
 struct SeenFrame {
-  enum class Pose : uint8_t { kNone, kOnTrial, kPublished };
+  enum class Pose : uint8_t { kNone, kVerifying, kPublished };
   Pose pose = Pose::kNone;
   bool right_map = false;
   bool right_pose = false;  ///< in the right map, and near the truth
@@ -29,7 +29,7 @@ struct SeenFrame {
 
 /// Frames count from 0, the first after the jump.
 struct JumpOutcome {
-  /// The first pose, on trial or published, that is right and is proven by what follows: every frame from it
+  /// The first pose, published or not, that is right and is verified by what follows: every frame from it
   /// to the first published one has a right pose.
   std::optional<size_t> right;
   std::optional<size_t> published;  ///< the first pose published that is right

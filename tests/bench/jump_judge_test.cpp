@@ -8,8 +8,8 @@ namespace {
 
 using Pose = SeenFrame::Pose;
 constexpr SeenFrame kLost{Pose::kNone, false, false};
-constexpr SeenFrame kTrial{Pose::kOnTrial, true, true};
-constexpr SeenFrame kTrialElsewhere{Pose::kOnTrial, false, false};
+constexpr SeenFrame kVerifyingHere{Pose::kVerifying, true, true};
+constexpr SeenFrame kVerifyingElsewhere{Pose::kVerifying, false, false};
 constexpr SeenFrame kRight{Pose::kPublished, true, true};
 constexpr SeenFrame kOff{Pose::kPublished, true, false};
 constexpr SeenFrame kWrongMap{Pose::kPublished, false, false};
@@ -18,26 +18,27 @@ JumpOutcome judge(std::initializer_list<SeenFrame> frames) {
   return judge_jump(std::vector<SeenFrame>(frames));
 }
 
-TEST(JumpJudge, AProvenPoseCountsFromTheFirstFrameOfItsProof) {
-  const JumpOutcome o = judge({kLost, kTrial, kTrial, kRight, kRight});
+TEST(JumpJudge, AVerifiedPoseCountsFromTheFirstFrameOfItsVerification) {
+  const JumpOutcome o = judge({kLost, kVerifyingHere, kVerifyingHere, kRight, kRight});
   EXPECT_EQ(o.right, 1U);
   EXPECT_EQ(o.published, 3U);
   EXPECT_EQ(o.without, 3U);
   EXPECT_EQ(o.wrong_map + o.wrong_pose, 0U);
 }
 
-TEST(JumpJudge, ATrialThatFailsProvesNothing) {
-  const JumpOutcome o = judge({kTrial, kLost, kTrialElsewhere, kTrial, kTrial, kRight});
+TEST(JumpJudge, AVerificationThatFailsSaysNothing) {
+  const JumpOutcome o =
+      judge({kVerifyingHere, kLost, kVerifyingElsewhere, kVerifyingHere, kVerifyingHere, kRight});
   EXPECT_EQ(o.right, 3U);
   EXPECT_EQ(o.published, 5U);
-  const JumpOutcome never = judge({kTrial, kTrial, kLost});
+  const JumpOutcome never = judge({kVerifyingHere, kVerifyingHere, kLost});
   EXPECT_FALSE(never.right);
   EXPECT_FALSE(never.published);
   EXPECT_EQ(never.without, 3U);
 }
 
 TEST(JumpJudge, WrongPosesAreCountedAndDoNotCountAsFound) {
-  const JumpOutcome o = judge({kWrongMap, kWrongMap, kOff, kTrial, kRight, kOff, kRight});
+  const JumpOutcome o = judge({kWrongMap, kWrongMap, kOff, kVerifyingHere, kRight, kOff, kRight});
   EXPECT_EQ(o.wrong_map, 2U);
   EXPECT_EQ(o.wrong_pose, 2U);
   EXPECT_EQ(o.right, 3U);
@@ -45,8 +46,8 @@ TEST(JumpJudge, WrongPosesAreCountedAndDoNotCountAsFound) {
   EXPECT_FALSE(judge({kWrongMap, kOff}).right);
 }
 
-TEST(JumpJudge, WrongPosesOnTrialDoNoHarm) {
-  EXPECT_EQ(judge({kTrialElsewhere, kTrialElsewhere}).wrong_map, 0U);
+TEST(JumpJudge, WrongPosesUnderVerificationDoNoHarm) {
+  EXPECT_EQ(judge({kVerifyingElsewhere, kVerifyingElsewhere}).wrong_map, 0U);
 }
 
 TEST(Jumps, RowsAreReadInOrderAndDamageIsNamed) {

@@ -118,9 +118,9 @@ class JumpingCamera final : public FrameSource {
 };
 
 /// Compares each frame's pose with the truth of what was shown.
-class Witness final : public FrameObserver {
+class JumpObserver final : public FrameObserver {
  public:
-  explicit Witness(const JumpingCamera& camera, bool verbose) : camera_(camera), verbose_(verbose) {}
+  explicit JumpObserver(const JumpingCamera& camera, bool verbose) : camera_(camera), verbose_(verbose) {}
 
   void on_frame(const FrameReport& report) override {
     const JumpingCamera::Shown& shown = camera_.shown(report.number);
@@ -128,8 +128,8 @@ class Witness final : public FrameObserver {
     SeenFrame seen;
     if (is_tracked(report.state)) {
       seen.pose = SeenFrame::Pose::kPublished;
-    } else if (result.on_trial) {
-      seen.pose = SeenFrame::Pose::kOnTrial;
+    } else if (result.verifying) {
+      seen.pose = SeenFrame::Pose::kVerifying;
     }
     seen.right_map = result.map == shown.place->map->map;
     std::string text = "-";
@@ -144,7 +144,7 @@ class Witness final : public FrameObserver {
     if (!verbose_) return;
     std::printf("  %4zu %-8s map %d%s %3d of %3d  %s  %s\n", report.number % kPieceFrames,
                 to_string(report.state), static_cast<int>(result.map.bytes[0]),
-                result.on_trial ? " on trial" : "", result.found, result.attempted, text.c_str(),
+                result.verifying ? " verifying" : "", result.found, result.attempted, text.c_str(),
                 result.note.c_str());
   }
   [[nodiscard]] std::span<const SeenFrame> piece(size_t jump) const {
@@ -162,14 +162,14 @@ std::string text(const std::optional<size_t>& frame) {
 }
 
 /// What must hold: every jump recovered, half of them by the second frame, no pose wrong.
-Status report(const std::vector<Jump>& jumps, const Witness& witness, bool check) {
+Status report(const std::vector<Jump>& jumps, const JumpObserver& observer, bool check) {
   std::vector<double> right;
   std::vector<double> published;
   JumpOutcome sum;
   std::printf("%-20s %6s %6s %9s %9s %10s %12s\n", "jump to", "frame", "right", "published", "wrong map",
               "wrong pose", "without pose");
   for (size_t j = 0; j < jumps.size(); ++j) {
-    const JumpOutcome o = judge_jump(witness.piece(j));
+    const JumpOutcome o = judge_jump(observer.piece(j));
     std::printf("%-20s %6lu %6s %9s %9zu %10zu %12zu\n", jumps[j].place.c_str(),
                 static_cast<unsigned long>(jumps[j].first_frame), text(o.right).c_str(),
                 text(o.published).c_str(), o.wrong_map, o.wrong_pose, o.without);
@@ -180,7 +180,8 @@ Status report(const std::vector<Jump>& jumps, const Witness& witness, bool check
     sum.without += o.without;
   }
   std::printf(
-      "jumps %zu recovered %zu; frames to the first right and later proven pose p50 %.0f p95 %.0f max %.0f, "
+      "jumps %zu recovered %zu; frames to the first right and later verified pose p50 %.0f p95 %.0f max "
+      "%.0f, "
       "to "
       "the first published p50 %.0f p95 %.0f max %.0f; frames in a wrong map %zu, with a wrong pose %zu, "
       "without a pose %zu of %zu\n",
@@ -234,13 +235,13 @@ Status run(const Arguments& arguments) {
   options.width = lens->width();
   options.height = lens->height();
   options.make_maps = false;
-  Witness witness(*camera, arguments.verbose);
-  FrameLoop loop(*camera, tracker, link, clock, options, {&witness});
+  JumpObserver observer(*camera, arguments.verbose);
+  FrameLoop loop(*camera, tracker, link, clock, options, {&observer});
   if (const auto done = loop.run([] { return false; }); !done) return tl::unexpected(done.error());
   std::printf("maps %zu keyframes %zu\n", index.maps().size(), index.keyframe_count());
-  std::printf("questions %zu; answer p50 %.2f p95 %.2f ms\n", link.answer_ms().size(),
+  std::printf("queries %zu; answer p50 %.2f p95 %.2f ms\n", link.answer_ms().size(),
               percentile(link.answer_ms(), 0.5), percentile(link.answer_ms(), 0.95));
-  return report(*jumps, witness, arguments.check);
+  return report(*jumps, observer, arguments.check);
 }
 
 }  // namespace

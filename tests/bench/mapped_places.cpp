@@ -110,7 +110,7 @@ Result<KeptMap> read_or_make(const fs::path& folder, const std::string& name, Ma
   return KeptMap{made->map, std::move(made->poses)};
 }
 
-/// Without questions yet.
+/// Without queries yet.
 Result<Place> place_of(const Result<KeptMap>& mapped, const ListedPlace& listed, std::string how,
                        const Recording& recording) {
   if (!mapped) return tl::unexpected(mapped.error());
@@ -194,7 +194,7 @@ Result<Places> make_places(const PlacesOptions& options) {
       places.left_out.push_back(listed.name);
       continue;
     }
-    std::fprintf(stderr, "%s: %zu keyframes, %zu questions\n", place->name.c_str(),
+    std::fprintf(stderr, "%s: %zu keyframes, %zu queries\n", place->name.c_str(),
                  place->map ? place->map->keyframes.size() : 0, place->queries.size());
     places.made.push_back(std::move(*place));
   }

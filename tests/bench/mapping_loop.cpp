@@ -73,7 +73,7 @@ void MappingLoop::frame(const Frame& frame) {
     return;
   }
   // Alone, a tracker is told no more than that there is no map yet.
-  if (result.place_question && (options_.ask || !snapshot_)) answer(*result.place_question);
+  if (result.reloc_query && (options_.ask || !snapshot_)) answer(*result.reloc_query);
   if (result.seed) seed(*result.seed, frame);
   if (result.keyframe) take_in(*result.keyframe, frame);
 }

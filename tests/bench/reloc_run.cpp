@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Maps the first frames of a recording with the engines, in one process without DDS, and then asks the
-// relocalizer where each of a list of later frames was taken: one question each, from scratch.
+// relocalizer where each of a list of later frames was taken: one query each, from scratch.
 #include <fmt/format.h>
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -51,7 +51,7 @@ Result<std::map<uint64_t, bool>> read_queries(const Arguments& arguments) {
 }
 
 struct Tally {
-  int asked = 0, answered = 0, right = 0, wrong = 0, proven_right = 0, proven_wrong = 0;
+  int asked = 0, answered = 0, right = 0, wrong = 0, verified_right = 0, verified_wrong = 0;
 };
 
 class Judge {
@@ -88,13 +88,13 @@ class Judge {
     std::printf("\n");
   }
 
-  /// The tracker's own pose some frames after the question; nothing: it believed none. False: no truth here.
-  [[nodiscard]] bool judge_proof(const Frame& frame, bool in_view, const std::optional<SE3>& pose) {
+  /// The tracker's own pose some frames after the query; nothing: it believed none. False: no truth here.
+  [[nodiscard]] bool judge_verification(const Frame& frame, bool in_view, const std::optional<SE3>& pose) {
     if (truth_.at(frame.time) == nullptr) return false;
     Tally& tally = in_view ? in_view_ : elsewhere_;
     if (!pose) return true;
     const auto off = off_at(frame.time, *pose);
-    ++(is_right(*off) ? tally.proven_right : tally.proven_wrong);
+    ++(is_right(*off) ? tally.verified_right : tally.verified_wrong);
     if (arguments_.verbose) {
       std::printf("%5lu   tracker: %s\n", static_cast<unsigned long>(frame.index), text(*off).c_str());
     }
@@ -105,12 +105,12 @@ class Judge {
   [[nodiscard]] Status report() const {
     const auto row = [&](const char* what, const Tally& t) {
       std::printf("%s %-10s asked %d answered %d right %d wrong %d; tracker right %d wrong %d\n",
-                  arguments_.sequence.c_str(), what, t.asked, t.answered, t.right, t.wrong, t.proven_right,
-                  t.proven_wrong);
+                  arguments_.sequence.c_str(), what, t.asked, t.answered, t.right, t.wrong, t.verified_right,
+                  t.verified_wrong);
     };
     row("in view", in_view_);
     row("elsewhere", elsewhere_);
-    const auto wrong_of = [](const Tally& t) { return t.wrong + t.proven_wrong; };
+    const auto wrong_of = [](const Tally& t) { return t.wrong + t.verified_wrong; };
     const int wrong = wrong_of(in_view_) + wrong_of(elsewhere_);
     if (arguments_.check && wrong > 0)
       return fail(ErrorCode::kInternal, fmt::format("{}: {} wrong", arguments_.sequence, wrong));
@@ -168,20 +168,20 @@ Status ask_foreign(const std::string& foreign, const PlaceIndex& index, const Re
   return {};
 }
 
-/// A tracker that is told of a place and nothing else, and has some frames to prove it.
-struct Proof {
+/// A tracker that is told of a place and nothing else, and has some frames to verify it.
+struct Verification {
   std::unique_ptr<Tracker> tracker;
   uint64_t asked = 0;
   bool in_view = false;
 };
-constexpr uint64_t kProofFrames = 3;  // as the peers were judged
+constexpr uint64_t kVerificationFrames = 3;  // as the peers were judged
 
 /// Asks for the listed frames among those that are left in the source.
 void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const CameraPtr& camera,
          const MapSnapshotPtr& map, const PlaceIndex& index, const RelocOptions& options, Judge* judge) {
   std::vector<double> describe_ms;
   AnswerTimes times;
-  Proof proof;
+  Verification verification;
   TrackerOptions told;
   told.make_maps = false;
   told.make_keyframes = false;
@@ -190,11 +190,12 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     if (!next) continue;
     if (!*next) break;
     const Frame& frame = **next;
-    if (proof.tracker) {
-      const FrameResult& tracked = proof.tracker->track(frame.image, frame.time, map);
+    if (verification.tracker) {
+      const FrameResult& tracked = verification.tracker->track(frame.image, frame.time, map);
       const auto pose = tracked.pose_measured ? std::optional(tracked.camera_from_map) : std::nullopt;
-      if (frame.index - proof.asked >= kProofFrames && judge->judge_proof(frame, proof.in_view, pose)) {
-        proof.tracker.reset();
+      if (frame.index - verification.asked >= kVerificationFrames &&
+          judge->judge_verification(frame, verification.in_view, pose)) {
+        verification.tracker.reset();
       }
     }
     const auto query = queries.find(frame.index);
@@ -211,8 +212,8 @@ void ask(FrameSource* source, const std::map<uint64_t, bool>& queries, const Cam
     if (result.verdict == PlaceVerdict::kNotKnown) continue;
     const PlaceCandidate& best = result.candidates.front();
     if (best.map != map->map) continue;
-    proof = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
-    proof.tracker->place_answered(
+    verification = {std::make_unique<Tracker>(camera, told), frame.index, query->second};
+    verification.tracker->place_answered(
         PoseSuggestion{best.map, best.epoch, best.keyframe, best.camera_from_keyframe});
   }
   std::printf("maps %zu keyframes %zu; describing p50 %.2f ms; %s\n", index.maps().size(),

@@ -61,7 +61,7 @@ class DeletionTest : public ::testing::Test {
   [[nodiscard]] std::vector<MapId> places() {
     FrameImages images;
     images.build_pyramid(scene_.render(testing::Scene::pose(testing::kFirstView), 0)->view());
-    session_->send_question(
+    session_->send_query(
         std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners())),
         Timestamp{++asked_});
     std::optional<PlaceAnswer> answer;

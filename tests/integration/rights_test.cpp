@@ -57,7 +57,7 @@ class RightsOverDds : public testing::LabelFixture, public ::testing::WithParamI
     return describe_place(images.pyramid, images.all_corners());
   }
   [[nodiscard]] bool is_answered(Session& session) {
-    session.send_question(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
+    session.send_query(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
     std::optional<PlaceAnswer> answer;
     EXPECT_TRUE(eventually([&] { return (answer = session.take_place_answer()).has_value(); }));
     return answer && std::ranges::any_of(answer->candidates, [&](const auto& c) { return c.map == map_; });
@@ -280,7 +280,7 @@ class KeysOverDds : public RightsOverDds {
   }
   void expect_nothing_passes(Session& session) {
     session.use_map(map_);
-    session.send_question(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
+    session.send_query(std::make_shared<const PlaceView>(view()), Timestamp{++asked_});
     EXPECT_FALSE(eventually([&] { return session.take_place_answer().has_value(); }, 1500ms));
   }
   json audit_of(const std::string& action) {

@@ -164,7 +164,7 @@ std::shared_ptr<const PlaceView> view_of(const GrayImage& image) {
 TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) {
   ASSERT_TRUE(session_->wait_for_server(60s));
   const auto image = scene_.render(testing::Scene::pose(1), 77);
-  session_->send_question(view_of(*image), Timestamp{1});
+  session_->send_query(view_of(*image), Timestamp{1});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   auto answer = session_->take_place_answer();
   ASSERT_TRUE(answer.has_value());
@@ -172,7 +172,7 @@ TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) 
   EXPECT_FALSE(answer->reason.empty());
 
   seed();
-  session_->send_question(view_of(*image), Timestamp{2});
+  session_->send_query(view_of(*image), Timestamp{2});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   answer = session_->take_place_answer();
   ASSERT_TRUE(answer.has_value());
@@ -186,7 +186,7 @@ TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) 
   EXPECT_FALSE(session_->take_place_answer()) << "once";
 
   const auto elsewhere = testing::Scene(12).render(testing::Scene::pose(1), 77);
-  session_->send_question(view_of(*elsewhere), Timestamp{3});
+  session_->send_query(view_of(*elsewhere), Timestamp{3});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   answer = session_->take_place_answer();
   ASSERT_TRUE(answer.has_value());
@@ -196,15 +196,15 @@ TEST_F(SessionTest, InLockstepAQuestionIsAnsweredWithAPlaceInTheNewestRevision) 
 TEST_F(SessionTest, AnAnswerFromBeforeTheMapWasLeftIsForgotten) {
   seed();
   const auto view = view_of(*scene_.render(testing::Scene::pose(1), 77));
-  session_->send_question(view, Timestamp{1});
+  session_->send_query(view, Timestamp{1});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   session_->leave_map();
   EXPECT_FALSE(session_->take_place_answer()) << "had come";
-  session_->send_question(view, Timestamp{2});
+  session_->send_query(view, Timestamp{2});
   session_->leave_map();
   EXPECT_TRUE(session_->wait_until_settled(60s));
   EXPECT_FALSE(session_->take_place_answer()) << "was on its way";
-  session_->send_question(view, Timestamp{3});
+  session_->send_query(view, Timestamp{3});
   ASSERT_TRUE(session_->wait_until_settled(60s));
   EXPECT_TRUE(session_->take_place_answer()) << "the next question is answered";
 }

@@ -64,7 +64,7 @@ class WearerTest : public ::testing::Test {
     return std::make_shared<const PlaceView>(describe_place(images.pyramid, images.all_corners()));
   }
   PlaceAnswer ask(const View& view) {
-    hand_->send_question(view, Timestamp{++time_});
+    hand_->send_query(view, Timestamp{++time_});
     EXPECT_TRUE(hand_->wait_until_settled(60s));
     return hand_->take_place_answer().value_or(PlaceAnswer{});
   }

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "client/relocalization/pose_suggestion.h"
-#include "client/relocalization/refuted_places.h"
+#include "client/relocalization/rejected_hypotheses.h"
 #include "common/base/time.h"
 #include "common/geometry/camera.h"
 #include "common/image/frame_images.h"
@@ -14,39 +14,39 @@
 
 namespace cairn {
 
-/// The question where the camera is, asked outside, and what comes back: one question under way,
-/// at most 15 a second in the time of the frames, given up after half a second without an answer. Pure; one
-/// thread.
-class PlaceQuestion {
+/// The relocalization query (where is the camera?) and its answer, as the tracker sees them: one query is
+/// under way, at most 15 are made a second in the time of the frames, and one without an answer is given up
+/// after half a second. Pure; one thread.
+class RelocQueryState {
  public:
-  /// The frame described, if a question may be asked now; null otherwise.
+  /// The frame described, if a query may be made now; else null.
   [[nodiscard]] std::shared_ptr<const PlaceView> ask(const FrameImages& frame, Timestamp time,
                                                      const std::optional<UpDirection>& up = {});
-  /// The answer: a place to try, or that no place is known. Whether there is one to try: a place that has
-  /// been refuted again and again counts as none.
+  /// The answer: a hypothesis, or that no place is known. Whether there is one to verify: a place that was
+  /// rejected again and again counts as none.
   bool answered(const std::optional<PoseSuggestion>& suggestion);
-  /// The answer: neither. What was known before holds; the next question may be asked.
+  /// The answer: neither. What was known before holds; the next query may be made.
   void left_open() {
     under_way_ = false;
     nobody_answers_ = false;
   }
   /// The place taken last did not show in the frame, or not in the next ones.
-  void refute(Timestamp time);
+  void reject(Timestamp time);
   /// It did: the camera is where the map says.
-  void prove() {
+  void verified() {
     taken_.reset();
     suggestion_.reset();
-    refuted_.forget();
+    rejected_.forget();
     shows_much_ = is_elsewhere_ = false;  // an answer that is still to come is about before
     under_way_ = false;                   // and nobody waits for it any more
   }
   void drop_suggestion() { suggestion_.reset(); }
-  /// As new, but for the places refuted: who starts over must not be led to them again.
+  /// As new, but for the places rejected: who starts over must not be led to them again.
   void restart();
 
   /// Whether a place suggested in this map waits to be tried.
   [[nodiscard]] bool suggests(const MapSnapshot& map) const;
-  /// The place suggested, to be tried once, as a pose of the present frame: turned since the question as the
+  /// The place suggested, to be tried once, as a pose of the present frame: turned since the query as the
   /// tiny images say. Nothing when the map is another or its keyframe has gone.
   [[nodiscard]] std::optional<SE3> take(const FrameImages& frame, const Camera& camera,
                                         const MapSnapshot& map);
@@ -54,18 +54,18 @@ class PlaceQuestion {
   [[nodiscard]] bool took_confirmed() const { return taken_ && taken_->confirmed; }
   /// Whether the latest answer is "not known", about a frame not older than `begin` and fresh at `time`.
   [[nodiscard]] bool is_not_known(Timestamp begin, Timestamp time) const;
-  /// Whether a picture with much to see, asked about since the last prove(), was of no place known: the
+  /// Whether an image with much to see, asked about since the last verified(), was of no place known: the
   /// camera is elsewhere. Of a hand before the lens, or of blur, that says nothing.
   [[nodiscard]] bool is_elsewhere() const { return is_elsewhere_; }
-  /// Whether a question asked at `begin` or later has been answered.
+  /// Whether a query made at `begin` or later has been answered.
   [[nodiscard]] bool is_answered_since(Timestamp begin) const { return answered_ && *answered_ >= begin; }
   /// The camera is elsewhere: it was confirmed in another map than the one it was looked for in.
   void contradict() { is_elsewhere_ = true; }
-  /// Whether the latest question that could have been answered was not.
+  /// Whether the latest query that could have been answered was not.
   [[nodiscard]] bool nobody_answers() const { return nobody_answers_; }
 
  private:
-  std::optional<Timestamp> asked_;  ///< when the latest question was asked
+  std::optional<Timestamp> asked_;  ///< when the latest query was made
   bool under_way_ = false;
   bool nobody_answers_ = false;
   TinyImage tiny_;                      ///< of the frame asked about
@@ -74,8 +74,8 @@ class PlaceQuestion {
   bool shows_much_ = false;             ///< the frame asked about
   bool is_elsewhere_ = false;
   std::optional<PoseSuggestion> suggestion_;
-  std::optional<PoseSuggestion> taken_;  ///< and not refuted yet
-  RefutedPlaces refuted_;
+  std::optional<PoseSuggestion> taken_;  ///< and not rejected yet
+  RejectedHypotheses rejected_;
 };
 
 }  // namespace cairn

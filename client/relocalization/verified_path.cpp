@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/relocalization/proven_path.h"
+#include "client/relocalization/verified_path.h"
 
 #include <algorithm>
 #include <array>
@@ -67,7 +67,7 @@ std::optional<double> density_of(Places path, double lag) {
 
 }  // namespace
 
-void ProvenPath::add(const AnchoredPose& pose, Timestamp time) {
+void VerifiedPath::add(const AnchoredPose& pose, Timestamp time) {
   const bool is_close = count_ >= 2 && std::abs(seconds_between(time, entry(1).time)) < kSpacing;
   if (is_close) next_ = (next_ + kMost - 1) % kMost;
   entries_[next_] = {pose, time};
@@ -75,11 +75,11 @@ void ProvenPath::add(const AnchoredPose& pose, Timestamp time) {
   if (!is_close) count_ = std::min(count_ + 1, kMost);
 }
 
-std::optional<SE3> ProvenPath::last(const MapSnapshot& map) const {
+std::optional<SE3> VerifiedPath::last(const MapSnapshot& map) const {
   return count_ == 0 ? std::nullopt : pose_in(map, entry(0).pose);
 }
 
-std::optional<ReachableRegion> ProvenPath::reachable(const MapSnapshot& map, Timestamp time) const {
+std::optional<ReachableRegion> VerifiedPath::reachable(const MapSnapshot& map, Timestamp time) const {
   std::array<Place, kMost> places;
   size_t count = 0;
   for (; count < count_; ++count) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/relocalization/place_question.h"
+#include "client/relocalization/reloc_query_state.h"
 
 #include <utility>
 
@@ -8,19 +8,19 @@
 namespace cairn {
 namespace {
 
-constexpr double kQuestionInterval = 1.0 / 15 - 1e-3;  // [s]
-constexpr double kAnswerPatience = 0.5;                // [s]
-constexpr double kFresh = 1.0;                         // [s]
-constexpr size_t kMuchToSee = 100;                     // corners, of the 880 that are described at most
+constexpr double kQueryInterval = 1.0 / 15 - 1e-3;  // [s]
+constexpr double kAnswerPatience = 0.5;             // [s]
+constexpr double kFresh = 1.0;                      // [s]
+constexpr size_t kMuchToSee = 100;                  // corners, of the 880 that are described at most
 
 }  // namespace
 
-std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Timestamp time,
-                                                    const std::optional<UpDirection>& up) {
+std::shared_ptr<const PlaceView> RelocQueryState::ask(const FrameImages& frame, Timestamp time,
+                                                      const std::optional<UpDirection>& up) {
   if (asked_) {
     const double since = seconds_between(time, *asked_);
-    // Recordings may jump back: a question from the future is an old one.
-    if (since >= 0 && since < (under_way_ ? kAnswerPatience : kQuestionInterval)) return nullptr;
+    // Recordings may jump back: a query from the future is an old one.
+    if (since >= 0 && since < (under_way_ ? kAnswerPatience : kQueryInterval)) return nullptr;
     if (since >= 0 && under_way_) nobody_answers_ = true;
   }
   asked_ = time;
@@ -32,33 +32,33 @@ std::shared_ptr<const PlaceView> PlaceQuestion::ask(const FrameImages& frame, Ti
   return view;
 }
 
-bool PlaceQuestion::answered(const std::optional<PoseSuggestion>& suggestion) {
+bool RelocQueryState::answered(const std::optional<PoseSuggestion>& suggestion) {
   left_open();
   answered_ = asked_;
-  const bool is_news = suggestion && !(asked_ && refuted_.is_refuted(*suggestion, *asked_));
+  const bool is_news = suggestion && !(asked_ && rejected_.is_rejected(*suggestion, *asked_));
   suggestion_ = is_news ? suggestion : std::nullopt;
   not_known_ = is_news ? std::nullopt : asked_;
   is_elsewhere_ |= !suggestion && shows_much_;
   return is_news;
 }
 
-void PlaceQuestion::restart() {
-  RefutedPlaces refuted = std::move(refuted_);
+void RelocQueryState::restart() {
+  RejectedHypotheses rejected = std::move(rejected_);
   *this = {};
-  refuted_ = std::move(refuted);
+  rejected_ = std::move(rejected);
 }
 
-void PlaceQuestion::refute(Timestamp time) {
-  if (taken_) refuted_.refute(*taken_, time);
+void RelocQueryState::reject(Timestamp time) {
+  if (taken_) rejected_.reject(*taken_, time);
   taken_.reset();
 }
 
-bool PlaceQuestion::suggests(const MapSnapshot& map) const {
+bool RelocQueryState::suggests(const MapSnapshot& map) const {
   return suggestion_ && suggestion_->map == map.map && suggestion_->epoch == map.epoch;
 }
 
-std::optional<SE3> PlaceQuestion::take(const FrameImages& frame, const Camera& camera,
-                                       const MapSnapshot& map) {
+std::optional<SE3> RelocQueryState::take(const FrameImages& frame, const Camera& camera,
+                                         const MapSnapshot& map) {
   if (!suggests(map)) return std::nullopt;
   const PoseSuggestion taken = *suggestion_;
   taken_ = taken;
@@ -69,7 +69,7 @@ std::optional<SE3> PlaceQuestion::take(const FrameImages& frame, const Camera& c
   return turn * taken.camera_from_reference * keyframe->camera_from_map;
 }
 
-bool PlaceQuestion::is_not_known(Timestamp begin, Timestamp time) const {
+bool RelocQueryState::is_not_known(Timestamp begin, Timestamp time) const {
   return not_known_ && *not_known_ >= begin && *not_known_ <= time &&
          seconds_between(time, *not_known_) <= kFresh;
 }

@@ -21,12 +21,12 @@ struct ReachableRegion {
   }
 };
 
-/// The poses proven in the last seconds, and by them how well constant velocity foretells this camera: what
+/// The poses verified in the last seconds, and by them how well constant velocity foretells this camera: what
 /// that missed by is the noise of its acceleration (white; Bar-Shalom, Li and Kirubarajan 2001, section
 /// 6.2.2), and with it the place of a camera that is hidden becomes uncertain. Without units: a map's own and
 /// how lively this hand is are both in what was measured. Velocity is that of a third of a second, since the
 /// step between two frames is mostly noise. Bounded; pure; one thread.
-class ProvenPath {
+class VerifiedPath {
  public:
   /// The next one.
   void add(const AnchoredPose& pose, Timestamp time);
@@ -35,7 +35,7 @@ class ProvenPath {
 
   /// Where the camera can be at `time`; nothing where the map is another or the path says too little.
   [[nodiscard]] std::optional<ReachableRegion> reachable(const MapSnapshot& map, Timestamp time) const;
-  /// The pose proven last.
+  /// The pose verified last.
   [[nodiscard]] std::optional<SE3> last(const MapSnapshot& map) const;
   /// Whether it is of a frame of this time.
   [[nodiscard]] bool ends_at(Timestamp time) const { return count_ > 0 && entry(0).time == time; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/relocalization/proven_path.h"
+#include "client/relocalization/verified_path.h"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ SE3 seen_from(const Eigen::Vector3d& centre) {
   return {Eigen::Quaterniond::Identity(), -centre};
 }
 
-class ProvenPathTest : public ::testing::Test {
+class VerifiedPathTest : public ::testing::Test {
  protected:
   void add(const Eigen::Vector3d& centre, double seconds) {
     path.add({map->map, keyframe.id, seen_from(centre) * keyframe.camera_from_map.inverse()}, at(seconds));
@@ -52,11 +52,11 @@ class ProvenPathTest : public ::testing::Test {
   test::PlaneScene scene{21, camera};
   MapSnapshotPtr map = scene.make_map(seen_from({0, 0, -1}));
   KeyframePose keyframe = map->keyframe_blocks.front()->keyframes.front();
-  ProvenPath path;
+  VerifiedPath path;
   double end = 0;
 };
 
-TEST_F(ProvenPathTest, WhoWalksSteadilyGoesOn) {
+TEST_F(VerifiedPathTest, WhoWalksSteadilyGoesOn) {
   walk(1.4, 0, 3);
   const ReachableRegion region = after(1);
   EXPECT_LT((region.centre - Eigen::Vector3d(0.3 + 1.4 * 4, -0.2, 1)).norm(), 1e-6);
@@ -64,14 +64,14 @@ TEST_F(ProvenPathTest, WhoWalksSteadilyGoesOn) {
 }
 
 /// The law of the uncertainty: with the power 3/2 of the time in the end.
-TEST_F(ProvenPathTest, TheLongerItIsHiddenTheLessIsKnown) {
+TEST_F(VerifiedPathTest, TheLongerItIsHiddenTheLessIsKnown) {
   walk(1, 0.5, 3);
   EXPECT_LT(after(0.2).radius, after(0.4).radius);
   EXPECT_NEAR(after(400).radius / after(100).radius, 8, 0.1);
 }
 
 /// Neither the unit of the map nor how lively the hand is must be known.
-TEST_F(ProvenPathTest, TheRegionIsInTheUnitOfTheMotion) {
+TEST_F(VerifiedPathTest, TheRegionIsInTheUnitOfTheMotion) {
   walk(1, 0.5, 3);
   const double radius = after(1).radius;
   path.clear();
@@ -83,7 +83,7 @@ TEST_F(ProvenPathTest, TheRegionIsInTheUnitOfTheMotion) {
 }
 
 /// Of noise that is as the model says, all is within; and the region is no larger than it must be.
-TEST_F(ProvenPathTest, ItHoldsTheTruth) {
+TEST_F(VerifiedPathTest, ItHoldsTheTruth) {
   std::mt19937 random(8);
   std::normal_distribution<double> push(0, 0.5 * std::sqrt(kStep));
   int inside = 0;
@@ -108,7 +108,7 @@ TEST_F(ProvenPathTest, ItHoldsTheTruth) {
   EXPECT_GT(largest, 0.3);
 }
 
-TEST_F(ProvenPathTest, AShortPathAnotherMapAndTimeThatRunsBackSayNothing) {
+TEST_F(VerifiedPathTest, AShortPathAnotherMapAndTimeThatRunsBackSayNothing) {
   add({0, 0, 0}, 0);
   EXPECT_FALSE(path.reachable(*map, at(0.1)));
   add({0.1, 0, 0}, 0.033);
@@ -124,7 +124,7 @@ TEST_F(ProvenPathTest, AShortPathAnotherMapAndTimeThatRunsBackSayNothing) {
 }
 
 /// More frames than are kept, at any rate: the last two seconds count.
-TEST_F(ProvenPathTest, FastCamerasAreKeptForAsLong) {
+TEST_F(VerifiedPathTest, FastCamerasAreKeptForAsLong) {
   for (int i = 0; i < 1200; ++i) add({0.5 * i / 240.0, 0.3 * std::sin(i / 240.0 * 6), 0}, i / 240.0);
   end = 1199 / 240.0;
   const double fast = after(0.5).radius;

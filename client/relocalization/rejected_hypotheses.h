@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "client/relocalization/pose_suggestion.h"
+#include "common/base/time.h"
+
+namespace cairn {
+
+/// Hypotheses that verification has refused again and again: they are left out for a while, and a builder
+/// that is told of no other may take its place for a new one. Times are of the frames. One thread.
+class RejectedHypotheses {
+ public:
+  void reject(const PoseSuggestion& place, Timestamp time);
+  [[nodiscard]] bool is_rejected(const PoseSuggestion& place, Timestamp time) const;
+  /// Something was verified there after all.
+  void forget() { places_.clear(); }
+
+ private:
+  struct Place {
+    MapId map;
+    Epoch epoch;
+    KeyframeId reference;
+    int times = 0;
+    Timestamp latest;
+  };
+  std::vector<Place> places_;
+};
+
+}  // namespace cairn
