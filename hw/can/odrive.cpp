@@ -67,7 +67,8 @@ struct Writer {
   }
   void put_feedforward(float value, size_t offset) {
     const double steps = std::round(static_cast<double>(value) / kFeedforwardStep);
-    const bool fits = std::abs(steps) <= std::numeric_limits<int16_t>::max();  // false for NaN
+    using Steps = std::numeric_limits<int16_t>;
+    const bool fits = steps >= Steps::min() && steps <= Steps::max();  // false for NaN
     ok = ok && fits;
     put(fits ? static_cast<int16_t>(steps) : int16_t{0}, offset);
   }

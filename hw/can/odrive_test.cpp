@@ -5,8 +5,13 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
+#include <span>
+
+#include "hw/can/payload.h"
 
 namespace cairn::odrive {
 namespace {
@@ -114,10 +119,21 @@ TEST(Odrive, NumbersThatAreNotFiniteAreNeitherSentNorTaken) {
   }
 }
 
+TEST(Odrive, EachStepOfAFeedforwardIsReadAndWritten) {
+  for (int steps = std::numeric_limits<int16_t>::min(); steps <= std::numeric_limits<int16_t>::max();
+       ++steps) {
+    CanFrame frame = encoded({16}, SetInputPosition{});
+    put_number(static_cast<int16_t>(steps), std::span(frame.data), 4, std::endian::little);
+    const auto decoded = decode(frame, kNodes);
+    ASSERT_TRUE(decoded) << steps;
+    ASSERT_EQ(to_string(encoded({16}, decoded->message)), to_string(frame)) << steps;
+  }
+}
+
 TEST(Odrive, WhatAFieldDoesNotHoldIsRefused) {
-  EXPECT_TRUE(encode({16}, SetInputPosition{0, 32.767F, -32.767F}));
+  EXPECT_TRUE(encode({16}, SetInputPosition{0, 32.767F, -32.768F}));
   for (const Message& message :
-       {Message(SetInputPosition{0, 32.8F, 0}), Message(SetInputPosition{0, 0, -1e9F}),
+       {Message(SetInputPosition{0, 32.768F, 0}), Message(SetInputPosition{0, 0, -1e9F}),
         Message(Heartbeat{0, static_cast<AxisState>(256), 0, false})}) {
     const auto frame = encode({16}, message);
     ASSERT_FALSE(frame);
