@@ -41,6 +41,14 @@ size_t at(int x, int y, int width) {
 
 }  // namespace
 
+bool StillRegions::look(const Pyramid& frame, bool has_time) {
+  constexpr int kLearnEvery = 8;
+  const bool is_turn = ++unlearnt_ >= kLearnEvery && !has_judged_;
+  if (!has_time && !is_turn) return watch(frame.level(kPyramidLevels - 1));
+  unlearnt_ = 0;
+  return learn(frame);
+}
+
 bool StillRegions::learn(const Pyramid& frame) {
   const GrayImage& level0 = frame.level(0);
   const GrayImage& level3 = frame.level(kPyramidLevels - 1);

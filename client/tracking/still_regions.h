@@ -17,7 +17,11 @@ namespace cairn {
 /// that did, so a camera at rest before something that moves masks nothing. Pure; one thread.
 class StillRegions {
  public:
-  /// Looks at a frame. True when mask() has changed.
+  /// Looks at a frame while one tracks: it is learnt from every eighth until that is judged, since their
+  /// corners cost a millisecond, and the others are watched. Where there `has_time`, since there is nothing
+  /// to track, each is learnt from. True when mask() has changed.
+  bool look(const Pyramid& frame, bool has_time);
+  /// Learns from a frame. True when mask() has changed.
   bool learn(const Pyramid& frame);
   /// Cheap, for every frame: what was taken for a border and changes is none. True when mask() has changed.
   bool watch(const GrayImage& level3);
@@ -52,6 +56,7 @@ class StillRegions {
   CornerList fast_;                 ///< of the frame, level 0; no mask applies to them
   std::vector<Candidate> corners_;  ///< the best of them
   bool has_judged_ = false;
+  int unlearnt_ = 0;                 ///< frames that were looked at since one was learnt from
   int looks_ = 0;                    ///< at frames whose corners were found
   int frames_ = 0;                   ///< counted since this round of counting began
   int width_ = 0, height_ = 0;       ///< of level 3

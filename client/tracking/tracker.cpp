@@ -29,9 +29,6 @@ namespace {
 // Correlation of the tiny images of two frames, the motion between them undone: below, they show different
 // things, most likely; strangers are above now and then, and cost two frames more.
 constexpr float kSameView = 0.5F;
-// While it tracks: what stands still is learnt from every so many frames, since their corners cost a
-// millisecond.
-constexpr int kLearnEvery = 8;
 
 }  // namespace
 
@@ -64,7 +61,6 @@ struct Tracker::State {
   MotionModel model;
   GyroPrior gyro;
   StillRegions still;
-  int frames_unlearnt = 0;  ///< since it learnt last
 
   std::array<FrameImages, 2> frames;
   size_t current = 0;
@@ -521,15 +517,11 @@ void Tracker::State::end_frame(Timestamp time) {
   has_previous = true;
 }
 
-/// Until it is known what stands still, and again while there is nothing to track.
 void Tracker::State::learn_still() {
   const ScopedStage stage(probe, Stage::kCorners);
-  const bool is_turn = ++frames_unlearnt >= kLearnEvery && !still.has_judged();
-  const bool learns = recovery.is_starting() || recovery.is_lost() || is_turn;
-  if (learns) frames_unlearnt = 0;
-  const bool is_news =
-      learns ? still.learn(now().pyramid) : still.watch(now().pyramid.level(kPyramidLevels - 1));
-  if (is_news) now().use_mask(still.mask());  // the next frame is compared with this one
+  const bool has_time = recovery.is_starting() || recovery.is_lost();
+  if (still.look(now().pyramid, has_time))
+    now().use_mask(still.mask());  // the next frame is compared with this one
 }
 
 Tracker::Tracker(const CameraPtr& camera, const TrackerOptions& options)

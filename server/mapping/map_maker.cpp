@@ -10,6 +10,7 @@
 #include "common/bundle/find_cameras.h"
 #include "server/mapping/adjustment.h"
 #include "server/mapping/candidate_points.h"
+#include "server/mapping/crowding.h"
 #include "server/mapping/integrate.h"
 #include "server/mapping/map_record.h"
 #include "server/mapping/new_points.h"
@@ -197,10 +198,7 @@ MapMaker::MapMaker(std::unique_ptr<State> state) : state_(std::move(state)) {}
 MapMaker::~MapMaker() = default;
 
 WorkRecord MapMaker::State::work() const {
-  std::vector<PendingKeyframe> pending;
-  std::copy_if(wanting_points.begin(), wanting_points.end(), std::back_inserter(pending),
-               [](const PendingKeyframe& p) { return !p.extent; });
-  return {std::move(pending),
+  return {{wanting_points.begin(), wanting_points.end()},
           {wanting_observers.begin(), wanting_observers.end()},
           newest,
           local_adjustment_due,
@@ -339,14 +337,9 @@ void MapMaker::begin_epoch(Epoch epoch) {
 }
 
 bool MapMaker::wants_compaction() const {
-  constexpr double kFewLeft = 0.25;  // of all places: some hundred keyframes' worth in the largest map
   const MapState& map = state_->map;
-  const auto wants = [](size_t made, size_t live, size_t most) {
-    const auto all = static_cast<double>(most);
-    return static_cast<double>(made) > (1 - kFewLeft) * all && 2 * live < made;
-  };
-  return wants(map.points().size(), map.live_points(), state_->options.max_points) ||
-         wants(map.keyframes().size(), map.live_keyframes(), kMaxKeyframeBlocks * kBlockSlots);
+  return is_crowded(map.points().size(), map.live_points(), state_->options.max_points) ||
+         is_crowded(map.keyframes().size(), map.live_keyframes(), kMaxKeyframeBlocks * kBlockSlots);
 }
 
 Renumbering MapMaker::compact(Epoch epoch) {

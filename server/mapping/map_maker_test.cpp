@@ -569,6 +569,12 @@ TEST_F(MapMakerTest, CompactionIsWantedWhereMostPlacesAreTakenByWhatWasRemoved) 
   options_.max_points = record.point_count;
   EXPECT_FALSE(MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_)->maker->wants_compaction())
       << "full of what lives: nothing would be won";
+  // Two thirds live: a third of the places would be won, and the map be full for good without.
+  MapRecord mostly_living = record;
+  mostly_living.point_count = mostly_living.point_count * 3 / 2;
+  options_.max_points = mostly_living.point_count;
+  EXPECT_TRUE(
+      MapMaker::restore(mostly_living, {MapId{{1}}, "desk", Epoch{2}}, options_)->maker->wants_compaction());
   record.point_count *= 3;
   options_.max_points = record.point_count;
   const auto restored = MapMaker::restore(record, {MapId{{1}}, "desk", Epoch{2}}, options_);

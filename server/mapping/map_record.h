@@ -82,8 +82,7 @@ struct PendingKeyframe {
   size_t next_level = 0;
   size_t next_candidate = 0;
   int made = 0;
-  /// KeyframeInput::extent. It is not kept: one that has it gets no more points after a restart.
-  std::optional<Extent> extent = {};
+  std::optional<Extent> extent = {};  ///< KeyframeInput::extent
 };
 
 /// Work that is due.

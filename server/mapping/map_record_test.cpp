@@ -319,6 +319,34 @@ TEST_F(MapRecordTest, WhatIsNoMapIsRefused) {
   EXPECT_EQ(restore(MapRecord{}).error().code, ErrorCode::kDamaged);
 }
 
+TEST_F(MapRecordTest, AKeyframeThatLacksPointsIsHeldToItsExtentByWhoGoesOn) {
+  start();
+  const auto before = maker_->snapshot();
+  KeyframeInput offered = testing::make_offer(scene_, *before, 5);
+  const SE3 pose = offered.camera_from_reference * before->find(offered.reference)->camera_from_map;
+  const MapStatistics all = maker_->statistics();
+  const double middle = 0.5 * (all.bounds_min.x() + all.bounds_max.x());
+  const Box left{{-100, -100, -100}, {std::max(middle, pose.center().x() + 0.01), 100, 100}};
+  offered.extent = left;
+  ASSERT_EQ(maker_->add_keyframe(offered).verdict, KeyframeVerdict::kAccepted);
+  const auto restored = restore(maker_->take_changes());
+  ASSERT_TRUE(restored) << restored.error().message;
+  while (restored->maker->step(kNeverYield).work != MapWork::kNone) {
+  }
+  const auto after = restored->maker->snapshot();
+  size_t made = 0;
+  const PointId last = before->point_blocks.back()->patches->points.back().id;
+  for (const auto& block : after->point_blocks) {
+    for (int slot = 0; slot < block->count; ++slot) {
+      const PointId id = block->source(slot).id;
+      if (id <= last || !after->find(id)) continue;
+      ++made;
+      EXPECT_TRUE(contains(left, block->position(slot)));
+    }
+  }
+  EXPECT_GT(made, 0U) << "it makes points still";
+}
+
 TEST_F(MapRecordTest, ReferencesThatLeadNowhereAreLeftOut) {
   grow();
   MapRecord record = maker_->take_changes();

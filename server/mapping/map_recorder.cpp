@@ -72,7 +72,8 @@ uint64_t digest_of(const PositionsRecord& record) {
 uint64_t digest_of(const WorkRecord& work) {
   Digest digest;
   for (const PendingKeyframe& p : work.wanting_points) {
-    digest << p.id << uint64_t{p.next_level} << uint64_t{p.next_candidate} << static_cast<uint64_t>(p.made);
+    digest << p.id << uint64_t{p.next_level} << uint64_t{p.next_candidate}
+           << static_cast<uint64_t>(p.made);  // its extent goes with the id
   }
   digest << uint64_t{work.wanting_observers.size()};
   for (const PointId id : work.wanting_observers) digest << id;

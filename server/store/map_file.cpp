@@ -168,6 +168,24 @@ Result<MapHeader> MapFile::read_header(const std::filesystem::path& path) {
   return header ? Result<MapHeader>(std::move(header->header)) : tl::unexpected(header.error());
 }
 
+Result<std::vector<DecisionRecord>> MapFile::read_decisions(const std::filesystem::path& path) {
+  auto database =
+      open_database(path, has_log(path) ? sqlite::OpenMode::kReadWrite : sqlite::OpenMode::kAtRest);
+  if (!database) return tl::unexpected(database.error());
+  if (const auto version = version_of(&*database); !version) return tl::unexpected(version.error());
+  std::vector<DecisionRecord> decisions;
+  std::vector<std::string> damage;  // is told by who loads the map
+  read_rows(
+      &*database, "decisions",
+      [&decisions](int64_t, std::span<const uint8_t> data) {
+        auto decision = decode_decision(data);
+        if (decision) decisions.push_back(std::move(*decision));
+        return decision.has_value();
+      },
+      &damage);
+  return decisions;
+}
+
 // ---- writing
 
 Status MapFile::write(std::span<const MapUpdate> updates) {

@@ -151,6 +151,8 @@ class MapFile {
   /// The header of a file that nobody has open, without writing anything where its log is empty. Errors: as
   /// open().
   [[nodiscard]] static Result<MapHeader> read_header(const std::filesystem::path& path);
+  /// The decisions alone, likewise; rows that are damaged are left out.
+  [[nodiscard]] static Result<std::vector<DecisionRecord>> read_decisions(const std::filesystem::path& path);
 
   [[nodiscard]] const MapHeader& header() const { return header_; }
 

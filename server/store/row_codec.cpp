@@ -367,6 +367,49 @@ std::optional<FoundationRecord> decode_foundation(std::span<const uint8_t> row) 
   return foundation;
 }
 
+namespace {
+
+enum class ExtentKind : uint8_t { kNone, kBox, kSphere };
+
+void put_extent(const std::optional<Extent>& extent, ByteWriter* out) {
+  const auto* box = extent ? std::get_if<Box>(&*extent) : nullptr;
+  const auto* sphere = extent ? std::get_if<Sphere>(&*extent) : nullptr;
+  const ExtentKind kind =
+      box != nullptr ? ExtentKind::kBox : (sphere != nullptr ? ExtentKind::kSphere : ExtentKind::kNone);
+  out->put(static_cast<uint8_t>(kind));
+  if (box != nullptr) {
+    out->put(box->min);
+    out->put(box->max);
+  } else if (sphere != nullptr) {
+    out->put(sphere->center);
+    out->put(sphere->radius);
+  }
+}
+
+/// False: it is none that could be.
+bool get_extent(ByteReader* in, std::optional<Extent>* extent) {
+  const auto kind = in->get<uint8_t>();
+  if (kind > static_cast<uint8_t>(ExtentKind::kSphere)) return false;
+  if (kind == static_cast<uint8_t>(ExtentKind::kBox)) {
+    Box box;
+    box.min = in->get_vector<Eigen::Vector3d>();
+    box.max = in->get_vector<Eigen::Vector3d>();
+    *extent = box;
+  } else if (kind == static_cast<uint8_t>(ExtentKind::kSphere)) {
+    Sphere sphere;
+    sphere.center = in->get_vector<Eigen::Vector3d>();
+    sphere.radius = in->get<double>();
+    *extent = sphere;
+  }
+  return !*extent || check(**extent).has_value();
+}
+
+}  // namespace
+
+/// In the last flag: whether the extents of `wanting_points` follow it.
+constexpr uint8_t kIsDue = 1;
+constexpr uint8_t kHasExtents = 2;
+
 Blob encode_work(const WorkRecord& work) {
   ByteWriter out;
   out.put(static_cast<uint32_t>(work.wanting_points.size()));
@@ -380,7 +423,11 @@ Blob encode_work(const WorkRecord& work) {
   out.put(work.newest.value);
   out.put(static_cast<uint8_t>(work.local_adjustment_due));
   out.put(static_cast<uint8_t>(work.upkeep_due));
-  out.put(static_cast<uint8_t>(work.global_adjustment_due));
+  const bool has_extents =
+      std::ranges::any_of(work.wanting_points, [](const PendingKeyframe& p) { return p.extent.has_value(); });
+  out.put(static_cast<uint8_t>((work.global_adjustment_due ? kIsDue : 0) | (has_extents ? kHasExtents : 0)));
+  for (const PendingKeyframe& p : work.wanting_points)
+    if (has_extents) put_extent(p.extent, &out);
   return out.take();
 }
 
@@ -403,7 +450,11 @@ std::optional<WorkRecord> decode_work(std::span<const uint8_t> row) {
   work.newest.value = in.get<uint64_t>();
   work.local_adjustment_due = in.get<uint8_t>() != 0;
   work.upkeep_due = in.get<uint8_t>() != 0;
-  work.global_adjustment_due = in.get<uint8_t>() != 0;
+  const auto last = in.get<uint8_t>();
+  work.global_adjustment_due = (last & kIsDue) != 0;
+  const bool has_extents = (last & kHasExtents) != 0;
+  for (PendingKeyframe& p : work.wanting_points)
+    if (has_extents) sound = sound && get_extent(&in, &p.extent);
   if (!in.finished() || !sound) return std::nullopt;
   return work;
 }

@@ -95,7 +95,14 @@ class RowCodecTest : public ::testing::Test {
     return record;
   }
   WorkRecord work() {
-    return {{{KeyframeId{5}, 2, 777, 31}}, {PointId{id()}, PointId{id()}}, KeyframeId{6}, true, false, true};
+    return {{{KeyframeId{5}, 2, 777, 31},
+             {KeyframeId{6}, 0, 0, 0, Box{{-1, -2, -3}, {1, 2, 0.5}}},
+             {KeyframeId{7}, 1, 0, 0, Sphere{{0, 1, 0}, 2.5}}},
+            {PointId{id()}, PointId{id()}},
+            KeyframeId{6},
+            true,
+            false,
+            true};
   }
 
   std::vector<Kind> kinds() {

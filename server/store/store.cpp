@@ -13,13 +13,7 @@
 #include <ctime>
 #include <fstream>
 
-#include "server/store/bytes.h"
 #include "server/store/database_files.h"
-#include "server/store/entry_codec.h"
-#include "server/store/proposal_codec.h"
-#include "server/store/row_codec.h"
-#include "server/store/rows.h"
-#include "server/store/schema.h"
 
 namespace cairn {
 namespace {
@@ -34,9 +28,6 @@ constexpr size_t kHexDigits = 32;     ///< of an id
 constexpr size_t kMaxOpenFiles = 64;  ///< three descriptors each
 constexpr int64_t kNanosecondsPerSecond = 1'000'000'000;
 constexpr size_t kProbeBytes = 1 << 20;  ///< two keyframes (README.md)
-
-/// Of an archive [ms, as start_count()]: the year 71 000. What follows it must be a number, too.
-constexpr uint64_t kLatestEpoch = uint64_t{1} << 51;
 
 constexpr const char* kLogSuffix = ".cairnmap-wal";
 constexpr const char* kLoneLogEnd = "-log";  ///< of a name in `damaged` that no file gets
@@ -69,14 +60,6 @@ std::vector<MapId> maps_in(const fs::path& folder) {
   }
   std::sort(maps.begin(), maps.end());
   return maps;
-}
-
-/// What is said of a file, without its name.
-std::string without_path(std::string message, const fs::path& path) {
-  const std::string name = path.string() + ": ";
-  for (size_t at = message.find(name); at != std::string::npos; at = message.find(name, at))
-    message.erase(at, name.size());
-  return message;
 }
 
 bool is_half_made(const fs::path& path) {
@@ -339,6 +322,24 @@ std::vector<DeletedMap> Store::deleted_maps() const {
   return maps;
 }
 
+std::vector<DeletedDecisions> Store::decisions_on_deleted(size_t most) const {
+  std::vector<std::pair<int64_t, fs::path>> files;
+  for (const MapId map : deleted_ids()) {
+    fs::path path = deleted_path_of(map);
+    struct stat file {};
+    if (::stat(path.c_str(), &file) == 0) files.emplace_back(-changed_at(file).nanoseconds, std::move(path));
+  }
+  std::ranges::sort(files);
+  files.resize(std::min(files.size(), most));
+  std::vector<DeletedDecisions> all;
+  for (const auto& [age, path] : files) {
+    auto header = MapFile::read_header(path);
+    auto decisions = MapFile::read_decisions(path);
+    if (header && decisions) all.push_back({std::move(*header), std::move(*decisions)});
+  }
+  return all;
+}
+
 std::vector<DamagedFile> Store::damaged_files() const {
   std::vector<DamagedFile> files;
   std::error_code problem;
@@ -568,16 +569,6 @@ Result<fs::path> Store::replace(const MapHeader& header, const MapUpdate& saved,
   return aside;
 }
 
-// ---- archives
-
-Status Store::export_map(MapId map, const fs::path& path) const {
-  auto file = MapFile::open(path_of(map));
-  if (!file) return tl::unexpected(file.error());
-  if (Status copied = file->copy_to(path); !copied) return copied;
-  auto copy = MapFile::open(path);
-  return copy ? copy->erase_proposals() : tl::unexpected(copy.error());
-}
-
 Status Store::prepare_rewrite(const MapHeader& header, const MapUpdate& whole, MapFile* images,
                               const KeyframeIds& now, const AcceptState& accept) {
   const fs::path fresh = fresh_path_of(header.id);
@@ -612,64 +603,8 @@ Result<std::vector<Contribution>> Store::contributions(MapId map) {
   return file ? (*file)->contributions() : tl::unexpected(file.error());
 }
 
-Status Store::copy_map(MapId map, MapId copy, const std::string& name) const {
-  auto file = MapFile::open(path_of(map));
-  if (!file) return tl::unexpected(file.error());
-  const auto as_of_now = file->read_as_of_now();
-  if (!as_of_now) return tl::unexpected(as_of_now.error());
-  StoredMap read = file->load(LoadedImages::kNone);
-  if (!read.damage.empty()) return fail(ErrorCode::kDamaged, read.damage.front());
-  MapHeader header = read.header;
-  header.id = copy;
-  header.name = name;
-  return make(header, {std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)},
-              &*file);
-}
-
-Result<MapId> Store::import_map(const fs::path& archive, uint64_t most_image_bytes) const {
-  const fs::path copy = folder_ / "incoming";
-  remove_database(copy);
-  if (Status copied = copy_bytes(archive, copy); !copied) {
-    remove_database(copy);
-    return fail(ErrorCode::kIo, "it cannot be copied into the store: " + copied.error().message +
-                                    "; free space there, or see to owner and mount");
-  }
-  Result<MapId> taken = fail(ErrorCode::kInternal, "not opened");
-  {
-    auto file = MapFile::open(copy, FileOrigin::kElsewhere);
-    taken = file ? take_in(&*file, most_image_bytes) : tl::unexpected(file.error());
-  }
-  remove_database(copy);
-  if (!taken) return fail(taken.error().code, without_path(taken.error().message, copy));
-  return taken;
-}
-
-Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const {
-  StoredMap read = archive->load(LoadedImages::kNone);
-  if (!read.damage.empty()) return fail(ErrorCode::kDamaged, read.damage.front());
-  if (Status sound = archive->check_images(most_image_bytes); !sound) return tl::unexpected(sound.error());
-  const MapId map = read.header.id;
-  if (read.header.epoch.value > kLatestEpoch)
-    return fail(ErrorCode::kDamaged, "its epoch, " + std::to_string(read.header.epoch.value) +
-                                         ", is none that a server has given");
-  if (const Status is_free = check_is_free(read.header); !is_free) return tl::unexpected(is_free.error());
-  // Clients of the same names here are others, with other cameras and sessions.
-  for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
-  MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
-  // One that leaves no room for those to come was given by nobody.
-  if (read.last_proposal <= kMostProposalNumber / 2) whole.last_proposal = read.last_proposal;
-  if (Status made = make(read.header, whole, archive); !made) return tl::unexpected(made.error());
-  return map;
-}
-
 void Store::tidy() {
   for (OpenFile& open : open_files_) open.file.tidy();
-}
-
-Result<StoredMap> read_archive(const fs::path& path) {
-  auto file = MapFile::open(path, FileOrigin::kElsewhere);
-  if (!file) return tl::unexpected(file.error());
-  return file->load();
 }
 
 }  // namespace cairn

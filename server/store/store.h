@@ -26,6 +26,12 @@ struct DeletedMap {
   std::optional<Error> problem;  ///< why its file cannot be used (kDamaged) or read now; the id is known then
 };
 
+/// What was decided on a map that was deleted since.
+struct DeletedDecisions {
+  MapHeader header;
+  std::vector<DecisionRecord> decisions;
+};
+
 /// A file that could not be used as it was, or a log whose file is not known, out of the way in the folder
 /// `damaged`.
 struct DamagedFile {
@@ -72,6 +78,9 @@ class Store {
   /// The same with what they were, those that cannot be used among them, the latest deleted first. Opens each
   /// file, and writes nothing: to purge one must be possible on a full disk.
   [[nodiscard]] std::vector<DeletedMap> deleted_maps() const;
+
+  /// Of the `most` that were deleted last, as far as their files can be read.
+  [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted(size_t most) const;
 
   /// Maps whose place could not be taken at the start by what had been saved of them: none of maps().
   [[nodiscard]] const std::vector<UnloadedMap>& unplaced() const { return unplaced_; }
