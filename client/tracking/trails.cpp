@@ -202,7 +202,7 @@ void TrailFollower::remember_way(const FrameImages& now) {
 
 /// Where some of the trails were in views a fifth of the way apart, and are now (`last`); of those only which
 /// were found again in all.
-FewViews TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) const {
+MultiView TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) const {
   std::vector<size_t> on_the_way;
   auto from = way_.begin();
   for (const float share : {0.2F, 0.4F, 0.6F, 0.8F}) {
@@ -219,7 +219,7 @@ FewViews TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) 
     if (everywhere) judged.push_back(i);
   }
   const size_t count = std::min(judged.size(), kMostJudged);
-  FewViews views;
+  MultiView views;
   for (const size_t view : on_the_way) views.further.push_back({way_[view] / movement_, {}});
   views.further.emplace_back();
   for (size_t k = 0; k < count; ++k) {
@@ -235,7 +235,7 @@ FewViews TrailFollower::views_on_the_way(std::span<const Eigen::Vector2f> last) 
 
 /// The motion that explains all views best, if noise and the other motions leave no doubt of it.
 tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoViewMotions& motions,
-                                                                   const FewViews& views) const {
+                                                                   const MultiView& views) const {
   const auto refuse = [](TwoViewRefusal reason, const char* why) {
     return tl::unexpected<TwoViewFailure>({reason, why});
   };
@@ -261,7 +261,7 @@ tl::expected<AdjustedMotion, TwoViewFailure> TrailFollower::choose(const TwoView
 }
 
 tl::expected<TwoViewGeometry, TwoViewFailure> TrailFollower::judge(const std::vector<PixelMatch>& matches,
-                                                                   const FewViews& views) const {
+                                                                   const MultiView& views) const {
   TwoViewOptions options;
   options.sigma = kMatchSigma;
   options.seed = options_.seed;

@@ -10,7 +10,7 @@
 #include "client/tracking/frame_result.h"
 #include "client/tracking/tracker_options.h"
 #include "common/geometry/camera.h"
-#include "common/geometry/few_views.h"
+#include "common/geometry/multi_view.h"
 #include "common/geometry/two_view.h"
 #include "common/image/frame_images.h"
 #include "common/image/patch.h"
@@ -86,11 +86,11 @@ class TrailFollower {
   [[nodiscard]] Warp warp_from_first() const;
   [[nodiscard]] float median_movement() const;
   void remember_way(const FrameImages& now);
-  [[nodiscard]] FewViews views_on_the_way(std::span<const Eigen::Vector2f> last) const;
+  [[nodiscard]] MultiView views_on_the_way(std::span<const Eigen::Vector2f> last) const;
   [[nodiscard]] tl::expected<AdjustedMotion, TwoViewFailure> choose(const TwoViewMotions& motions,
-                                                                    const FewViews& views) const;
+                                                                    const MultiView& views) const;
   [[nodiscard]] tl::expected<TwoViewGeometry, TwoViewFailure> judge(const std::vector<PixelMatch>& matches,
-                                                                    const FewViews& views) const;
+                                                                    const MultiView& views) const;
 
   CameraPtr camera_;
   TrackerOptions options_;

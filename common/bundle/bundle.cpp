@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/bundle/bundle_rounds.h"
-#include "common/bundle/point_elimination.h"
+#include "common/bundle/schur_complement.h"
 #include "common/geometry/robust.h"
 
 namespace cairn {
@@ -64,7 +64,7 @@ class LevenbergMarquardt {
     report_ = {.usable = true};
     squared_cutoff_ = squared_cutoff;
     lambda_ = kFirstLambda;
-    const auto start = linearise(state_);
+    const auto start = linearize(state_);
     if (!start) return report_;
     cost_ = *start;
     while (report_.iterations < max_iterations && !report_.converged && !report_.stopped &&
@@ -96,8 +96,8 @@ class LevenbergMarquardt {
   }
 
  private:
-  std::optional<double> linearise(const BundleState& state) {
-    const auto cost = equations_.linearise(state, squared_cutoff_, lambda_, options_->should_stop);
+  std::optional<double> linearize(const BundleState& state) {
+    const auto cost = equations_.linearize(state, squared_cutoff_, lambda_, options_->should_stop);
     report_.stopped = !cost;
     return cost;
   }
@@ -124,7 +124,7 @@ class LevenbergMarquardt {
       return;
     }
     lambda_ = std::max(lambda_ * kAfterGoodStep, kMinLambda);
-    const auto cost = linearise(candidate_);
+    const auto cost = linearize(candidate_);
     if (!cost) return;
     if (*cost < cost_) {
       report_.converged = cost_ - *cost <= options_->function_tolerance * cost_;
@@ -142,11 +142,11 @@ class LevenbergMarquardt {
 
   void back_off() {
     lambda_ *= kAfterBadStep;
-    linearise(state_);
+    linearize(state_);
   }
 
   const BundleOptions* options_;
-  PointElimination equations_;
+  SchurComplement equations_;
   BundleState state_, candidate_;
   BundleStep step_;
   MinimisationReport report_;

@@ -8,7 +8,7 @@
 namespace cairn {
 namespace {
 
-constexpr double kMinDiagonal = 1e-6;  ///< as PointElimination's
+constexpr double kMinDiagonal = 1e-6;  ///< as SchurComplement's
 
 using SlotMap = Eigen::Map<const Eigen::Matrix<double, kPoseSize, kPointSize>>;
 

@@ -8,8 +8,8 @@
 namespace cairn::calibration {
 namespace {
 
-constexpr size_t kRadtanBends = 5;
-constexpr size_t kFisheyeBends = 4;
+constexpr size_t kRadtanCoefficients = 5;
+constexpr size_t kFisheyeCoefficients = 4;
 
 }  // namespace
 
@@ -50,24 +50,28 @@ std::optional<std::vector<double>> numbers_in(const std::vector<std::string_view
   return numbers;
 }
 
-Result<CameraParameters> with_bends(CameraParameters linear, Bend bend, std::vector<double> bends) {
-  const bool is_radtan = bend == Bend::kRadtan || bend == Bend::kNone;
-  const size_t count = is_radtan ? kRadtanBends : bend == Bend::kFov ? 1 : kFisheyeBends;
+Result<CameraParameters> with_distortion(CameraParameters linear, Distortion distortion,
+                                         std::vector<double> coefficients) {
+  const bool is_radtan = distortion == Distortion::kRadtan || distortion == Distortion::kNone;
+  const size_t count = is_radtan                        ? kRadtanCoefficients
+                       : distortion == Distortion::kFov ? 1
+                                                        : kFisheyeCoefficients;
   // The rational model writes its five numbers first; a fisheye of ROS has a fifth, which is 0.
-  while (bends.size() > count && bends.back() == 0) bends.pop_back();
-  if (is_radtan && bends.size() > count) {
+  while (coefficients.size() > count && coefficients.back() == 0) coefficients.pop_back();
+  if (is_radtan && coefficients.size() > count) {
     return wrong(
         "more than 5 distortion coefficients; calibrate without the rational, thin prism and tilted models, "
         "or as fisheye: `cairn-track calibrate --model kb4`");
   }
-  if (!is_radtan && bends.size() != count) {
-    return wrong(std::to_string(bends.size()) + " distortion coefficients, not " + std::to_string(count));
+  if (!is_radtan && coefficients.size() != count) {
+    return wrong(std::to_string(coefficients.size()) + " distortion coefficients, not " +
+                 std::to_string(count));
   }
-  linear.values.insert(linear.values.end(), bends.begin(), bends.end());
+  linear.values.insert(linear.values.end(), coefficients.begin(), coefficients.end());
   if (is_radtan) linear.values.resize(kRadtanValues, 0.0);
-  linear.model = is_radtan            ? CameraModel::kPinholeRadtan
-                 : bend == Bend::kFov ? CameraModel::kFov
-                                      : CameraModel::kKannalaBrandt;
+  linear.model = is_radtan                        ? CameraModel::kPinholeRadtan
+                 : distortion == Distortion::kFov ? CameraModel::kFov
+                                                  : CameraModel::kKannalaBrandt;
   return linear;
 }
 

@@ -20,8 +20,8 @@ struct File {
   std::string_view camera;  ///< which of several; empty: the only one
 };
 
-/// What says how a lens bends the rays, after the four linear numbers.
-enum class Bend { kRadtan, kEquidistant, kFov, kNone };
+/// What says how a lens distorts the image, after the four linear numbers.
+enum class Distortion { kRadtan, kEquidistant, kFov, kNone };
 
 /// OpenCV's FileStorage as XML.
 [[nodiscard]] bool looks_like_xml(std::string_view content);
@@ -56,8 +56,8 @@ enum class Bend { kRadtan, kEquidistant, kFov, kNone };
 
 /// The camera of four linear numbers (a pinhole without distortion) and its coefficients; zeros beyond what
 /// the model has are left out. The error has no place yet.
-[[nodiscard]] Result<CameraParameters> with_bends(CameraParameters linear, Bend bend,
-                                                  std::vector<double> bends);
+[[nodiscard]] Result<CameraParameters> with_distortion(CameraParameters linear, Distortion distortion,
+                                                       std::vector<double> coefficients);
 /// fx fy cx cy in units of the picture's sides, whose first pixel begins at 0, as PTAM, LSD-SLAM and DSO have
 /// them.
 [[nodiscard]] CameraParameters in_pixels(PictureSize size, const std::vector<double>& sides);

@@ -59,8 +59,8 @@ std::vector<Candidate> candidates_of(const File& file) {
       linear.height = file.picture_size->height;
     }
     linear.values = rectified ? std::vector{m[0], m[5], m[2], m[6]} : std::vector{m[0], m[4], m[2], m[5]};
-    const auto camera =
-        with_bends(std::move(linear), Bend::kRadtan, rectified ? std::vector<double>() : row("D_" + number));
+    const auto camera = with_distortion(std::move(linear), Distortion::kRadtan,
+                                        rectified ? std::vector<double>() : row("D_" + number));
     if (camera) candidates.push_back({name, *camera});
   }
   return candidates;

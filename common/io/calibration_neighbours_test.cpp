@@ -57,10 +57,10 @@ TEST_F(NeighboursCalibration, OpenCvsFisheyeProjectsAsOpenCvDoes) {
   const auto camera = make_camera(*read);
   ASSERT_TRUE(camera);
   const cv::Matx33d matrix(320, 0, 319.5, 0, 321, 239.5, 0, 0, 1);
-  const std::vector<double> bends = {-0.0093, 0.0462, -0.0434, 0.008};
+  const std::vector<double> coefficients = {-0.0093, 0.0462, -0.0434, 0.008};
   std::vector<cv::Point2d> pixels;
   const std::vector<cv::Point3d> points = {{0.3, -0.2, 1}, {-1.2, 0.7, 1}, {0, 0, 1}};
-  cv::fisheye::projectPoints(points, pixels, cv::Vec3d(0, 0, 0), cv::Vec3d(0, 0, 0), matrix, bends);
+  cv::fisheye::projectPoints(points, pixels, cv::Vec3d(0, 0, 0), cv::Vec3d(0, 0, 0), matrix, coefficients);
   for (size_t i = 0; i < points.size(); ++i) {
     const auto pixel = (*camera)->project({points[i].x, points[i].y, points[i].z});
     ASSERT_TRUE(pixel);

@@ -68,9 +68,10 @@ Result<PictureSize> size_of(const File& file, const Settings& settings) {
       "size; add them");
 }
 
-Result<std::vector<double>> bends_of(const Settings& settings, const std::string& camera, Bend bend) {
-  if (bend == Bend::kNone) return {};
-  if (bend == Bend::kEquidistant) return settings.numbers(camera, {"k1", "k2", "k3", "k4"});
+Result<std::vector<double>> coefficients_of(const Settings& settings, const std::string& camera,
+                                            Distortion distortion) {
+  if (distortion == Distortion::kNone) return {};
+  if (distortion == Distortion::kEquidistant) return settings.numbers(camera, {"k1", "k2", "k3", "k4"});
   if (!settings.has(camera + ".k1")) return {};  // as ORB-SLAM has it: no distortion
   if (settings.has(camera + ".k3")) return settings.numbers(camera, {"k1", "k2", "p1", "p2", "k3"});
   return settings.numbers(camera, {"k1", "k2", "p1", "p2"});
@@ -102,15 +103,17 @@ Result<CameraParameters> parse_orb_slam(const File& file) {
                                                 " of ORB-SLAM is not read; there are PinHole, Rectified and "
                                                 "KannalaBrandt8");
   }
-  const Bend bend = type == "Rectified" ? Bend::kNone : is_pinhole ? Bend::kRadtan : Bend::kEquidistant;
+  const Distortion distortion = type == "Rectified" ? Distortion::kNone
+                                : is_pinhole        ? Distortion::kRadtan
+                                                    : Distortion::kEquidistant;
   const auto size = size_of(file, settings);
   if (!size) return tl::unexpected(size.error());
   auto linear = settings.numbers(*camera, {"fx", "fy", "cx", "cy"});
   if (!linear) return tl::unexpected(linear.error());
-  auto bends = bends_of(settings, *camera, bend);
-  if (!bends) return tl::unexpected(bends.error());
-  return with_bends({CameraModel::kPinholeRadtan, size->width, size->height, std::move(*linear)}, bend,
-                    std::move(*bends));
+  auto coefficients = coefficients_of(settings, *camera, distortion);
+  if (!coefficients) return tl::unexpected(coefficients.error());
+  return with_distortion({CameraModel::kPinholeRadtan, size->width, size->height, std::move(*linear)},
+                         distortion, std::move(*coefficients));
 }
 
 }  // namespace cairn::calibration

@@ -17,20 +17,20 @@ using Fields = std::vector<std::string_view>;
 /// the centre, the digits k1 to k6, p and q the tangential, w the angle of FOV.
 struct ColmapModel {
   std::string_view name;
-  Bend bend;
+  Distortion distortion;
   std::string_view parameters;
 };
 constexpr ColmapModel kColmapModels[] = {
-    {"SIMPLE_PINHOLE", Bend::kNone, "fcd"},
-    {"PINHOLE", Bend::kNone, "xycd"},
-    {"SIMPLE_RADIAL", Bend::kRadtan, "fcd1"},
-    {"RADIAL", Bend::kRadtan, "fcd12"},
-    {"OPENCV", Bend::kRadtan, "xycd12pq"},
-    {"FULL_OPENCV", Bend::kRadtan, "xycd12pq3456"},
-    {"OPENCV_FISHEYE", Bend::kEquidistant, "xycd1234"},
-    {"SIMPLE_RADIAL_FISHEYE", Bend::kEquidistant, "fcd1"},
-    {"RADIAL_FISHEYE", Bend::kEquidistant, "fcd12"},
-    {"FOV", Bend::kFov, "xycdw"},
+    {"SIMPLE_PINHOLE", Distortion::kNone, "fcd"},
+    {"PINHOLE", Distortion::kNone, "xycd"},
+    {"SIMPLE_RADIAL", Distortion::kRadtan, "fcd1"},
+    {"RADIAL", Distortion::kRadtan, "fcd12"},
+    {"OPENCV", Distortion::kRadtan, "xycd12pq"},
+    {"FULL_OPENCV", Distortion::kRadtan, "xycd12pq3456"},
+    {"OPENCV_FISHEYE", Distortion::kEquidistant, "xycd1234"},
+    {"SIMPLE_RADIAL_FISHEYE", Distortion::kEquidistant, "fcd1"},
+    {"RADIAL_FISHEYE", Distortion::kEquidistant, "fcd12"},
+    {"FOV", Distortion::kFov, "xycdw"},
 };
 
 /// `ID MODEL WIDTH HEIGHT ...`
@@ -44,7 +44,7 @@ bool is_colmap_row(const Fields& fields) {
 Result<CameraParameters> from_colmap(const ColmapModel& model, PictureSize size, std::span<const double> v) {
   constexpr double kCornerToCentre = 0.5;
   CameraParameters linear{CameraModel::kPinholeRadtan, size.width, size.height, {}};
-  std::vector<double> bends;
+  std::vector<double> coefficients;
   for (size_t i = 0; i < v.size(); ++i) {
     switch (model.parameters[i]) {
       case 'f':
@@ -59,11 +59,11 @@ Result<CameraParameters> from_colmap(const ColmapModel& model, PictureSize size,
         linear.values.push_back(v[i] - kCornerToCentre);
         break;
       default:
-        bends.push_back(v[i]);
+        coefficients.push_back(v[i]);
     }
   }
-  if (model.bend == Bend::kEquidistant) bends.resize(4, 0.0);
-  return with_bends(std::move(linear), model.bend, std::move(bends));
+  if (model.distortion == Distortion::kEquidistant) coefficients.resize(4, 0.0);
+  return with_distortion(std::move(linear), model.distortion, std::move(coefficients));
 }
 
 Result<CameraParameters> parse_colmap_row(const Fields& fields) {
@@ -87,17 +87,17 @@ Result<CameraParameters> parse_colmap_row(const Fields& fields) {
 
 struct DsoModel {
   std::string_view word;  ///< that the first line may begin with
-  Bend bend;
+  Distortion distortion;
   size_t numbers;
 };
 constexpr DsoModel kDsoModels[] = {
-    {"", Bend::kRadtan, 8},
-    {"", Bend::kFov, 5},
-    {"RadTan", Bend::kRadtan, 8},
-    {"FOV", Bend::kFov, 5},
-    {"Pinhole", Bend::kFov, 5},
-    {"EquiDistant", Bend::kEquidistant, 8},
-    {"KannalaBrandt", Bend::kEquidistant, 8},
+    {"", Distortion::kRadtan, 8},
+    {"", Distortion::kFov, 5},
+    {"RadTan", Distortion::kRadtan, 8},
+    {"FOV", Distortion::kFov, 5},
+    {"Pinhole", Distortion::kFov, 5},
+    {"EquiDistant", Distortion::kEquidistant, 8},
+    {"KannalaBrandt", Distortion::kEquidistant, 8},
 };
 
 /// The model of a first line; null where it is none.
@@ -163,8 +163,9 @@ Result<CameraParameters> parse_dso(const File& file) {
                     ? in_pixels(size, *v)
                     : CameraParameters{
                           CameraModel::kPinholeRadtan, size.width, size.height, {v->begin(), v->begin() + 4}};
-  const Bend bend = model.bend == Bend::kFov && (*v)[4] == 0 ? Bend::kNone : model.bend;
-  auto parameters = with_bends(std::move(linear), bend, {v->begin() + 4, v->end()});
+  const Distortion distortion =
+      model.distortion == Distortion::kFov && (*v)[4] == 0 ? Distortion::kNone : model.distortion;
+  auto parameters = with_distortion(std::move(linear), distortion, {v->begin() + 4, v->end()});
   if (!parameters) return wrong(at_line(file.path, lines[0].number, parameters.error().message));
   return parameters;
 }

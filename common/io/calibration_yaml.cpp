@@ -11,9 +11,9 @@ namespace cairn::calibration {
 namespace {
 
 /// The distortion after the four linear numbers; `key` holds the coefficients.
-Result<CameraParameters> assemble(const Keys& keys, const char* key, Bend bend, CameraParameters linear,
-                                  std::vector<double> bends) {
-  auto parameters = with_bends(std::move(linear), bend, std::move(bends));
+Result<CameraParameters> assemble(const Keys& keys, const char* key, Distortion distortion,
+                                  CameraParameters linear, std::vector<double> coefficients) {
+  auto parameters = with_distortion(std::move(linear), distortion, std::move(coefficients));
   if (!parameters) return keys.error_at(key, parameters.error().message);
   return parameters;
 }
@@ -26,7 +26,7 @@ struct Names {
   const char* width;
   const char* height;
   const char* matrix;
-  const char* bends;
+  const char* coefficients;
 };
 constexpr std::array kNames = {
     Names{"image_width", "image_height", "camera_matrix", "distortion_coefficients"},
@@ -40,17 +40,17 @@ const Names& names_in(const Keys& keys) {
 }
 
 /// camera_info names its model. OpenCV's own files mean the plumb bob unless they say fisheye.
-Result<Bend> opencv_bend(const Keys& keys) {
+Result<Distortion> opencv_distortion(const Keys& keys) {
   if (!keys.has("distortion_model")) {
-    if (!keys.has("fisheye_model")) return Bend::kRadtan;
+    if (!keys.has("fisheye_model")) return Distortion::kRadtan;
     return keys.number("fisheye_model").map([](double is_fisheye) {
-      return is_fisheye != 0 ? Bend::kEquidistant : Bend::kRadtan;
+      return is_fisheye != 0 ? Distortion::kEquidistant : Distortion::kRadtan;
     });
   }
   const auto model = keys.word("distortion_model");
   if (!model) return tl::unexpected(model.error());
-  if (*model == "plumb_bob" || *model == "rational_polynomial" || model->empty()) return Bend::kRadtan;
-  if (*model == "equidistant" || *model == "fisheye") return Bend::kEquidistant;
+  if (*model == "plumb_bob" || *model == "rational_polynomial" || model->empty()) return Distortion::kRadtan;
+  if (*model == "equidistant" || *model == "fisheye") return Distortion::kEquidistant;
   return keys.error_at("distortion_model", "distortion_model '" + *model +
                                                "' is not read; calibrate with plumb_bob or equidistant");
 }
@@ -93,8 +93,8 @@ tl::unexpected<Error> not_read(const Keys& keys) {
 Result<CameraParameters> parse_opencv(const Keys& keys) {
   const Names& names = names_in(keys);
   if (!keys.has(names.matrix) && !keys.has(names.width)) return not_read(keys);
-  const auto bend = opencv_bend(keys);
-  if (!bend) return tl::unexpected(bend.error());
+  const auto distortion = opencv_distortion(keys);
+  if (!distortion) return tl::unexpected(distortion.error());
   if (const Status whole = check_whole_picture(keys); !whole) return tl::unexpected(whole.error());
   const auto width = keys.side(names.width);
   if (!width) return tl::unexpected(width.error());
@@ -102,8 +102,8 @@ Result<CameraParameters> parse_opencv(const Keys& keys) {
   if (!height) return tl::unexpected(height.error());
   const auto matrix = keys.numbers(names.matrix);
   if (!matrix) return tl::unexpected(matrix.error());
-  auto bends = keys.numbers(names.bends);
-  if (!bends) return tl::unexpected(bends.error());
+  auto coefficients = keys.numbers(names.coefficients);
+  if (!coefficients) return tl::unexpected(coefficients.error());
   const auto& m = *matrix;
   if (m.size() != 9 || m[1] != 0 || m[3] != 0) {
     return keys.error_at(names.matrix, std::string(names.matrix) + " must be 3x3, [fx 0 cx; 0 fy cy; 0 0 1]");
@@ -113,18 +113,18 @@ Result<CameraParameters> parse_opencv(const Keys& keys) {
                                            " is 0; `cairn-track calibrate` makes a calibration");
   }
   CameraParameters linear{CameraModel::kPinholeRadtan, *width, *height, {m[0], m[4], m[2], m[5]}};
-  return assemble(keys, names.bends, *bend, std::move(linear), std::move(*bends));
+  return assemble(keys, names.coefficients, *distortion, std::move(linear), std::move(*coefficients));
 }
 
 // ---- Kalibr's camchain and EuRoC's sensor.yaml
 
-Result<Bend> kalibr_bend(const Keys& keys) {
+Result<Distortion> kalibr_distortion(const Keys& keys) {
   const auto model = keys.word("distortion_model");
   if (!model) return tl::unexpected(model.error());
-  if (*model == "radtan" || *model == "radial-tangential") return Bend::kRadtan;
-  if (*model == "equidistant" || *model == "equi") return Bend::kEquidistant;
-  if (*model == "fov") return Bend::kFov;
-  if (*model == "none") return Bend::kNone;
+  if (*model == "radtan" || *model == "radial-tangential") return Distortion::kRadtan;
+  if (*model == "equidistant" || *model == "equi") return Distortion::kEquidistant;
+  if (*model == "fov") return Distortion::kFov;
+  if (*model == "none") return Distortion::kNone;
   return keys.error_at("distortion_model", "distortion_model '" + *model +
                                                "' is not read; there are radtan, equidistant, fov and none");
 }
@@ -138,23 +138,24 @@ Result<CameraParameters> parse_kalibr(const Keys& keys) {
                          "camera_model '" + *camera_model +
                              "' is not read; calibrate with Kalibr's pinhole-radtan or pinhole-equi");
   }
-  const auto bend = kalibr_bend(keys);
-  if (!bend) return tl::unexpected(bend.error());
+  const auto distortion = kalibr_distortion(keys);
+  if (!distortion) return tl::unexpected(distortion.error());
   const auto size = keys.numbers("resolution", 2);
   if (!size) return tl::unexpected(size.error());
   auto values = keys.numbers("intrinsics", 4);
   if (!values) return tl::unexpected(values.error());
-  const char* bends_key =
+  const char* coefficients_key =
       keys.has("distortion_coefficients") ? "distortion_coefficients" : "distortion_coeffs";
-  auto bends = *bend == Bend::kNone ? Result<std::vector<double>>{} : keys.numbers(bends_key);
-  if (!bends) return tl::unexpected(bends.error());
+  auto coefficients =
+      *distortion == Distortion::kNone ? Result<std::vector<double>>{} : keys.numbers(coefficients_key);
+  if (!coefficients) return tl::unexpected(coefficients.error());
   const int width = side_from_number((*size)[0]);
   const int height = side_from_number((*size)[1]);
   if (width == 0 || height == 0) {
     return keys.error_at("resolution", "resolution must be two positive whole numbers");
   }
-  return assemble(keys, bends_key, *bend, {CameraModel::kPinholeRadtan, width, height, std::move(*values)},
-                  std::move(*bends));
+  return assemble(keys, coefficients_key, *distortion,
+                  {CameraModel::kPinholeRadtan, width, height, std::move(*values)}, std::move(*coefficients));
 }
 
 // ---- VINS-Mono and VINS-Fusion (camodocal)
@@ -181,11 +182,12 @@ Result<CameraParameters> parse_vins(const Keys& keys) {
   auto linear =
       is_pinhole ? projection.each({"fx", "fy", "cx", "cy"}) : projection.each({"mu", "mv", "u0", "v0"});
   if (!linear) return tl::unexpected(linear.error());
-  auto bends = is_pinhole ? keys.below("distortion_parameters").each({"k1", "k2", "p1", "p2"})
-                          : projection.each({"k2", "k3", "k4", "k5"});
-  if (!bends) return tl::unexpected(bends.error());
-  return assemble(keys, "projection_parameters", is_pinhole ? Bend::kRadtan : Bend::kEquidistant,
-                  {CameraModel::kPinholeRadtan, *width, *height, std::move(*linear)}, std::move(*bends));
+  auto coefficients = is_pinhole ? keys.below("distortion_parameters").each({"k1", "k2", "p1", "p2"})
+                                 : projection.each({"k2", "k3", "k4", "k5"});
+  if (!coefficients) return tl::unexpected(coefficients.error());
+  return assemble(keys, "projection_parameters", is_pinhole ? Distortion::kRadtan : Distortion::kEquidistant,
+                  {CameraModel::kPinholeRadtan, *width, *height, std::move(*linear)},
+                  std::move(*coefficients));
 }
 
 // ---- OpenCV's FileStorage as XML
@@ -215,7 +217,7 @@ YAML::Node opencv_xml(std::string content) {
     for (const auto number : split_fields(*data)) root[name]["data"].push_back(std::string(number));
   };
   for (const Names& names : {kNames[0], kNames[1]}) {
-    for (const char* name : {names.width, names.height, names.matrix, names.bends}) take(name);
+    for (const char* name : {names.width, names.height, names.matrix, names.coefficients}) take(name);
   }
   take("fisheye_model");
   return root;

@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "common/geometry/few_views.h"
+#include "common/geometry/multi_view.h"
 #include "common/geometry/pose.h"
 #include "common/geometry/two_view.h"
 
@@ -34,14 +34,14 @@ struct SideStep {
     std::mt19937 random(1);
     std::uniform_real_distribution<double> uniform(0, 1);
     std::normal_distribution<double> noise(0, kNoise);
-    for (const double way : {0.25, 0.5, 0.75, 1.0}) views.further.push_back({way, {}});
+    for (const double fraction : {0.25, 0.5, 0.75, 1.0}) views.further.push_back({fraction, {}});
     while (matches.size() < count) {
       const Eigen::Vector2d a(20 + 600 * uniform(random), 20 + 440 * uniform(random));
       const Eigen::Vector3d point = camera->unproject(a) * (1 + uniform(random));
       std::vector<Eigen::Vector2d> seen;
       for (const FurtherView& view : views.further) {
-        const SE3 pose(so3_exp(view.way * Eigen::Vector3d(0.02, -0.03, 0.01)),
-                       view.way * Eigen::Vector3d(0.08, 0.01, 0.02 * view.way));
+        const SE3 pose(so3_exp(view.baseline_fraction * Eigen::Vector3d(0.02, -0.03, 0.01)),
+                       view.baseline_fraction * Eigen::Vector3d(0.08, 0.01, 0.02 * view.baseline_fraction));
         const auto pixel = camera->project(pose * point);
         if (pixel && camera->in_image(*pixel))
           seen.push_back(*pixel + Eigen::Vector2d(noise(random), noise(random)));
@@ -57,7 +57,7 @@ struct SideStep {
 
   CameraPtr camera;
   std::vector<PixelMatch> matches;
-  FewViews views;
+  MultiView views;
   TwoViewOptions options;
 };
 

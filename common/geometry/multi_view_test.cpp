@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/geometry/few_views.h"
+#include "common/geometry/multi_view.h"
 
 #include <gtest/gtest.h>
 
@@ -25,9 +25,9 @@ constexpr int kPoints = 250;
 /// way.
 class PlaneOnTheWay {
  public:
-  /// `bend`: how far the middle of the way lies beside the straight line, over the baseline.
+  /// `curvature`: how far the middle of the way lies beside the straight line, over the baseline.
   /// `spoilt`: what stretches or shears all pictures about their centre, and no camera knows of.
-  PlaneOnTheWay(unsigned seed, double bend, double noise,
+  PlaneOnTheWay(unsigned seed, double curvature, double noise,
                 const Eigen::Matrix2d& spoilt = Eigen::Matrix2d::Identity())
       : random_(seed), noise_(noise), spoilt_(spoilt) {
     camera_ = make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
@@ -36,10 +36,10 @@ class PlaneOnTheWay {
     const Eigen::Vector3d turn = 3 * kDegree * Eigen::Vector3d(normal(), normal(), normal()).normalized();
     constexpr double kBaseline = 4 * kDegree;  // as parallax at depth 1
     std::vector<SE3> poses;
-    for (const double way : {0.25, 0.5, 0.75, 1.0}) {
-      const double off = bend * std::sin(std::numbers::pi * way);
-      poses.emplace_back(so3_exp(way * turn), kBaseline * (way * along + off * beside));
-      views_.further.push_back({way, {}});
+    for (const double fraction : {0.25, 0.5, 0.75, 1.0}) {
+      const double off = curvature * std::sin(std::numbers::pi * fraction);
+      poses.emplace_back(so3_exp(fraction * turn), kBaseline * (fraction * along + off * beside));
+      views_.further.push_back({fraction, {}});
     }
     b_from_a_ = poses.back();
     while (matches_.size() < kPoints) add_point(poses);
@@ -106,7 +106,7 @@ class PlaneOnTheWay {
   CameraPtr camera_;
   SE3 b_from_a_;
   std::vector<PixelMatch> matches_;
-  FewViews views_;
+  MultiView views_;
 };
 
 struct Endings {
@@ -115,10 +115,10 @@ struct Endings {
   int wrong = 0;
 };
 
-Endings endings(double bend, double noise) {
+Endings endings(double curvature, double noise) {
   Endings result;
   for (unsigned seed = 1; seed <= 100; ++seed) {
-    const PlaneOnTheWay plane(seed, bend, noise);
+    const PlaneOnTheWay plane(seed, curvature, noise);
     const auto motions = plane.motions();
     if (!motions || motions->decided) continue;
     if (std::none_of(motions->b_from_a.begin(), motions->b_from_a.end(),
@@ -132,7 +132,7 @@ Endings endings(double bend, double noise) {
   return result;
 }
 
-TEST(FewViews, AWayThatBendsTellsTheMotionsOfAPlaneApart) {
+TEST(MultiView, ACurvedPathTellsTheMotionsOfAPlaneApart) {
   for (const double noise : {0.05, 0.2}) {
     const Endings result = endings(0.5, noise);
     EXPECT_GE(result.ambiguous, 20) << "the test's pairs are not ambiguous, noise " << noise;
@@ -143,7 +143,7 @@ TEST(FewViews, AWayThatBendsTellsTheMotionsOfAPlaneApart) {
 
 /// Trails of a sharp picture are as good as this: their residuals say how much another motion may cost, no
 /// floor does.
-TEST(FewViews, TheNoiseOfSharpPicturesIsMeasured) {
+TEST(MultiView, TheNoiseOfSharpPicturesIsMeasured) {
   constexpr double kNoise = 0.03;
   for (unsigned seed = 1; seed <= 5; ++seed) {
     const PlaneOnTheWay plane(seed, 0.5, kNoise);
@@ -153,7 +153,7 @@ TEST(FewViews, TheNoiseOfSharpPicturesIsMeasured) {
   }
 }
 
-TEST(FewViews, AStraightWayInNoiseIsLeftUndecidedRatherThanGuessed) {
+TEST(MultiView, AStraightWayInNoiseIsLeftUndecidedRatherThanGuessed) {
   const Endings result = endings(0, 0.5);
   EXPECT_GE(result.ambiguous, 20);
   EXPECT_LE(result.wrong, result.ambiguous / 20);
@@ -161,12 +161,12 @@ TEST(FewViews, AStraightWayInNoiseIsLeftUndecidedRatherThanGuessed) {
 }
 
 /// A start is refused where they do: that must not happen by chance.
-TEST(FewViews, WhereTwoViewsDecideForTheTrueMotionTheWayDoesNotContradict) {
+TEST(MultiView, WhereTwoViewsDecideForTheTrueMotionTheWayDoesNotContradict) {
   int decided = 0;
   int contradicted = 0;
   for (unsigned seed = 1; seed <= 200; ++seed) {
-    for (const double bend : {0.0, 0.5}) {
-      const PlaneOnTheWay plane(seed, bend, 0.1);
+    for (const double curvature : {0.0, 0.5}) {
+      const PlaneOnTheWay plane(seed, curvature, 0.1);
       const auto motions = plane.motions();
       if (!motions || !motions->decided || motions->b_from_a.size() < 2) continue;
       ++decided;
@@ -180,7 +180,7 @@ TEST(FewViews, WhereTwoViewsDecideForTheTrueMotionTheWayDoesNotContradict) {
   EXPECT_LE(contradicted, decided / 50);
 }
 
-TEST(FewViews, OrderOfTheMotionsDoesNotMatter) {
+TEST(MultiView, OrderOfTheMotionsDoesNotMatter) {
   int tried = 0;
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const PlaneOnTheWay plane(seed, 0.5, 0.1);
@@ -197,7 +197,7 @@ TEST(FewViews, OrderOfTheMotionsDoesNotMatter) {
 }
 
 /// From 5 degrees beside it in direction and a half in rotation.
-TEST(FewViews, WithoutNoiseTheAdjustmentEndsAtTheTruth) {
+TEST(MultiView, WithoutNoiseTheAdjustmentEndsAtTheTruth) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     const PlaneOnTheWay plane(seed, 0.5, 0);
     const SE3& truth = plane.truth();
@@ -211,7 +211,7 @@ TEST(FewViews, WithoutNoiseTheAdjustmentEndsAtTheTruth) {
 }
 
 /// The standard deviation that is promised is that which is found: over many ways, half to twice as much.
-TEST(FewViews, TheDirectionIsAsUncertainAsItSays) {
+TEST(MultiView, TheDirectionIsAsUncertainAsItSays) {
   double squares = 0;
   int count = 0;
   for (unsigned seed = 1; seed <= 100; ++seed) {
@@ -232,7 +232,7 @@ TEST(FewViews, TheDirectionIsAsUncertainAsItSays) {
 
 /// Of points at a distance about 1, the noise over the focal length and the baseline, at least: the poses are
 /// not known either.
-TEST(FewViews, TheDepthsAreAsUncertainAsTheNoiseAndTheBaselineLeaveThem) {
+TEST(MultiView, TheDepthsAreAsUncertainAsTheNoiseAndTheBaselineLeaveThem) {
   constexpr double kLeast = 0.2 / 380 / (4 * kDegree);  // of two views and known poses
   std::vector<double> ratios;
   for (unsigned seed = 1; seed <= 40; ++seed) {
@@ -254,7 +254,7 @@ TEST(FewViews, TheDepthsAreAsUncertainAsTheNoiseAndTheBaselineLeaveThem) {
 
 /// A picture that is longer, higher or sheared by 1.25 % spoils the depths by as much as is said without
 /// knowing that it is.
-TEST(FewViews, TheDepthsAreAsUncertainAsACameraThatIsALittleWrongLeavesThem) {
+TEST(MultiView, TheDepthsAreAsUncertainAsACameraThatIsALittleWrongLeavesThem) {
   constexpr double kOff = 0.0125;
   const std::array<Eigen::Matrix2d, 3> kinds{Eigen::Matrix2d{{1 + kOff, 0}, {0, 1 + kOff}},
                                              Eigen::Matrix2d{{1, 0}, {0, 1 + kOff}},
@@ -280,18 +280,18 @@ TEST(FewViews, TheDepthsAreAsUncertainAsACameraThatIsALittleWrongLeavesThem) {
 }
 
 /// All points at infinity say nothing of where the camera went.
-TEST(FewViews, ATurnAloneLeavesTheDirectionAndTheDepthsUnknown) {
+TEST(MultiView, ATurnAloneLeavesTheDirectionAndTheDepthsUnknown) {
   const CameraPtr camera =
       make_camera({CameraModel::kPinholeRadtan, 384, 288, {380, 380, 191.5, 143.5}}).value();
   const SE3 turn(so3_exp({0.01, 0.05, 0.02}), Eigen::Vector3d::Zero());
-  FewViews views;
+  MultiView views;
   views.further = {{0.5, {}}, {1, {}}};
   for (int y = 40; y < 250; y += 20) {
     for (int x = 40; x < 350; x += 20) {
       views.first.emplace_back(x, y);
       const Eigen::Vector3d ray = camera->unproject(views.first.back());
       for (FurtherView& view : views.further)
-        view.pixels.push_back(camera->project(SE3::exp(view.way * turn.log()) * ray).value());
+        view.pixels.push_back(camera->project(SE3::exp(view.baseline_fraction * turn.log()) * ray).value());
     }
   }
   const std::vector<SE3> motion{SE3(turn.rotation(), Eigen::Vector3d::UnitX())};
@@ -300,7 +300,7 @@ TEST(FewViews, ATurnAloneLeavesTheDirectionAndTheDepthsUnknown) {
   EXPECT_GT(found.depth_sigma, 0.5);
 }
 
-TEST(FewViews, OfNoMotionsNoneIsBest) {
+TEST(MultiView, OfNoMotionsNoneIsBest) {
   EXPECT_EQ(clear_best({}), nullptr);
 }
 

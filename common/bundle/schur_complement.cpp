@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/bundle/point_elimination.h"
+#include "common/bundle/schur_complement.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,7 +32,7 @@ bool stops(const std::function<bool()>& should_stop) {
 
 }  // namespace
 
-PointElimination::PointElimination(const BundleProblem& problem, const TileKernels& kernels)
+SchurComplement::SchurComplement(const BundleProblem& problem, const TileKernels& kernels)
     : border_(problem.free_cameras,
               static_cast<int>(std::count_if(problem.poses.begin(), problem.poses.end(),
                                              [](const BundlePose& p) { return !p.fixed; })),
@@ -80,7 +80,7 @@ PointElimination::PointElimination(const BundleProblem& problem, const TileKerne
   reduced_.emplace(static_cast<int>(pose_of_column_.size()), tracks, kernels);
 }
 
-std::vector<PointElimination::View> PointElimination::views(const BundleState& state) const {
+std::vector<SchurComplement::View> SchurComplement::views(const BundleState& state) const {
   std::vector<View> views;
   views.reserve(state.poses.size());
   for (size_t i = 0; i < state.poses.size(); ++i) {
@@ -92,7 +92,7 @@ std::vector<PointElimination::View> PointElimination::views(const BundleState& s
   return views;
 }
 
-double PointElimination::cost(const BundleState& state, double squared_cutoff) const {
+double SchurComplement::cost(const BundleState& state, double squared_cutoff) const {
   const std::vector<View> views = this->views(state);
   double sum = border_.prior_cost(state.free_cameras, squared_cutoff);
   for (size_t p = 0; p < state.points.size(); ++p) {
@@ -108,8 +108,8 @@ double PointElimination::cost(const BundleState& state, double squared_cutoff) c
   return sum;
 }
 
-std::optional<double> PointElimination::linearise(const BundleState& state, double squared_cutoff,
-                                                  double lambda, const std::function<bool()>& should_stop) {
+std::optional<double> SchurComplement::linearize(const BundleState& state, double squared_cutoff,
+                                                 double lambda, const std::function<bool()>& should_stop) {
   const std::vector<View> views = this->views(state);
   lambda_ = lambda;
   reduced_->set_zero();
@@ -135,9 +135,9 @@ std::optional<double> PointElimination::linearise(const BundleState& state, doub
   return cost;
 }
 
-double PointElimination::accumulate(const std::vector<View>& views, size_t point,
-                                    const Eigen::Vector3d& position, double squared_cutoff,
-                                    Eigen::Matrix3d* V, Eigen::Vector3d* g) {
+double SchurComplement::accumulate(const std::vector<View>& views, size_t point,
+                                   const Eigen::Vector3d& position, double squared_cutoff, Eigen::Matrix3d* V,
+                                   Eigen::Vector3d* g) {
   V->setZero();
   g->setZero();
   double cost = 0;
@@ -183,8 +183,8 @@ double PointElimination::accumulate(const std::vector<View>& views, size_t point
   return cost;
 }
 
-void PointElimination::eliminate(size_t point, double lambda, const Eigen::Matrix3d& V,
-                                 const Eigen::Vector3d& g) {
+void SchurComplement::eliminate(size_t point, double lambda, const Eigen::Matrix3d& V,
+                                const Eigen::Vector3d& g) {
   PointFactor& f = factors_[point];
   f.gradient = g;
   f.diagonal = V.diagonal().cwiseMax(kMinDiagonal);
@@ -223,7 +223,7 @@ void PointElimination::eliminate(size_t point, double lambda, const Eigen::Matri
                     {column_of_slot_.data() + begin, count});
 }
 
-void PointElimination::add_pose_blocks(double lambda) {
+void SchurComplement::add_pose_blocks(double lambda) {
   for (size_t c = 0; c < sums_.size(); ++c) {
     const PoseSums& s = sums_[c];
     PoseBlock U;
@@ -234,7 +234,7 @@ void PointElimination::add_pose_blocks(double lambda) {
   }
 }
 
-ReducedSystem::Outcome PointElimination::solve(BundleStep* step, const std::function<bool()>& should_stop) {
+ReducedSystem::Outcome SchurComplement::solve(BundleStep* step, const std::function<bool()>& should_stop) {
   const auto outcome = reduced_->factorise(should_stop);
   if (outcome != ReducedSystem::Outcome::kDone) return outcome;
   reduced_->solve(&right_side_);
@@ -276,7 +276,7 @@ ReducedSystem::Outcome PointElimination::solve(BundleStep* step, const std::func
   return outcome;
 }
 
-void PointElimination::apply(const BundleStep& step, const BundleState& from, BundleState* to) const {
+void SchurComplement::apply(const BundleStep& step, const BundleState& from, BundleState* to) const {
   *to = from;
   for (size_t c = 0; c < step.poses.size(); ++c) {
     SE3& pose = to->poses[static_cast<size_t>(pose_of_column_[c])];
@@ -291,10 +291,10 @@ void PointElimination::apply(const BundleStep& step, const BundleState& from, Bu
   }
 }
 
-std::optional<std::vector<Eigen::Matrix2d>> PointElimination::camera_covariances(
+std::optional<std::vector<Eigen::Matrix2d>> SchurComplement::camera_covariances(
     const BundleState& state, double squared_cutoff, const std::function<bool()>& should_stop) {
   constexpr double kFreeScale = 1e-8;  // damping against the free scale, which the cameras do not feel
-  if (!linearise(state, squared_cutoff, kFreeScale, should_stop)) return std::nullopt;
+  if (!linearize(state, squared_cutoff, kFreeScale, should_stop)) return std::nullopt;
   if (reduced_->factorise(should_stop) != ReducedSystem::Outcome::kDone) return std::nullopt;
   const Eigen::MatrixXd all = border_.inverse_curvature(*reduced_);
   std::vector<Eigen::Matrix2d> covariances;

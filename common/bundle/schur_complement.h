@@ -21,7 +21,7 @@ struct BundleState {
   std::vector<CameraPtr> free_cameras;
 };
 
-/// A step of Levenberg-Marquardt from the state last linearised.
+/// A step of Levenberg-Marquardt from the state last linearized.
 struct BundleStep {
   std::vector<Vector6d> poses;           ///< of the moving ones, ascending; exp(step) * camera_from_map
   std::vector<Eigen::Vector3d> points;   ///< added
@@ -32,10 +32,10 @@ struct BundleStep {
 /// For a robust cost sum of rho(|r|^2) the model is that of iteratively reweighted least squares: weights
 /// rho' frozen, second derivatives of rho left out. The cost may be Tukey's, so the full Hessian need not be
 /// positive.
-class PointElimination {
+class SchurComplement {
  public:
   /// Sorts the observations; the problem's states may change afterwards, nothing else.
-  PointElimination(const BundleProblem& problem, const TileKernels& kernels);
+  SchurComplement(const BundleProblem& problem, const TileKernels& kernels);
 
   /// Cost of a state: sum of tukey_cost().
   [[nodiscard]] double cost(const BundleState& state, double squared_cutoff) const;
@@ -43,10 +43,10 @@ class PointElimination {
   /// Builds the reduced system at a state for a damping of `lambda` times the diagonal (Marquardt), and
   /// returns the cost there. Nothing when stopped. `should_stop`, here and below, is polled at least every
   /// millisecond or so.
-  std::optional<double> linearise(const BundleState& state, double squared_cutoff, double lambda,
+  std::optional<double> linearize(const BundleState& state, double squared_cutoff, double lambda,
                                   const std::function<bool()>& should_stop);
 
-  /// Solves for the step; once per linearise().
+  /// Solves for the step; once per linearize().
   [[nodiscard]] ReducedSystem::Outcome solve(BundleStep* step, const std::function<bool()>& should_stop);
 
   void apply(const BundleStep& step, const BundleState& from, BundleState* to) const;

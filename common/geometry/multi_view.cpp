@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/geometry/few_views.h"
+#include "common/geometry/multi_view.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -49,7 +49,7 @@ struct Structure {
 
 struct Problem {
   const Camera& camera;
-  const FewViews& views;
+  const MultiView& views;
   std::vector<Eigen::Vector3d> rays;  ///< unit, of the first view
   Eigen::Vector2d center;             ///< [px] where the optical axis is seen
 
@@ -91,7 +91,7 @@ double cutoff_of(std::vector<double> squared, size_t points) {
   return cutoff;
 }
 
-/// A point in a further view, linearised.
+/// A point in a further view, linearized.
 struct Sighting {
   double weight = 0;
   Eigen::Vector2d residual;             ///< [px]
@@ -100,7 +100,7 @@ struct Sighting {
 };
 
 /// `rotation` is that of view v. Weight 0 for an outlier and where the point does not project.
-Sighting linearise(const Problem& problem, const Structure& s, size_t v, const Eigen::Matrix3d& rotation,
+Sighting linearize(const Problem& problem, const Structure& s, size_t v, const Eigen::Matrix3d& rotation,
                    size_t i, double squared_cutoff) {
   const double inverse_distance = s.inverse_distance[static_cast<Eigen::Index>(i)];
   const Eigen::Vector3d& t = s.view_from_first[v].translation();
@@ -136,7 +136,7 @@ NormalEquations build(const Problem& problem, const Structure& s, double squared
     const Eigen::Matrix3d rotation = s.view_from_first[v].rotation_matrix();
     const auto at = static_cast<Eigen::Index>(6 * v);
     for (Eigen::Index i = 0; i < n; ++i) {
-      const Sighting o = linearise(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
+      const Sighting o = linearize(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
       if (o.weight == 0) continue;
       e.poses.block<6, 6>(at, at).noalias() += o.weight * o.by_pose.transpose() * o.by_pose;
       e.pose_gradient.segment<6>(at).noalias() += o.weight * o.by_pose.transpose() * o.residual;
@@ -222,7 +222,8 @@ Structure begin_with(const Problem& problem, const SE3& motion) {
   Structure s;
   const Vector6d whole = motion.log();
   for (const FurtherView& view : problem.views.further)
-    s.view_from_first.push_back(view.way < 1 ? SE3::exp(view.way * whole) : motion);
+    s.view_from_first.push_back(view.baseline_fraction < 1 ? SE3::exp(view.baseline_fraction * whole)
+                                                           : motion);
   const Eigen::Matrix3d rotation = motion.rotation_matrix();
   s.inverse_distance = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(problem.points()));
   for (size_t i = 0; i < problem.points(); ++i) {
@@ -297,7 +298,7 @@ Eigen::MatrixXd spoilt_by_common_errors(const Problem& problem, const Structure&
   for (size_t v = 0; v < problem.poses(); ++v) {
     const Eigen::Matrix3d rotation = s.view_from_first[v].rotation_matrix();
     for (Eigen::Index i = 0; i < n; ++i) {
-      const Sighting o = linearise(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
+      const Sighting o = linearize(problem, s, v, rotation, static_cast<size_t>(i), squared_cutoff);
       if (o.weight == 0) continue;
       const CommonErrors added = added_to_residual(problem, s, v, static_cast<size_t>(i), o);
       by_poses.middleRows<6>(static_cast<Eigen::Index>(6 * v)) += o.weight * o.by_pose.transpose() * added;
@@ -343,7 +344,7 @@ Uncertainty uncertainty_of(const Problem& problem, const Structure& s, const std
 
 }  // namespace
 
-MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
+MotionsAdjusted adjust_motions(const Camera& camera, const MultiView& views,
                                std::span<const SE3> last_from_first) {
   const auto center = camera.project(Eigen::Vector3d::UnitZ());
   Problem problem{camera, views, {}, center.value_or(Eigen::Vector2d::Zero())};

@@ -9,15 +9,15 @@
 
 namespace cairn {
 
-/// The points of a first view, in a further one of the same camera.
+/// Multi-view initialization: the points of a first view, in a further one of the same camera.
 struct FurtherView {
-  double way = 1;  ///< share of the motion to the last view that was made by then: where the search for its
-                   ///< pose begins
+  double baseline_fraction = 1;  ///< share of the motion to the last view that was made by then: where the
+                                 ///< search for its pose begins
   std::vector<Eigen::Vector2d> pixels;  ///< one per point, finite
 };
 
 /// Points of one view and where they are in further ones, the last of which is the other of the pair.
-struct FewViews {
+struct MultiView {
   std::vector<Eigen::Vector2d> first;  ///< pixels
   std::vector<FurtherView> further;    ///< at least one
 };
@@ -44,7 +44,7 @@ struct MotionsAdjusted {
 /// reprojection error, from the start that the motion gives. A point that would lie behind stays at infinity:
 /// its error is what the motion pays for it. Two motions of a plane predict different pictures on the way,
 /// unless that is straight. Pure; safe to call from any thread.
-[[nodiscard]] MotionsAdjusted adjust_motions(const Camera& camera, const FewViews& views,
+[[nodiscard]] MotionsAdjusted adjust_motions(const Camera& camera, const MultiView& views,
                                              std::span<const SE3> last_from_first);
 
 /// The cheapest of the adjusted motions; null when another one, not the same, costs hardly more, and for
