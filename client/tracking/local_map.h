@@ -70,7 +70,7 @@ class LocalMap {
   void propose(const KeyframeProposal& proposal, const SE3& camera_from_map, float mean_depth, Timestamp time,
                std::span<const LocalPoint> points, std::span<const LocalMeasurement> measurements);
   /// Adjusts the keyframes proposed last, and the points that they see from far enough apart, to what was
-  /// measured in them; older ones and the server's map stay (PTAM, section 6.4: local adjustment). Nothing
+  /// measured in them; older ones and the server's map stay (PTAM, section 6.3: local adjustment). Nothing
   /// happens before a map was extended. Where the newest stands then against its reference; nothing when
   /// nothing moved.
   [[nodiscard]] std::optional<SE3> adjust(const CameraPtr& camera);

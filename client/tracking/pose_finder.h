@@ -35,7 +35,7 @@ struct SearchEffort {
   float expected_quality = 0;  ///< that of the frame before; 0: unknown
 };
 [[nodiscard]] SearchEffort normal_effort(const TrackerOptions& options);
-/// Twice the points and radius (PTAM 2007, section 5.4): the second attempt, and whoever is lost.
+/// Twice the points and radius (as PTAM r114 does): the second attempt, and whoever is lost.
 [[nodiscard]] SearchEffort wide_effort(const TrackerOptions& options);
 
 enum class PoseVerdict : uint8_t { kGood, kPoor, kBad };

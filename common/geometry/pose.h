@@ -80,8 +80,8 @@ struct PoseWorkspace {
   std::vector<double> squared;  ///< of those in view, in any order
 };
 
-/// Robust pose from 2-D/3-D matches by Gauss-Newton on SE3 (PTAM 2007, eq. 5-7) with analytic Jacobians and
-/// Tukey weights re-scaled by the median each iteration. An error when fewer than 4 observations or the
+/// Robust pose from 2-D/3-D matches by Gauss-Newton on SE3 (PTAM 2007, eq. 6, 8, 9) with analytic Jacobians
+/// and Tukey weights re-scaled by the median each iteration. An error when fewer than 4 observations or the
 /// normal equations are singular.
 [[nodiscard]] Result<PoseEstimate> optimize_pose(const Camera& camera, const SE3& camera_from_map_start,
                                                  std::span<const PointObservation> observations,

@@ -6,7 +6,7 @@
 /// What a map maker and the wire must agree on.
 namespace cairn {
 
-/// Of points, and of keyframes, in a map: 131 072 of each.
+/// Point blocks in a map: 131 072 points ever made, removed ones included.
 inline constexpr size_t kMaxBlocks = 2048;
 /// Keyframe blocks in a map: 32 768 keyframes ever made, removed ones included. Fewer than point blocks, so
 /// that the commit of the largest map stays below 64 kB.
