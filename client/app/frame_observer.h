@@ -56,10 +56,10 @@ struct StartOverReport {
   bool makes_map = true;
 };
 
-/// The server's answer to the question where the camera is.
+/// The server's answer to a relocalization query.
 struct PlaceReport {
   size_t number = 0;  ///< of the next frame
-  Timestamp asked;    ///< of the frame of the latest question, to which this is the answer
+  Timestamp asked;    ///< of the frame of the latest query, to which this is the answer
   const PlaceAnswer& answer;
   bool tried = false;  ///< its place will be, in the next frame that comes with the map
 };

@@ -60,11 +60,11 @@ class Tracker {
   /// The server's word on the keyframe proposed under this number: what it has become, or that it was
   /// refused. Until then the tracker maps on by itself.
   void keyframe_answered(uint64_t number, std::optional<KeyframeId> keyframe);
-  /// The answer to `place_question`: where the camera may be, or that no place is known, without a fresh word
-  /// of which no seed is proposed. A place that is tried has its poses published when three frames in a row
-  /// have proven it; one that was tried in vain again and again counts as not known for a while.
+  /// The answer to `reloc_query`: where the camera may be, or that no place is known, without a fresh word
+  /// of which no seed is proposed. A hypothesis has its poses published when three frames in a row
+  /// have verified it; one that was rejected again and again counts as not known for a while.
   PlaceUse place_answered(const std::optional<PoseSuggestion>& suggestion);
-  /// The question was answered, and not whether the place is known: another may be asked.
+  /// The query was answered, and not whether the place is known: another may be made.
   void place_left_open();
   /// Forgets the map in use; the next frames start a new one, or find back into one that is known.
   void start_over(NewMap wish);

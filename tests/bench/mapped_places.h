@@ -33,7 +33,7 @@ struct Place {
   double reach = std::numeric_limits<double>::infinity();  ///< of a mapped view [of the truth]
   std::vector<SE3> mapped = {};                            ///< views, truth_from_camera
   std::vector<Query> queries = {};
-  bool asks_elsewhere = false;  ///< without truth: the questions do not show what is mapped
+  bool asks_elsewhere = false;  ///< without truth: the queries do not show what is mapped
 };
 
 struct Places {

@@ -27,7 +27,7 @@ class MappingObserver {
   virtual void on_seed(const Frame&, const SeedProposal&, const Result<SeedResult>&, double /*ms*/) {}
   virtual void on_keyframe(const Frame&, const KeyframeDecision&, double /*ms*/) {}
   virtual void on_work(const StepReport&, double /*ms*/) {}
-  /// What the map has found out of a camera that was begun with a doubt.
+  /// What self-calibration has found of a camera that began with a prior.
   virtual void on_camera(const CameraEstimate&) {}
 };
 
@@ -52,7 +52,7 @@ struct MappingOptions {
 };
 
 /// Tracker, map maker and relocalizer in one thread without DDS: every unit of map work is finished and every
-/// question answered before the next frame, as in lockstep.
+/// query answered before the next frame, as in lockstep.
 class MappingLoop {
  public:
   MappingLoop(CameraPtr camera, const MappingOptions& options);

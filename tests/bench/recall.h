@@ -9,14 +9,14 @@
 #include "common/geometry/se3.h"
 #include "tests/bench/truth.h"
 
-/// How often a relocalizer is right, over questions from places that are mapped and from others.
+/// How often a relocalizer is right, over queries from places that are mapped and from others.
 namespace cairn {
 
 /// Whether a view overlaps one of the mapped ones: its camera stands within `distance` of that and looks
 /// within 20 degrees of where it looks. Poses: truth_from_camera, `distance` in the truth's unit.
 [[nodiscard]] bool overlaps_a_view(const SE3& view, std::span<const SE3> mapped, double distance);
 
-/// What was said to one question.
+/// What was said to one query.
 struct Judged {
   bool in_view = false;   ///< it overlaps a mapped view, or may well: there is no truth
   bool answered = false;  ///< a place was named
@@ -27,9 +27,9 @@ struct Judged {
 };
 
 struct Recall {
-  size_t in_view = 0;        ///< questions about views that overlap a mapped one,
+  size_t in_view = 0;        ///< queries about views that overlap a mapped one,
   size_t right = 0;          ///< answered with the right map and pose
-  size_t elsewhere = 0;      ///< the other questions,
+  size_t elsewhere = 0;      ///< the other queries,
   size_t answered_else = 0;  ///< answered at all
   size_t wrong_map = 0;      ///< of all: another map was named
   size_t wrong_pose = 0;     ///< of all: the right map, but a wrong pose

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Conversion of questions where a camera is, and of the answers.
+// Conversion of relocalization queries and their answers.
 #include "common/image/pyramid.h"
 #include "common/wire/internal/convert_common.h"
 
