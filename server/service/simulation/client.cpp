@@ -198,6 +198,7 @@ void SimulatedClient::begin_offer() {
     offer.camera_from_reference = Views::motion(earlier->second.second, step, *replica);
   }
   if (replica != nullptr) steps_[last_offer_] = {*map, step};
+  offer.as_proposal = replica != nullptr && world_.chance(0.3);
   if (world_.chance(0.1)) offer.measurements.resize(offer.measurements.size() / 20);
   offers_.emplace(last_offer_, std::move(offer));
 }

@@ -15,7 +15,7 @@ json Curator::some_verb(MapId map) {
   map_ = map;
   const std::string id = to_hex(map.bytes);
   if (!is_welcome_) return {{"verb", "proposals-welcome"}, {"map", "all"}, {"welcome", true}};
-  switch (world_.draw(8)) {
+  switch (world_.draw(9)) {
     case 0:
       if (made_ > 0 && world_.chance(0.5)) break;  // one of a run is enough, mostly
       return {{"verb", "backup"}};
@@ -27,15 +27,19 @@ json Curator::some_verb(MapId map) {
     case 3:
     case 4:
       if (waiting_.empty()) return {{"verb", "proposals"}};
-      {
-        const auto [of, proposal] = waiting_[world_.draw(waiting_.size())];
-        map_ = of;
-        return {{"verb", world_.chance(0.6) ? "proposal-accept" : "proposal-drop"}, {"proposal", proposal}};
-      }
+      return some_decision();
     default:
       break;
   }
   return some_tag_verb(id);
+}
+
+json Curator::some_decision() {
+  const auto [map, proposal] = waiting_[world_.draw(waiting_.size())];
+  map_ = map;
+  if (world_.chance(0.3)) return {{"verb", "proposal-drop"}, {"proposal", proposal}};
+  world_.history.asked_to_accept(map);
+  return {{"verb", "proposal-accept"}, {"proposal", proposal}};
 }
 
 json Curator::some_tag_verb(const std::string& id) {
@@ -95,6 +99,7 @@ void Curator::hear_proposals(const json& told) {
     world_.history.proposed(id);
     waiting_.emplace_back(MapId{*from_hex(proposal.at("map").get<std::string>())}, id);
   }
+  if (!waiting_.empty() && world_.chance(0.8)) ask(some_decision());
 }
 
 void Curator::go_on_with_backup(const std::string& verb, const json& told, const wire::AdminReply& reply) {

@@ -28,7 +28,8 @@ class Curator : public SimulatedOperator {
   };
   /// `folder`: for backups.
   Curator(World* world, std::string name, std::filesystem::path folder)
-      : SimulatedOperator(world, std::move(name)), folder_(std::move(folder)) {}
+      : SimulatedOperator(world, std::move(name), std::chrono::milliseconds(400)),
+        folder_(std::move(folder)) {}
 
   [[nodiscard]] const Done& done() const { return done_; }
   /// No server runs: restores the backups that were taken since, and looks at what is there then.
@@ -56,6 +57,7 @@ class Curator : public SimulatedOperator {
   void hear(const nlohmann::json& asked, const wire::AdminReply& reply) override;
   void hear_done(const std::string& verb, const nlohmann::json& asked, const nlohmann::json& told);
   void hear_proposals(const nlohmann::json& told);
+  [[nodiscard]] nlohmann::json some_decision();
   [[nodiscard]] nlohmann::json some_tag_verb(const std::string& id);
 
   void go_on_with_backup(const std::string& verb, const nlohmann::json& told, const wire::AdminReply& reply);

@@ -4,14 +4,60 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-
-#include "server/store/map_file.h"
+#include <limits>
+#include <utility>
 
 namespace cairn::simulation {
 namespace {
 
+/// What the server does not publish at once, since nobody would see it: 0.2 pixels of these cameras, at any
+/// depth in these places.
+constexpr double kUnpublished = 5e-3;
+
 std::string short_name(MapId map) {
   return to_hex(map.bytes).substr(0, 8);
+}
+
+/// Live points of a map.
+std::map<PointId, Eigen::Vector3f> points_of(const MapSnapshot& map) {
+  std::map<PointId, Eigen::Vector3f> points;
+  for (const auto& block : map.point_blocks) {
+    for (size_t slot = 0; slot < block->positions->positions.size(); ++slot)
+      if ((block->positions->live >> slot & 1) != 0)
+        points.emplace(block->patches->points[slot].id, block->positions->positions[slot]);
+  }
+  return points;
+}
+
+std::map<KeyframeId, KeyframePose> keyframes_of(const MapSnapshot& map) {
+  std::map<KeyframeId, KeyframePose> keyframes;
+  for (const auto& block : map.keyframe_blocks) {
+    for (size_t slot = 0; slot < block->keyframes.size(); ++slot)
+      if ((block->live >> slot & 1) != 0)
+        keyframes.emplace(block->keyframes[slot].id, block->keyframes[slot]);
+  }
+  return keyframes;
+}
+
+/// How far apart two maps are at most, in poses and positions; infinite where one has what the other has not.
+double distance_of(const MapSnapshot& a, const MapSnapshot& b) {
+  const auto far = std::numeric_limits<double>::infinity();
+  const auto [points, other_points] = std::pair(points_of(a), points_of(b));
+  const auto [keyframes, other_keyframes] = std::pair(keyframes_of(a), keyframes_of(b));
+  if (points.size() != other_points.size() || keyframes.size() != other_keyframes.size()) return far;
+  double distance = 0;
+  for (const auto& [id, position] : points) {
+    const auto other = other_points.find(id);
+    if (other == other_points.end()) return far;
+    distance = std::max<double>(distance, (position - other->second).norm());
+  }
+  for (const auto& [id, keyframe] : keyframes) {
+    const auto other = other_keyframes.find(id);
+    if (other == other_keyframes.end()) return far;
+    const SE3 between = keyframe.camera_from_map * other->second.camera_from_map.inverse();
+    distance = std::max({distance, between.translation().norm(), so3_log(between.rotation()).norm()});
+  }
+  return distance;
 }
 
 std::string words(const std::tuple<std::string, SessionId, uint64_t>& command) {
@@ -27,21 +73,30 @@ void History::server_started() {
   listed_.clear();
 }
 
+template <typename Message>
+History::Asked& History::arrived(std::map<Command, Asked>* asked, const std::string& client,
+                                 const Message& message) {
+  const auto [found, is_new] =
+      asked->try_emplace({client, message.command.session, message.command.seq}, Asked{});
+  if (is_new) found->second.arrived = ++now_;
+  return found->second;
+}
+
 void History::arrives(const std::string& client, const wire::MapSeed& seed) {
-  Asked& asked = seeds_asked_[{client, seed.command.session, seed.command.seq}];
+  Asked& asked = arrived(&seeds_asked_, client, seed);
   asked.was_allowed = asked.was_allowed || allowed_.may_create(client);
   asked.times = {seed.first_time, seed.second_time};
 }
 
 void History::arrives(const std::string& client, const wire::KeyframeOffer& offer) {
-  Asked& asked = offers_asked_[{client, offer.command.session, offer.command.seq}];
+  Asked& asked = arrived(&offers_asked_, client, offer);
   asked.was_allowed = asked.was_allowed || allowed_.in_map(client, offer.map) >= Right::kAdd;
   asked.map = offer.map;
   asked.times = {offer.time};
 }
 
 void History::arrives(const std::string& client, const wire::ClientRequest& request) {
-  Asked& asked = requests_asked_[{client, request.command.session, request.command.seq}];
+  Asked& asked = arrived(&requests_asked_, client, request);
   asked.was_allowed = asked.was_allowed || allowed_.in_map(client, request.map) >= Right::kAdd;
   asked.map = request.map;
   asked.request = request;
@@ -56,6 +111,54 @@ void History::undeleted(MapId map, const std::string& name) {
   maps_[map].name = name;
 }
 
+void History::tagged(MapId map, const std::string& tag) {
+  maps_[map].tag(tag, shown_[map].keyframes, ++now_);
+}
+
+void History::asked_to_roll_back(MapId map, const std::string& tag) {
+  const MapSnapshotPtr& newest = shown_[map].newest;
+  maps_[map].ask_to_roll_back(tag, newest == nullptr ? Epoch{} : newest->epoch);
+}
+
+void History::rolled_back(MapId map) {
+  if (const auto wrong = maps_[map].roll_back(*shown_[map].newest, ++now_))
+    violated("map " + short_name(map) + " " + *wrong);
+}
+
+void History::asked_to_copy(MapId map) {
+  copying_[map] = {maps_[map].copy(), {shown_[map].newest}};
+}
+
+void History::copied(MapId map, MapId copy, const std::string& name) {
+  Copying copying = std::move(copying_.extract(map).mapped());
+  maps_[copy] = std::move(copying.known);
+  maps_[copy].name = name;
+  const std::vector<MapSnapshotPtr>& was = copying.revisions;
+  const MapSnapshotPtr& is = shown_[copy].first;
+  if (is == nullptr) return violated("copy " + short_name(copy) + " is said to be made, and was never shown");
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const MapSnapshotPtr& each : was) nearest = std::min(nearest, distance_of(*each, *is));
+  if (nearest > kUnpublished)
+    violated(
+        fmt::format("copy {} has {} keyframes and {} points, and is {} from the nearest of {} revisions of "
+                    "map {}, the last with {} and {}",
+                    short_name(copy), is->keyframe_count(), is->point_count(), nearest, was.size(),
+                    short_name(map), was.back()->keyframe_count(), was.back()->point_count()));
+}
+
+void History::proposed(const std::string& id) {
+  const auto [known, is_new] = proposals_.try_emplace(id, false);
+  if (known->second) violated("proposal " + id + " was decided, and waits");
+}
+
+void History::decided(const std::string& id, MapId map, std::optional<KeyframeId> keyframe) {
+  if (std::exchange(proposals_[id], true)) violated("proposal " + id + " is decided twice");
+  if (!keyframe) return;
+  if (!shown_[map].keyframes.contains(*keyframe))
+    violated("proposal " + id + " is accepted as a keyframe that its map has never shown");
+  maps_[map].accept_proposal(*keyframe);
+}
+
 std::vector<MapId> History::maps() const {
   std::vector<MapId> all;
   for (const auto& [map, made] : maps_) {
@@ -67,7 +170,10 @@ std::vector<MapId> History::maps() const {
 void History::revised(MapId map, const MapSnapshotPtr& newest) {
   Shown& shown = shown_[map];
   if (shown.newest != nullptr) check_follows(*shown.newest, *newest);
+  if (shown.first == nullptr) shown.first = newest;
   shown.newest = newest;
+  if (const auto copying = copying_.find(map); copying != copying_.end())
+    copying->second.revisions.push_back(newest);
   for (const auto& block : newest->keyframe_blocks) {
     for (const KeyframePose& keyframe : block->keyframes) shown.keyframes.insert(keyframe.id);
   }
@@ -124,13 +230,18 @@ void History::delivered(const std::string& client, const Delivery& delivery) {
 }
 
 template <typename Outcome>
-void History::say_decided(const std::string& what, const Command& command, const Outcome& outcome,
+bool History::say_decided(const std::string& what, const Command& command, const Outcome& outcome,
                           bool accepted, std::map<Command, Said>* said,
                           const std::map<Command, Asked>& asked) {
   const auto request = asked.find(command);
-  if (request == asked.end())
-    return violated(fmt::format("{} of {} is decided, and never arrived", what, words(command)));
-  if (accepted && !request->second.was_allowed)
+  if (request == asked.end()) {
+    violated(fmt::format("{} of {} is decided, and never arrived", what, words(command)));
+    return false;
+  }
+  const auto in_map = maps_.find(outcome.map);
+  const bool was_allowed =
+      request->second.was_allowed || (in_map != maps_.end() && in_map->second.proposals_are_accepted);
+  if (accepted && !was_allowed)
     violated(fmt::format("{} of {} is accepted without a right to it", what, words(command)));
   Said now;
   now.is_accepted = accepted;
@@ -139,21 +250,28 @@ void History::say_decided(const std::string& what, const Command& command, const
   if constexpr (requires { outcome.keyframe; }) now.keyframe = outcome.keyframe;
   if constexpr (requires { outcome.label; }) now.label = outcome.label;
   const auto [before, is_first] = said->try_emplace(command, now);
-  if (is_first) return;
-  const Said& then = before->second;
+  if (is_first) return accepted;
+  const Said then = before->second;
+  const auto decided_on = maps_.find(then.map);
+  const bool is_known = decided_on != maps_.end();
+  // A keyframe that went with a roll-back is no one's after a restart.
+  const bool may_have_gone = is_known && decided_on->second.was_rolled_back && !now.keyframe;
   const bool is_same =
       then.is_accepted == now.is_accepted &&
-      (!accepted || (then.map == now.map && then.keyframe == now.keyframe && then.label == now.label));
+      (!accepted ||
+       (then.map == now.map && (then.keyframe == now.keyframe || may_have_gone) && then.label == now.label));
   // What was refused need not be kept: after a restart it may be judged anew. The decisions on a map rest
   // with it when it is deleted: after a restart they are known as little as the map.
-  const auto decided_on = maps_.find(then.map);
-  const bool rests = decided_on != maps_.end() && decided_on->second.was_deleted;
-  const bool may_differ = then.server != server_ && (!then.is_accepted || (rests && !accepted));
+  const bool rests = is_known && decided_on->second.was_deleted;
+  // Then a seed that is sent again makes another map.
+  const bool is_anew = !accepted || then.map != now.map;
+  const bool may_differ = then.server != server_ && (!then.is_accepted || (rests && is_anew));
   if (!is_same && !may_differ)
     violated(fmt::format("{} of {} was {} at start {} and is {} at start {}: {}", what, words(command),
                          then.is_accepted ? "accepted" : "refused", then.server,
                          accepted ? "accepted" : "refused", server_, outcome.reason));
   if (accepted || !then.is_accepted) before->second = now;
+  return accepted && !then.is_accepted;
 }
 
 void History::say(const std::string& client, const wire::OfferVerdict& verdict) {
@@ -165,11 +283,10 @@ void History::say(const std::string& client, const wire::OfferVerdict& verdict) 
   for (const wire::OfferOutcome& outcome : verdict.recent) {
     const Command command{client, verdict.session, outcome.seq};
     const bool accepted = outcome.decision == wire::OfferDecision::kAccepted;
-    say_decided("offer", command, outcome, accepted, &offers_, offers_asked_);
-    if (!accepted || !offers_asked_.contains(command)) continue;
-    const Timestamp time = offers_asked_.at(command).times.front();
-    const auto [known, is_new] = maps_[outcome.map].keyframes.try_emplace(outcome.keyframe, time);
-    if (known->second != time)
+    if (!say_decided("offer", command, outcome, accepted, &offers_, offers_asked_)) continue;
+    const Asked& asked = offers_asked_.at(command);
+    if (!outcome.keyframe && maps_[outcome.map].was_rolled_back) continue;  // it went before this was heard
+    if (!maps_[outcome.map].accept(outcome.keyframe, asked.times.front(), asked.arrived))
       violated(fmt::format("keyframe {} of map {} is said to be that of two offers", outcome.keyframe.value,
                            short_name(outcome.map)));
     if (!shown_[outcome.map].keyframes.contains(outcome.keyframe))
@@ -180,17 +297,16 @@ void History::say(const std::string& client, const wire::OfferVerdict& verdict) 
 
 void History::say(const std::string& client, const wire::SeedVerdict& verdict) {
   const Command command{client, verdict.command.session, verdict.command.seq};
-  say_decided("seed", command, verdict, verdict.accepted, &seeds_, seeds_asked_);
-  if (!verdict.accepted || !seeds_asked_.contains(command)) return;
-  const std::vector<Timestamp>& times = seeds_asked_.at(command).times;
+  if (!say_decided("seed", command, verdict, verdict.accepted, &seeds_, seeds_asked_)) return;
+  const Asked& asked = seeds_asked_.at(command);
   MadeMap& made = maps_[verdict.map];
   const Shown& shown = shown_[verdict.map];
   if (shown.newest == nullptr || !shown.keyframes.contains(verdict.first_keyframe) ||
       !shown.keyframes.contains(verdict.second_keyframe))
     return violated("map " + short_name(verdict.map) + " is said to be made, and has never shown its views");
   if (made.name.empty()) made.name = shown.newest->name;
-  made.keyframes.emplace(verdict.first_keyframe, times[0]);
-  made.keyframes.emplace(verdict.second_keyframe, times[1]);
+  (void)made.accept(verdict.first_keyframe, asked.times[0], asked.arrived);
+  (void)made.accept(verdict.second_keyframe, asked.times[1], asked.arrived);
 }
 
 void History::say(const std::string& client, const wire::ClientReply& reply) {
@@ -200,13 +316,10 @@ void History::say(const std::string& client, const wire::ClientReply& reply) {
   for (const wire::RequestOutcome& outcome : reply.recent) {
     const Command command{client, reply.session, outcome.seq};
     const bool done = outcome.decision == wire::RequestDecision::kDone;
-    say_decided("request", command, outcome, done, &requests_, requests_asked_);
-    const auto asked = requests_asked_.find(command);
-    if (!done || asked == requests_asked_.end()) continue;
-    if (asked->second.request.action != wire::RequestAction::kAddLabel) continue;
-    const std::string& text = asked->second.request.text;
-    const auto [known, is_new] = maps_[outcome.map].labels.try_emplace(outcome.label, text);
-    if (known->second != text)
+    if (!say_decided("request", command, outcome, done, &requests_, requests_asked_)) continue;
+    const Asked& asked = requests_asked_.at(command);
+    if (asked.request.action != wire::RequestAction::kAddLabel) continue;
+    if (!maps_[outcome.map].label(outcome.label, asked.request.text, asked.arrived))
       violated(fmt::format("label {} of map {} is said to be that of two requests", outcome.label.value,
                            short_name(outcome.map)));
   }
@@ -222,7 +335,8 @@ void History::say(const std::string& client, const wire::RelocAnswer& answer) {
 }
 
 void History::check_store(const std::filesystem::path& folder) {
-  for (const auto& [map, made] : maps_) {
+  ++now_;
+  for (auto& [map, made] : maps_) {
     if (made.name.empty()) continue;  // it was never said to be made
     const std::string file = to_hex(map.bytes) + ".cairnmap";
     const bool is_live = std::filesystem::exists(folder / "maps" / file);
@@ -231,41 +345,20 @@ void History::check_store(const std::filesystem::path& folder) {
       violated(fmt::format("map {} is {}", short_name(map), is_live ? "there twice" : "lost"));
       continue;
     }
-    check_file(folder / (is_live ? "maps" : "deleted") / file, map, made);
+    made.check_kept(
+        folder / (is_live ? "maps" : "deleted") / file, now_,
+        [this, id = map](const std::string& what) { violated("map " + short_name(id) + ": " + what); });
   }
 }
 
-void History::check_file(const std::filesystem::path& path, MapId map, const MadeMap& made) {
-  auto file = MapFile::open(path);
-  if (!file) return violated("map " + short_name(map) + ": " + file.error().message);
-  const StoredMap stored = file->load();
-  for (const std::string& damage : stored.damage) violated("map " + short_name(map) + ": " + damage);
-  std::map<KeyframeId, Timestamp> keyframes;
-  std::map<Timestamp, KeyframeId> by_time;
-  for (const KeyframeRecord& keyframe : stored.record.keyframes) {
-    keyframes[keyframe.id] = keyframe.time;
-    const auto [known, is_new] = by_time.emplace(keyframe.time, keyframe.id);
-    if (!is_new)
-      violated(fmt::format("map {}: keyframes {} and {} are of the same picture", short_name(map),
-                           known->second.value, keyframe.id.value));
-  }
-  for (const auto& [keyframe, time] : made.keyframes) {
-    const auto kept = keyframes.find(keyframe);
-    if (kept == keyframes.end() || kept->second != time)
-      violated(fmt::format("map {}: keyframe {} was accepted and is {}", short_name(map), keyframe.value,
-                           kept == keyframes.end() ? "not kept" : "another"));
-  }
-  std::map<LabelId, std::string> labels;
-  for (const LabelRecord& label : stored.labels) labels[LabelId{label.id}] = label.text;
-  for (const auto& [label, text] : made.labels) {
-    const auto kept = labels.find(label);
-    const bool may_be_gone = made.maybe_removed.contains(label);
-    const auto texts = made.texts.find(label);
-    const bool may_be_called =
-        kept != labels.end() && texts != made.texts.end() && texts->second.contains(kept->second);
-    if (kept == labels.end() ? !may_be_gone : kept->second != text && !may_be_called)
-      violated(fmt::format("map {}: label {} ('{}') was added and is {}", short_name(map), label.value, text,
-                           kept == labels.end() ? "not kept" : "called '" + kept->second + "'"));
+void History::check_restored(const std::filesystem::path& folder, const std::map<MapId, MadeMap>& known) {
+  for (const auto& [map, made] : known) {
+    const std::string file = to_hex(map.bytes) + ".cairnmap";
+    const bool is_live = std::filesystem::exists(folder / "maps" / file);
+    made.check_copied(folder / (is_live ? "maps" : "deleted") / file,
+                      [this, id = map](const std::string& what) {
+                        violated("map " + short_name(id) + " of a backup: " + what);
+                      });
   }
 }
 

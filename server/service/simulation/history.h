@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <set>
 #include <string>
 #include <tuple>
@@ -11,6 +12,7 @@
 
 #include "server/access/rights.h"
 #include "server/service/simulation/in_process.h"
+#include "server/service/simulation/made_map.h"
 
 namespace cairn::simulation {
 
@@ -46,6 +48,22 @@ class History {
   void asked_to_delete(MapId map) { maps_[map].was_deleted = true; }
   void deleted(MapId map) { maps_[map].is_deleted = true; }
   void undeleted(MapId map, const std::string& name);
+  void asked_to_tag(MapId map) { maps_[map].ask_to_tag(); }
+  void tagged(MapId map, const std::string& tag);
+  [[nodiscard]] std::set<std::string> tags_of(MapId map) const { return maps_.at(map).tags(); }
+  void asked_to_roll_back(MapId map, const std::string& tag);
+  void rolled_back(MapId map);
+  void not_rolled_back(MapId map) { maps_[map].refuse_roll_back(); }
+  void asked_to_copy(MapId map);
+  void copied(MapId map, MapId copy, const std::string& name);
+  /// From now on what was kept aside may be accepted.
+  void asked_to_accept(MapId map) { maps_[map].proposals_are_accepted = true; }
+  /// They wait to be decided.
+  void proposed(const std::string& id);
+  /// `keyframe`: nothing, it was dropped.
+  void decided(const std::string& id, MapId map, std::optional<KeyframeId> keyframe);
+  /// What a backup that is begun now has of a map.
+  [[nodiscard]] std::map<MapId, MadeMap> made_so_far() const { return maps_; }
 
   /// Maps of which somebody has heard that they were made.
   [[nodiscard]] std::vector<MapId> maps() const;
@@ -53,13 +71,17 @@ class History {
 
   /// No server uses the folder: whether all that was said is there, once.
   void check_store(const std::filesystem::path& folder);
+  /// A store that was restored from a backup: what was known of each map when its copy was asked for is
+  /// there.
+  void check_restored(const std::filesystem::path& folder, const std::map<MapId, MadeMap>& known);
   /// Nothing is under way: what each client is told of is what it may read, and is called as it should be.
   void check_listed(const std::set<std::string>& connected_clients);
 
  private:
   using Command = std::tuple<std::string, SessionId, uint64_t>;
   struct Asked {
-    bool was_allowed = false;  ///< at one of the times when it arrived
+    bool was_allowed = false;     ///< at one of the times when it arrived
+    MadeMap::Moment arrived = 0;  ///< first
     MapId map;
     std::vector<Timestamp> times;  ///< of the pictures
     wire::ClientRequest request{};
@@ -71,16 +93,8 @@ class History {
     LabelId label;
     int server = 0;  ///< the start at which it was said first
   };
-  struct MadeMap {
-    std::string name;
-    bool is_deleted = false;
-    bool was_deleted = false;                   ///< perhaps, once
-    std::map<KeyframeId, Timestamp> keyframes;  ///< that were accepted
-    std::map<LabelId, std::string> labels;      ///< that were added
-    std::map<LabelId, std::set<std::string>> texts;
-    std::set<LabelId> maybe_removed;
-  };
   struct Shown {
+    MapSnapshotPtr first;
     MapSnapshotPtr newest;
     std::set<KeyframeId> keyframes;  ///< in any revision
   };
@@ -88,11 +102,15 @@ class History {
   void say(const std::string& client, const wire::SeedVerdict& verdict);
   void say(const std::string& client, const wire::ClientReply& reply);
   void say(const std::string& client, const wire::RelocAnswer& answer);
+  /// Whether it is accepted now, and was not before.
   template <typename Outcome>
-  void say_decided(const std::string& what, const Command& command, const Outcome& outcome, bool accepted,
-                   std::map<Command, Said>* said, const std::map<Command, Asked>& asked);
+  [[nodiscard]] bool say_decided(const std::string& what, const Command& command, const Outcome& outcome,
+                                 bool accepted, std::map<Command, Said>* said,
+                                 const std::map<Command, Asked>& asked);
   void check_readable(const std::string& client, MapId map, const char* what);
-  void check_file(const std::filesystem::path& file, MapId map, const MadeMap& made);
+  template <typename Message>
+  [[nodiscard]] Asked& arrived(std::map<Command, Asked>* asked, const std::string& client,
+                               const Message& message);
   void check_follows(const MapSnapshot& before, const MapSnapshot& now);
 
   Allowed allowed_;
@@ -106,6 +124,13 @@ class History {
   std::map<Command, Said> requests_;
   std::map<std::tuple<std::string, SessionId, int, char>, uint64_t> last_decided_;
   std::map<MapId, MadeMap> maps_;
+  MadeMap::Moment now_ = 0;  ///< counts what arrives and what is told
+  struct Copying {
+    MadeMap known;  ///< when it was asked for
+    std::vector<MapSnapshotPtr> revisions;
+  };
+  std::map<MapId, Copying> copying_;
+  std::map<std::string, bool> proposals_;  ///< those that were listed; whether one was decided
   std::map<MapId, Shown> shown_;
   std::map<std::string, std::map<MapId, wire::MapInfo>> listed_;
 };

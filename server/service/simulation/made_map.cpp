@@ -90,6 +90,8 @@ MadeMap MadeMap::copy() const {
   copied.arrived_ = arrived_;
   copied.texts = texts;
   copied.maybe_removed = maybe_removed;
+  // Of labels that were removed before, a copy knows nothing: it may give their numbers again.
+  std::erase_if(copied.labels_, [this](const auto& label) { return maybe_removed.contains(label.first); });
   return copied;
 }
 
@@ -105,8 +107,9 @@ void MadeMap::check_kept(const std::filesystem::path& path, Moment now, const Te
   if (roll_backs != roll_backs_)
     violated(fmt::format("was rolled back {} times, and {} are known of", roll_backs, roll_backs_));
   for (const auto& [name, tagged] : tags_) {
-    if (std::none_of(tags->begin(), tags->end(), [&](const MapTag& tag) { return tag.name == name; }))
-      violated("tag " + name + " is not kept");
+    const bool is_kept = std::any_of(tags->begin(), tags->end(),
+                                     [&wanted = name](const MapTag& tag) { return tag.name == wanted; });
+    if (!is_kept) violated("tag " + name + " is not kept");
   }
   check_rows(path, violated);
 }

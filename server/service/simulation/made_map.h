@@ -24,6 +24,7 @@ class MadeMap {
   bool is_deleted = false;
   bool was_deleted = false;      ///< perhaps, once
   bool was_rolled_back = false;  ///< likewise
+  bool proposals_are_accepted = false;
   std::map<LabelId, std::set<std::string>> texts;
   std::set<LabelId> maybe_removed;
 

@@ -2,6 +2,7 @@
 #include "server/service/simulation/operator.h"
 
 #include <array>
+#include <utility>
 
 namespace cairn::simulation {
 
@@ -10,24 +11,27 @@ using nlohmann::json;
 void SimulatedOperator::act() {
   const MonotonicTime now = world_.clock->now();
   if (!asked_ && now >= begin_at_ && !world_.is_calm) {
-    begin_at_ = now + world_.between(200, 3000);
-    begin_something();
-    send_at_ = now;
+    begin_at_ = now + world_.between(100, static_cast<int>(pause_.count()));
+    const std::vector<MapId> maps = world_.history.maps();
+    if (!maps.empty()) ask(some_verb(maps[world_.draw(maps.size())]));
   }
   if (!asked_ || now < send_at_) return;
   send_at_ = now + world_.between(500, 1500);
   send();
 }
 
-void SimulatedOperator::begin_something() {
-  const std::vector<MapId> maps = world_.history.maps();
-  if (maps.empty()) return;
-  map_ = maps[world_.draw(maps.size())];
+void SimulatedOperator::ask(json request) {
   ++last_;
-  asked_ = world_.chance(0.5) ? some_map_verb() : some_rights_verb();
+  asked_ = std::move(request);
+  send_at_ = world_.clock->now();
 }
 
-json SimulatedOperator::some_map_verb() {
+json Housekeeper::some_verb(MapId map) {
+  map_ = map;
+  return world_.chance(0.5) ? some_map_verb() : some_rights_verb();
+}
+
+json Housekeeper::some_map_verb() {
   constexpr std::array kNames{"desk", "bench", "robot", "stairs"};
   const std::string id = to_hex(map_.bytes);
   if (world_.history.is_deleted(map_) && world_.chance(0.8)) return {{"verb", "undelete"}, {"map", id}};
@@ -44,7 +48,7 @@ json SimulatedOperator::some_map_verb() {
   }
 }
 
-json SimulatedOperator::some_rights_verb() {
+json Housekeeper::some_rights_verb() {
   constexpr std::array kRights{"none", "read", "add", "write", "write"};
   const std::string id = to_hex(map_.bytes);
   const std::string client = clients_[world_.draw(clients_.size())];
@@ -82,7 +86,10 @@ void SimulatedOperator::send() {
 
 void SimulatedOperator::receive(const wire::AdminReply& reply) {
   if (!asked_ || reply.command != wire::CommandId{session_, last_}) return;
-  const json asked = *std::exchange(asked_, std::nullopt);
+  hear(*std::exchange(asked_, std::nullopt), reply);
+}
+
+void Housekeeper::hear(const json& asked, const wire::AdminReply& reply) {
   if (reply.result != 0) return;
   const std::string verb = asked.at("verb");
   if (verb == "delete") world_.history.deleted(map_);

@@ -3,9 +3,11 @@
 
 #include <deque>
 #include <exception>
+#include <memory>
 #include <optional>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "common/io/test_directory.h"
 #include "server/service/simulation/client.h"
@@ -24,7 +26,11 @@ class Run {
  public:
   Run(uint64_t seed, Logger log) : world_(seed), log_(std::move(log)) {
     for (const char* name : {"anna", "ben", "cleo"}) clients_.emplace_back(&world_, name);
-    operators_.emplace_back(&world_, "olga", std::vector<std::string>{"anna", "ben", "cleo"});
+    operators_.push_back(
+        std::make_unique<Housekeeper>(&world_, "olga", std::vector<std::string>{"anna", "ben", "cleo"}));
+    auto curator = std::make_unique<Curator>(&world_, "otto", backups_.path());
+    curator_ = curator.get();
+    operators_.push_back(std::move(curator));
   }
   [[nodiscard]] Report report();
 
@@ -43,8 +49,10 @@ class Run {
   World world_;
   const Logger log_;
   const TestDirectory directory_;
+  const TestDirectory backups_;
   std::deque<SimulatedClient> clients_;
-  std::deque<SimulatedOperator> operators_;
+  std::vector<std::unique_ptr<SimulatedOperator>> operators_;
+  Curator* curator_ = nullptr;  ///< one of these
   std::optional<MonotonicTime> disk_is_full_until_;
   bool cut_is_due_ = false;
   Report report_;
@@ -54,7 +62,7 @@ InProcess::Listener Run::listener() {
   return {[this](const auto& client, const auto& delivery) { hear(client, delivery); },
           [this](const auto&, const auto& reply) {
             if (world_.disk.is_cut()) return;
-            for (SimulatedOperator& each : operators_) each.receive(reply);
+            for (const auto& each : operators_) each->receive(reply);
           },
           [this](MapId map, const MapSnapshotPtr& newest) {
             if (world_.disk.is_cut()) return;
@@ -86,6 +94,9 @@ void Run::start_server() {
   world_.history.server_started();
   ServerRun::Setup setup{directory_.path(),       world_.clock, &world_.random,
                          std::chrono::seconds(4), listener(),   log_};
+  setup.adjust = [](MapServiceOptions& options) {
+    options.proposals.interval = std::chrono::milliseconds(0);
+  };
   setup.opened = [this](const SiteAccess& site) {
     const auto policy = site.policy();
     world_.history.allow_as({[policy](const std::string& client, MapId map) {
@@ -103,6 +114,7 @@ void Run::start_server() {
 void Run::stop_server(bool killed) {
   log_->info("the server is {}", killed ? "killed" : "ended");
   if (killed) {
+    ++report_.kills;
     world_.disk.cut();
     world_.server->kill();
   } else {
@@ -112,6 +124,7 @@ void Run::stop_server(bool killed) {
   world_.disk.mend();
   for (SimulatedClient& client : clients_) client.cut_off();
   world_.history.check_store(directory_.path());
+  curator_->check_backups();
 }
 
 void Run::do_mischief() {
@@ -137,7 +150,7 @@ void Run::step() {
   if (world_.server == nullptr) return;
   world_.deliver();
   for (SimulatedClient& client : clients_) client.act();
-  for (SimulatedOperator& each : operators_) each.act();
+  for (const auto& each : operators_) each->act();
   world_.server->tick_if_due();
   size_t tasks = world_.is_calm ? 500 : world_.draw(12);
   while (tasks > 0 && !world_.disk.is_cut() && world_.server->run_something()) --tasks;
@@ -148,8 +161,8 @@ std::string Run::waits_for() const {
   for (const SimulatedClient& client : clients_) {
     if (std::string what = client.waits_for(); !what.empty()) return client.name() + " waits for " + what;
   }
-  for (const SimulatedOperator& each : operators_) {
-    if (std::string what = each.waits_for(); !what.empty()) return "an operator waits for " + what;
+  for (const auto& each : operators_) {
+    if (std::string what = each->waits_for(); !what.empty()) return "an operator waits for " + what;
   }
   return {};
 }
@@ -191,6 +204,7 @@ Report Run::report() {
   if (world_.server != nullptr) world_.disk.cut();
   world_.server.reset();
   report_.maps = world_.history.maps().size();
+  report_.curated = curator_->done();
   report_.violations = world_.history.violations();
   return report_;
 }

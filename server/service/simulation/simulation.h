@@ -6,15 +6,18 @@
 #include <vector>
 
 #include "common/base/log.h"
+#include "server/service/simulation/curator.h"
 
 namespace cairn::simulation {
 
 /// What came of one run.
 struct Report {
   std::vector<std::string> violations;  ///< of what a server promises; empty: none
-  int starts = 0;                       ///< of the server
+  size_t starts = 0;                    ///< of the server
+  size_t kills = 0;                     ///< likewise
   size_t maps = 0;
   size_t revisions = 0;
+  Curator::Done curated;
 };
 
 /// Clients, operators, the network, the disk and the server in one thread, all that chance decides by `seed`.
