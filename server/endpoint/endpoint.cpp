@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/endpoint/endpoint.h"
 
+#include <pthread.h>
+
 #include <algorithm>
 #include <array>
 #include <exception>
@@ -70,6 +72,7 @@ Result<std::unique_ptr<Endpoint>> Endpoint::start(const ServiceOptions& options,
                                                   std::move(log)));
   endpoint->service_.resume(std::move(restored));
   endpoint->thread_ = std::thread([me = endpoint.get()] { me->run(); });
+  pthread_setname_np(endpoint->thread_.native_handle(), "cairn-io");  // for who looks what takes the time
   return endpoint;
 }
 
@@ -244,8 +247,8 @@ void Endpoint::take_requests() {
     }
     const Principal who = door_.operator_of(*name);
     if (!turns_away(IdentityRole::kOperator, who)) return service_.take(who, *sample.message);
-    wire::AdminReply reply =
-        refusal(ErrorCode::kRefused, std::string("operator ") + *name + ": " + Doorkeeper::kRevoked);
+    wire::AdminReply reply = reply_of(
+        refusal(ErrorCode::kRefused, std::string("operator ") + *name + ": " + Doorkeeper::kRevoked));
     reply.operator_id = sample.message->operator_id;
     reply.command = sample.message->command;
     check(write_reply(*name, reply), "an answer");

@@ -26,6 +26,7 @@
 #include "server/endpoint/service.h"
 #include "server/endpoint/serving.h"
 #include "server/service/wearer_list.h"
+#include "server/service/work_times_json.h"
 
 namespace {
 
@@ -95,7 +96,7 @@ int serve(const cairn::ServerOptions& options, std::optional<cairn::WearerList> 
   if (*running) (*running)->close();
   int code = served ? 0 : complain(served.error());
   if (stats) {
-    (void)stats->write(work_times.to_json());
+    (void)stats->write(to_json(work_times.summaries()));
     if (const auto complete = stats->finish(); !complete) code = complain(complete.error());
   }
   const cairn::ExitDeadline deadline(code, cairn::kClosingPatience, log);

@@ -107,8 +107,8 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
     auto store = MapPersistence::start(options.store, store_threads(log), log);
     if (!store) return tl::unexpected(store.error());
     state->store = std::move(*store);
-    known.server = state->store->server();
-    known.start_count = state->store->start_count();
+    known.server = state->store->at_start().server;
+    known.start_count = state->store->at_start().start_count;
   }
   const SiteKind kind = options.security.empty() ? SiteKind::kOpen : SiteKind::kSecured;
   const auto wall = [clock = known.clock] { return clock->wall(); };
@@ -117,8 +117,8 @@ Result<std::unique_ptr<Service>> Service::start(const ServiceOptions& options, L
   state->site = std::move(*site);
   if (known.access == nullptr) known.access = state->site->policy();
   if (state->store) {
-    restored = state->store->restore(options.mapping, on_threads(options.workers),
-                                     restored_images(options.rest_after));
+    restored = state->store->opening().restore(options.mapping, on_threads(options.workers),
+                                               restored_images(options.rest_after));
     malloc_trim(0);  // what reading took; nobody is served yet
     log->info("{} maps from {}", restored.size(), options.store.string());
   }

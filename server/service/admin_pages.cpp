@@ -1,21 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "server/service/admin_pages.h"
-
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "common/base/utc.h"
-#include "server/service/proposal_book.h"
-#include "server/store/backup.h"
-#include "server/store/store_check.h"
+#include "server/service/admin_json.h"
 
 namespace cairn {
-namespace {
 
 using nlohmann::json;
+
+namespace {
 
 /// "1-3 7 9-12", cut short where it is very long.
 std::string ranges_of(const std::vector<uint64_t>& ascending) {
@@ -31,77 +27,121 @@ std::string ranges_of(const std::vector<uint64_t>& ascending) {
   return text.size() < kMostBytes ? text : text + " ...";
 }
 
-json place_of(const Eigen::Vector3d& place) {
+json numbers_of(const Eigen::Vector3d& place) {
   return {place.x(), place.y(), place.z()};
 }
 
 }  // namespace
+
+json describe(const told::Copy& copy) {
+  return {{"token", copy.token}, {"bytes", copy.bytes}};
+}
+
+json describe(const told::Archive& archive) {
+  json told = describe(archive.copy);
+  told["name"] = archive.name;
+  told["id"] = to_hex(archive.map.bytes);
+  return told;
+}
+
+json describe(const told::Parts& parts) {
+  ReplyPage page{"parts"};
+  for (const std::string& part : parts.parts) {
+    if (!page.add("parts", part)) break;
+  }
+  return page.content();
+}
 
 json describe(const MapTag& tag) {
   return {{"number", tag.number},       {"tag", tag.name},     {"time", to_utc(tag.time)}, {"by", tag.author},
           {"keyframes", tag.keyframes}, {"points", tag.points}};
 }
 
-wire::AdminReply page_of(std::span<const MapTag> tags, uint64_t after) {
+json describe(const told::Tags& tags) {
   ReplyPage page{"tags"};
-  for (const MapTag& tag : tags) {
-    if (tag.number > after && !page.add("tags", describe(tag))) break;
-  }
-  return success(page.content());
+  page.add_all("tags", tags.tags);
+  return page.content();
 }
 
-Contributors contributors_of(const MapSnapshot& map, std::span<const Contribution> known) {
-  Contributors contributors;
-  contributors.others = map.keyframe_count();
-  for (const auto& [keyframe, client] : known) {
-    if (map.find(keyframe) == nullptr) continue;
-    contributors.by_client[client].push_back(keyframe.value);
-    --contributors.others;
-  }
-  return contributors;
+json describe(const told::Contributor& contributor) {
+  return {{"client", contributor.client},
+          {"keyframes", contributor.keyframes.size()},
+          {"ids", ranges_of(contributor.keyframes)}};
 }
 
-wire::AdminReply page_of(const Contributors& contributors, const std::string& after) {
+json describe(const told::Contributors& contributors) {
   ReplyPage page{"contributors"};
-  for (const auto& [client, keyframes] : contributors.by_client) {
-    const json told{{"client", client}, {"keyframes", keyframes.size()}, {"ids", ranges_of(keyframes)}};
-    if (client > after && !page.add("contributors", told)) break;
-  }
+  page.add_all("contributors", contributors.contributors);
   json told = page.content();
-  told["unknown"] = contributors.others;
-  return success(told);
+  told["unknown"] = contributors.unknown;
+  return told;
 }
 
-wire::AdminReply page_of(std::span<const std::string> parts, const std::string& after) {
-  ReplyPage page{"parts"};
-  for (const std::string& part : parts) {  // that one may have gone meanwhile
-    if ((after.empty() || comes_later(part, after)) && !page.add("parts", part)) break;
-  }
-  return success(page.content());
+json describe(const told::LabelSeen& seen) {
+  const Label& label = seen.label;
+  return {{"map", seen.map},
+          {"id", label.id.value},
+          {"kind", label.kind == LabelKind::kModel ? "model" : "text"},
+          {"text", label.text},
+          {"position", numbers_of(label.map_from_label.translation())},
+          {"author", label.author},
+          {"time", label.time.nanoseconds}};
 }
 
-json describe(MapId map, const std::string& map_name, const ProposalSummary& proposal) {
+json describe(const told::Labels& labels) {
+  ReplyPage page{"labels"};
+  page.add_all("labels", labels.labels);
+  return page.content();
+}
+
+json describe(const told::ProposalSeen& seen) {
+  const ProposalSummary& proposal = seen.summary;
   const SE3& pose = proposal.camera_from_map;
-  return {{"id", proposal_id(map, proposal.number)},
+  return {{"id", seen.id},
           {"number", proposal.number},
-          {"map", to_hex(map.bytes)},
-          {"map_name", map_name},
+          {"map", to_hex(seen.map.bytes)},
+          {"map_name", seen.map_name},
           {"client", proposal.client},
           {"why", proposal.why},
           {"received", to_utc(proposal.received)},
           {"time", to_utc(proposal.time)},
-          {"position", place_of(pose.center())},
-          {"direction", place_of(pose.rotation_matrix().row(2))},
+          {"position", numbers_of(pose.center())},
+          {"direction", numbers_of(pose.rotation_matrix().row(2))},
           {"expected", proposal.expected},
           {"found", proposal.found},
           {"bytes", proposal.bytes}};
 }
 
-json describe(std::span<const ExpectedPoint> points) {
-  json told = json::array();
-  for (const ExpectedPoint& p : points)
-    told.push_back({std::lround(p.pixel.x()), std::lround(p.pixel.y()), p.found ? 1 : 0});
+json describe(const told::Proposals& proposals) {
+  ReplyPage page{"proposals"};
+  page.add_all("proposals", proposals.proposals);
+  return page.content();
+}
+
+json describe(const ExpectedPoint& point) {
+  return {std::lround(point.pixel.x()), std::lround(point.pixel.y()), point.found ? 1 : 0};
+}
+
+json describe(const told::WholeProposal& whole) {
+  json told = describe(whole.proposal);
+  told["picture_bytes"] = whole.picture_bytes;
+  told["measured"] = whole.measured;
+  if (!whole.expected_now) {
+    told["problem"] = whole.expected_now.error().message;
+    return told;
+  }
+  const std::vector<ExpectedPoint>& points = *whole.expected_now;
+  told["expected_now"] = points.size();
+  told["found_now"] = std::ranges::count_if(points, &ExpectedPoint::found);
+  told["points"] = list_of(points);
   return told;
+}
+
+json describe(const told::AcceptedProposal& accepted) {
+  return {{"id", accepted.id},
+          {"map", to_hex(accepted.map.bytes)},
+          {"client", accepted.client},
+          {"keyframe", accepted.keyframe.value}};
 }
 
 }  // namespace cairn

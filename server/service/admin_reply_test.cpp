@@ -7,10 +7,21 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
+#include "server/service/admin_json.h"
+#include "server/service/health.h"
+
 namespace cairn {
 namespace {
 
 constexpr unsigned kSeed = 7;
+
+/// As a component tells them: all that there are beyond one.
+told::Labels labels_beyond(const std::vector<Label>& labels, LabelId after) {
+  told::Labels told;
+  for (const Label& label : labels)
+    if (label.id > after) told.labels.push_back({"desk", label});
+  return told;
+}
 
 TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
   std::mt19937 random(kSeed);
@@ -28,8 +39,9 @@ TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
   int pages = 0;
   for (bool more = true; more; ++pages) {
     ASSERT_LT(pages, 100) << "seed " << kSeed;
-    const auto page = describe_labels("desk", labels, {told.empty() ? 0 : told.back()});
-    EXPECT_LT(success(page).text.size(), size_t{64'000});
+    const told::Labels asked = labels_beyond(labels, {told.empty() ? 0 : told.back()});
+    EXPECT_LT(reply_of(asked).text.size(), size_t{64'000});
+    const auto page = content_of(asked);
     for (const auto& label : page["labels"]) {
       EXPECT_EQ(label["map"], "desk");
       EXPECT_NEAR(label["position"][1], -2.0 / 3, 1e-12);
@@ -41,7 +53,7 @@ TEST(AdminReply, PagesOfLabelsAreWholeInOrderAndSmallEnoughForAStateSample) {
   EXPECT_GT(pages, 1);
   ASSERT_EQ(told.size(), labels.size());
   for (size_t i = 0; i < told.size(); ++i) EXPECT_EQ(told[i], labels[i].id.value);
-  const auto rest = describe_labels("desk", labels, labels.back().id);
+  const auto rest = content_of(labels_beyond(labels, labels.back().id));
   EXPECT_TRUE(rest["labels"].empty() && !rest["more"].get<bool>());
 }
 
@@ -51,26 +63,28 @@ TEST(AdminReply, IsATextForTheWireWhateverIsInIt) {
   label.text = "K\xfc \u202e \x1b[2J \x7f Küche";
   const DamagedFile file{
       .path = "caf\xe9/\u202e.cairnmap", .map = {}, .name = "\xff", .set_aside = {}, .reasons = {"\xfe"}};
-  for (const nlohmann::json& content : {describe("\xff", label), describe(file, true)}) {
-    const std::string text = success(content).text;
+  told::Server damaged;
+  damaged.damaged = {{file, true}};
+  for (const told::Answer& answer : {told::Answer(told::LabelSeen{"\xff", label}), told::Answer(damaged)}) {
+    const std::string text = reply_of(answer).text;
     EXPECT_EQ(fault_of_text(text), std::nullopt) << one_line(text);
     EXPECT_TRUE(nlohmann::json::parse(text, nullptr, false).is_object());
   }
-  EXPECT_EQ(nlohmann::json::parse(success(describe(file, true)).text)["file"], "caf\\xe9/\\u202e.cairnmap");
-  EXPECT_EQ(fault_of_text(refusal(ErrorCode::kIo, "caf\xe9\n").text), std::nullopt);
+  EXPECT_EQ(nlohmann::json::parse(reply_of(damaged).text)["damaged"][0]["file"], "caf\\xe9/\\u202e.cairnmap");
+  EXPECT_EQ(fault_of_text(reply_of(refusal(ErrorCode::kIo, "caf\xe9\n")).text), std::nullopt);
 }
 
 TEST(AdminReply, OfADamagedFileTheFirstReasonsAreToldAndHowManyMoreThereAre) {
   constexpr size_t kLines = 400;
   DamagedFile file{.path = "damaged/x.cairnmap", .map = {}, .name = "desk", .set_aside = {}, .reasons = {}};
   for (size_t i = 0; i < kLines; ++i) file.reasons.push_back("row " + std::to_string(i));
-  const auto told = describe(file, true)["reasons"];
+  const auto told = describe(told::DamagedSeen{file, true})["reasons"];
   ASSERT_GE(told.size(), 2U);
   ASSERT_LE(told.size(), 10U);
   EXPECT_EQ(told.front(), "row 0");
   EXPECT_EQ(told.back(), "and " + std::to_string(kLines - told.size() + 1) + " more, in the .txt beside it");
   file.reasons.resize(1);
-  EXPECT_EQ(describe(file, true)["reasons"].size(), 1U);
+  EXPECT_EQ(describe(told::DamagedSeen{file, true})["reasons"].size(), 1U);
 }
 
 TEST(AdminReply, OnlyDamageOfADeletedMapIsCalledSoAndItsPurgeAdvised) {
@@ -84,7 +98,7 @@ TEST(AdminReply, OnlyDamageOfADeletedMapIsCalledSoAndItsPurgeAdvised) {
     const auto told = describe(map);
     EXPECT_EQ(told.value("damaged", "") == map.problem->message, is_damaged);
     EXPECT_EQ(told.value("unreadable", "") == map.problem->message, !is_damaged);
-    const wire::AdminReply reply = refusal(map);
+    const wire::AdminReply reply = reply_of(refusal(map));
     const bool says_itself = is_damaged || code == ErrorCode::kIo;
     EXPECT_EQ(reply.result, exit_code(says_itself ? code : ErrorCode::kRefused));
     EXPECT_TRUE(reply.text.starts_with(map.problem->message)) << reply.text;
@@ -111,14 +125,14 @@ TEST(AdminReply, TheHealthNamesTheFirstMapThatIsNotServed) {
 }
 
 TEST(AdminReply, AnUnknownMapIsNamedWithTheRemedy) {
-  const wire::AdminReply reply = unknown_map("attic");
+  const wire::AdminReply reply = reply_of(unknown_map("attic"));
   EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));
   EXPECT_NE(reply.text.find("'attic'"), std::string::npos) << reply.text;
   EXPECT_NE(reply.text.find("cairnctl maps"), std::string::npos) << reply.text;
 }
 
 TEST(AdminReply, ADeletedMapIsNamedWithTheRemedy) {
-  const wire::AdminReply reply = deleted_map("attic");
+  const wire::AdminReply reply = reply_of(deleted_map("attic"));
   EXPECT_EQ(reply.result, exit_code(ErrorCode::kRefused));
   EXPECT_NE(reply.text.find("'attic' is deleted"), std::string::npos) << reply.text;
   EXPECT_NE(reply.text.find("cairnctl map attic undelete"), std::string::npos) << reply.text;

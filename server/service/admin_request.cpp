@@ -3,10 +3,13 @@
 
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
-#include "server/service/rights_verbs.h"
+#include "common/base/utf8.h"
+#include "common/io/json_text.h"
+#include "server/service/rights_requests.h"
 
 namespace cairn {
 namespace {
@@ -14,6 +17,7 @@ namespace {
 using nlohmann::json;
 
 constexpr int kMostNested = 8;  ///< what is written deeper would take the stack
+constexpr size_t kLoggedBytes = 200;
 
 std::string text_in(const json& request, const char* key) {
   const auto it = request.find(key);
@@ -34,6 +38,12 @@ using What = decltype(AskedOfServer::what);
 
 What of_map(const json& request, decltype(asked::OfMap::what) what) {
   return asked::OfMap{text_in(request, "map"), std::move(what)};
+}
+
+template <typename Ask>
+What fit_or_not(Result<Ask> ask) {
+  if (!ask) return asked::Unfit{std::move(ask.error())};
+  return std::move(*ask);
 }
 
 struct AdminVerb {
@@ -57,8 +67,8 @@ constexpr std::array kOfServer{
                                    number_in(r, "damaged_from"), number_in(r, "unloaded_from")};
               }},
     AdminVerb{"rights", kSee, [](const json&) -> What { return asked::Rights{}; }},
-    AdminVerb{"rights-explain", kSee, [](const json& r) -> What { return asked::ExplainRights{r}; }},
-    AdminVerb{"audit", kSee, [](const json& r) -> What { return asked::Audit{r}; }},
+    AdminVerb{"rights-explain", kSee, [](const json& r) { return fit_or_not(read_explain_rights(r)); }},
+    AdminVerb{"audit", kSee, [](const json& r) { return fit_or_not(read_audit(r)); }},
     AdminVerb{"undelete", kChange, [](const json& r) -> What { return asked::Undelete{text_in(r, "map")}; }},
     AdminVerb{"purge", kChange, [](const json& r) -> What { return asked::Purge{text_in(r, "map")}; }},
     AdminVerb{"import", kTransfer, [](const json& r) -> What { return asked::Import{text_in(r, "token")}; }},
@@ -141,9 +151,8 @@ std::string object_of(const json& request) {
   return object;
 }
 
-}  // namespace
-
-json parse_admin_request(const std::string& text) {
+/// Not an object (`null`) where the text is none, or is nested without end.
+json parse_request(const std::string& text) {
   bool is_deep = false;
   const auto keep = [&is_deep](int depth, json::parse_event_t, json&) {
     is_deep = is_deep || depth > kMostNested;
@@ -153,17 +162,21 @@ json parse_admin_request(const std::string& text) {
   return is_deep || !request.is_object() ? json() : request;
 }
 
-Result<AskedOfServer> read_admin_request(const json& request) {
+}  // namespace
+
+Result<AskedOfServer> read_admin_request(const std::string& text) {
+  const json request = parse_request(text);
   if (!request.is_object()) return fail(ErrorCode::kUsage, "a request that is no JSON object");
   AskedOfServer asks;
   asks.verb = text_in(request, "verb");
   if (asks.verb.empty()) return fail(ErrorCode::kUsage, "a request without 'verb', a text");
   asks.object = object_of(request);
+  asks.text = cut_text(json_text(request), kLoggedBytes);
   if (changes_rights(asks.verb)) {
     // Who looks after maps may close one to everybody; whom it is open to is for others to say.
     const bool is_about_map = asks.verb == "map-freeze" || asks.verb == "map-unfreeze";
     asks.act = is_about_map ? OperatorAct::kChange : OperatorAct::kGovern;
-    asks.what = asked::ChangeRights{request};
+    asks.what = fit_or_not(read_change_rights(asks.verb, request));
     return asks;
   }
   const AdminVerb* verb = find_admin_verb(kOfServer, asks.verb);

@@ -2,16 +2,18 @@
 #pragma once
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
 #include <string>
 #include <variant>
 
+#include "common/map/extent.h"
 #include "common/map/ids.h"
 #include "server/access/access_policy.h"
+#include "server/store/site_file.h"
 
 /// What operators ask, as it comes from the wire (idl/README.md, AdminRequest): any text, and what it says as
-/// values. Behind this nothing of a request is JSON but what is asked about rights, which rights_verbs.h
-/// reads. Pure.
+/// values. Behind this nothing of a request is JSON. Pure.
 namespace cairn {
 
 namespace asked {
@@ -34,13 +36,65 @@ struct Maps {
 // Of rights and of what was done.
 struct Rights {};
 struct ExplainRights {
-  nlohmann::json request;
-};
-struct ChangeRights {
-  nlohmann::json request;
+  std::string client;
+  std::string map;
 };
 struct Audit {
-  nlohmann::json request;
+  AuditQuery query;
+};
+// Whom a right is for, what it is and until when: words that rights_verbs.h takes. `map`: "all", or one.
+struct Margin {
+  double around = 0;  ///< the map's present bounds
+};
+using Within = std::variant<Box, Sphere, Margin>;
+inline constexpr const char* kWhatWithinHas =
+    "'within' has a box, a center and a radius, or a margin around the map's bounds";
+struct GrantRight {
+  std::string to;
+  std::string map;
+  std::string right;
+  std::optional<Within> within;
+  std::string until;  ///< empty: for ever
+};
+struct RevokeRight {
+  std::string to;
+  std::string map;
+};
+struct SetStandard {
+  std::string right;           ///< empty: as it is
+  std::optional<bool> create;  ///< likewise
+};
+struct LetCreate {
+  std::string to;
+  std::optional<bool> may;
+};
+struct PutGroup {
+  std::string group;
+  std::set<std::string> members;
+};
+struct FreezeMap {
+  std::string map;
+  std::string why;
+};
+struct UnfreezeMap {
+  std::string map;
+};
+struct BlockClient {
+  std::string client;
+  std::string why;
+};
+struct UnblockClient {
+  std::string client;
+};
+struct WelcomeProposals {
+  std::string map;
+  std::optional<bool> welcome;
+};
+struct ChangeRights {
+  std::string verb;
+  std::variant<GrantRight, RevokeRight, SetStandard, LetCreate, PutGroup, FreezeMap, UnfreezeMap, BlockClient,
+               UnblockClient, WelcomeProposals>
+      what;
 };
 
 // Of maps that have been deleted, and of archives.
@@ -148,6 +202,10 @@ struct OfMap {
 };
 
 struct Unknown {};
+/// Of a verb that is known, without what it takes.
+struct Unfit {
+  Error why;
+};
 
 }  // namespace asked
 
@@ -156,22 +214,20 @@ struct AskedOfServer {
   OperatorAct act = OperatorAct::kChange;
   bool is_piece = false;  ///< of an archive or a store: asked for in hundreds, and what began it is on record
   std::string object;     ///< what it is about, for the audit log
-  std::variant<asked::Unknown, asked::Status, asked::Rigs, asked::Clients, asked::KickClient, asked::Maps,
-               asked::Rights, asked::ExplainRights, asked::ChangeRights, asked::Audit, asked::Undelete,
-               asked::Purge, asked::Import, asked::ImportBegin, asked::ImportWrite, asked::ExportRead,
-               asked::Backup, asked::BackupPart, asked::Verify, asked::VerifyPart, asked::Proposals,
-               asked::ShowProposal, asked::ProposalPicture, asked::AcceptProposal, asked::DropProposal,
-               asked::OfMap>
+  std::string text;       ///< all of it on one line, cut short, for the log
+  std::variant<asked::Unknown, asked::Unfit, asked::Status, asked::Rigs, asked::Clients, asked::KickClient,
+               asked::Maps, asked::Rights, asked::ExplainRights, asked::ChangeRights, asked::Audit,
+               asked::Undelete, asked::Purge, asked::Import, asked::ImportBegin, asked::ImportWrite,
+               asked::ExportRead, asked::Backup, asked::BackupPart, asked::Verify, asked::VerifyPart,
+               asked::Proposals, asked::ShowProposal, asked::ProposalPicture, asked::AcceptProposal,
+               asked::DropProposal, asked::OfMap>
       what;
 
   [[nodiscard]] bool is_audited() const { return act != OperatorAct::kSee && !is_piece; }
 };
 
-/// Not an object (`null`) where the text is none, or is nested without end.
-[[nodiscard]] nlohmann::json parse_admin_request(const std::string& text);
-
 /// What is asked by it: members that are missing, or of another kind than they must be, are empty, zero,
-/// false. Error kUsage: it is no request.
-[[nodiscard]] Result<AskedOfServer> read_admin_request(const nlohmann::json& request);
+/// false; of what is asked about rights and of the audit log they are Unfit. Error kUsage: it is no request.
+[[nodiscard]] Result<AskedOfServer> read_admin_request(const std::string& text);
 
 }  // namespace cairn

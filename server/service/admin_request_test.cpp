@@ -7,13 +7,13 @@ namespace cairn {
 namespace {
 
 AskedOfServer read(const std::string& text) {
-  auto asks = read_admin_request(parse_admin_request(text));
+  auto asks = read_admin_request(text);
   EXPECT_TRUE(asks) << text;
   return asks ? *std::move(asks) : AskedOfServer();
 }
 
 std::string why_not_read(const std::string& text) {
-  const auto asks = read_admin_request(parse_admin_request(text));
+  const auto asks = read_admin_request(text);
   return asks ? std::string() : asks.error().message;
 }
 
@@ -44,6 +44,21 @@ TEST(AdminRequest, AMemberOfAnotherKindIsNone) {
   EXPECT_EQ(piece->offset, 0);
   const auto removal = read(R"({"verb": "delete", "map": "desk", "for_good": "yes"})");
   EXPECT_FALSE(std::get<asked::Delete>(std::get<asked::OfMap>(removal.what).what).for_good);
+}
+
+TEST(AdminRequest, OfRightsAndTheAuditLogAnUnfitMemberIsNamed) {
+  const auto unfit = read(R"({"verb": "rights-grant", "to": 7, "map": "desk", "right": "read"})");
+  ASSERT_TRUE(std::holds_alternative<asked::Unfit>(unfit.what));
+  EXPECT_EQ(std::get<asked::Unfit>(unfit.what).why.message, "'to' is no text");
+  EXPECT_TRUE(unfit.is_audited()) << "what was tried is on record, too";
+  const auto audit =
+      read(R"({"verb": "audit", "who": "ann", "from": "2027-01-01", "before": 7, "limit": 100000})");
+  ASSERT_TRUE(std::holds_alternative<asked::Audit>(audit.what));
+  const AuditQuery& query = std::get<asked::Audit>(audit.what).query;
+  EXPECT_EQ(query.who, "ann");
+  EXPECT_EQ(query.before_number, 7);
+  EXPECT_LE(query.limit, 500U);
+  EXPECT_TRUE(std::holds_alternative<asked::Unfit>(read(R"({"verb": "audit", "from": "yesterday"})").what));
 }
 
 TEST(AdminRequest, WhatItTakesToAskGoesByTheVerb) {

@@ -1,14 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/archives.h"
 
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "server/service/store_tasks.h"
 
 namespace cairn {
-
-using nlohmann::json;
 
 Archives::Archives(const ServiceContext& context, const Capacity& capacity, MapAdministration& maps)
     : context_(context),
@@ -18,8 +15,7 @@ Archives::Archives(const ServiceContext& context, const Capacity& capacity, MapA
                      ? nullptr
                      : std::make_shared<Transfers>(context.store->folder() / "transfer")) {}
 
-Result<Archives::Handed> Archives::hand_out(
-    const std::function<Status(const std::filesystem::path& to)>& copy) {
+Result<told::Copy> Archives::hand_out(const std::function<Status(const std::filesystem::path& to)>& copy) {
   const auto token = transfers_->begin_export(context_.now());
   if (!token) return tl::unexpected(token.error());
   const std::filesystem::path path = *transfers_->find(*token, context_.now());
@@ -27,7 +23,7 @@ Result<Archives::Handed> Archives::hand_out(
     transfers_->end(*token);
     return tl::unexpected(copied.error());
   }
-  return Handed{*token, std::filesystem::file_size(path)};
+  return told::Copy{*token, std::filesystem::file_size(path)};
 }
 
 void Archives::export_map(MapId id, const MapEntry& entry, const AdminAnswer& answer) {
@@ -38,10 +34,7 @@ void Archives::export_map(MapId id, const MapEntry& entry, const AdminAnswer& an
     const auto archive =
         hand_out([&](const std::filesystem::path& path) { return store.export_map(id, path); });
     if (!archive) return telling(answer, refusal(archive.error()));
-    return telling(answer, success({{"token", archive->token},
-                                    {"bytes", archive->bytes},
-                                    {"name", name},
-                                    {"id", to_hex(id.bytes)}}));
+    return telling(answer, told::Archive{*archive, name, id});
   };
   beside_store_when_kept(context_, *entry.runner, answer, copy);
 }
@@ -50,23 +43,21 @@ void Archives::read(const asked::ExportRead& piece, const AdminAnswer& answer) {
   beside_store(context_, answer, [this, piece, answer](const Store&) -> Task {
     auto data = transfers_->read(piece.token, piece.offset, wire::kMaxAdminData, context_.now());
     if (!data) return telling(answer, refusal(data.error()));
-    wire::AdminReply reply = success(json::object());
-    reply.data = std::move(*data);
-    return telling(answer, std::move(reply));
+    return telling(answer, told::Piece{std::move(*data)});
   });
 }
 
 void Archives::begin_import(const asked::ImportBegin& ask, const AdminAnswer& answer) {
   beside_store(context_, answer, [this, ask, answer](const Store&) -> Task {
     const Status begun = transfers_->begin_import(ask.token, context_.now());
-    return telling(answer, begun ? success(json::object()) : refusal(begun.error()));
+    return telling(answer, begun ? told::Nothing() : refusal(begun.error()));
   });
 }
 
 void Archives::write(const asked::ImportWrite& piece, std::vector<uint8_t> data, const AdminAnswer& answer) {
   beside_store(context_, answer, [this, piece, data = std::move(data), answer](const Store&) -> Task {
     const Status written = transfers_->write(piece.token, piece.offset, data, context_.now());
-    return telling(answer, written ? success(json::object()) : refusal(written.error()));
+    return telling(answer, written ? told::Nothing() : refusal(written.error()));
   });
 }
 

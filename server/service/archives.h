@@ -29,11 +29,8 @@ class Archives {
   void import_map(const asked::Import& ask, const AdminAnswer& answer);
   /// Beside the store's writer: `copy` makes a file at a path, which the operator can then read by its token.
   /// Error: there is none.
-  struct Handed {
-    std::string token;
-    uint64_t bytes = 0;
-  };
-  [[nodiscard]] Result<Handed> hand_out(const std::function<Status(const std::filesystem::path& to)>& copy);
+  [[nodiscard]] Result<told::Copy> hand_out(
+      const std::function<Status(const std::filesystem::path& to)>& copy);
   /// What nobody has touched for long goes.
   void expire();
 

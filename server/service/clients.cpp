@@ -65,9 +65,11 @@ void Clients::disconnect(const Principal& who) {
   left_(client.name);
 }
 
-void Clients::resume(const std::vector<RestoredMap>& restored) {
+void Clients::resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted) {
   std::vector<KeptDecisions> kept;
-  kept.reserve(restored.size());
+  kept.reserve(restored.size() + deleted.size());
+  for (const DeletedDecisions& map : deleted)
+    kept.push_back({map.header.id, map.header.epoch, map.decisions});
   for (const RestoredMap& map : restored) kept.push_back({map.header.id, map.header.epoch, map.decisions});
   for (auto& [name, resumed] : resume_clients(kept, kMaxClients)) {
     Client& client = of(client_principal(name));

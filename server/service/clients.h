@@ -35,7 +35,7 @@ class Clients {
   Client& connect(const Principal& who);
   void disconnect(const Principal& who);
   /// What was decided on before the server started: a client that sends it again is answered.
-  void resume(const std::vector<RestoredMap>& restored);
+  void resume(const std::vector<RestoredMap>& restored, const std::vector<DeletedDecisions>& deleted);
 
   /// If it is connected.
   Status tell(const Client& client, const ClientEvent& event);

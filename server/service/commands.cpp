@@ -3,6 +3,7 @@
 
 #include <utility>
 
+#include "server/service/proposal_rule.h"
 #include "server/service/waiting_limit.h"
 
 namespace cairn {
@@ -102,8 +103,8 @@ void Commands::make_map(Client& client, const AnnouncedCamera& camera, const Rul
                         wire::MapSeed message, wire::SeedVerdict verdict) {
   client.seed_in_work = true;
   const bool may_die_young = !message.lockstep && message.map_name.empty();
-  const MapId map = message.lockstep ? maps_.array().repeatable_id(message) : maps_.array().next_id();
-  const std::string name = maps_.array().free_name(message.map_name);
+  const MapId map = message.lockstep ? maps_.array().ids().repeatable(message) : maps_.array().ids().next();
+  const std::string name = maps_.array().names().free(message.map_name);
   const SessionId session = message.command.session;
   const size_t bytes = image_bytes(message);
   SeedJob job = job_of(client, camera, ruling, std::move(message));

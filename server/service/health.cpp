@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "common/base/utf8.h"
-#include "server/service/admin_reply.h"
 
 namespace cairn {
 namespace {
@@ -13,8 +12,23 @@ constexpr size_t kMaxHealthBytes = 1000;  // ServerStatus takes a little more
 
 }  // namespace
 
+std::string word_of_damage(size_t files, const std::filesystem::path& folder) {
+  if (files == 0) return {};
+  return std::to_string(files) + (files == 1 ? " damaged file was" : " damaged files were") +
+         " set aside in " + folder.string() +
+         " (`cairnctl maps` says why); import what is missing from a backup, then move " +
+         (files == 1 ? "it" : "them") + " out of there";
+}
+
+std::string word_of_unloaded(std::span<const UnloadedMap> maps) {
+  if (maps.empty()) return {};
+  const std::string how_many = maps.size() == 1 ? "a map is" : std::to_string(maps.size()) + " maps are";
+  return how_many + " not served (`cairnctl maps`): " + maps.front().reason +
+         "; see to that and start the server again, or move the file away and import an archive";
+}
+
 Health::Health(const ServiceContext& context, const MapArray& maps) : context_(context), maps_(maps) {
-  if (context_.store != nullptr) damaged_ = context_.store->damaged_files();
+  if (context_.store != nullptr) damaged_ = context_.store->opening().damaged_files();
 }
 
 std::string Health::words() const {
@@ -42,14 +56,14 @@ void Health::note(std::vector<DamagedFile> damaged, std::vector<UnloadedMap> unl
 
 void Health::look_again() {
   context_.store->run_beside([this](const Store& store) {
-    context_.post([this, damaged = store.damaged_files(), unloaded = context_.store->unloaded()] {
+    context_.post([this, damaged = store.damaged_files(), unloaded = context_.store->opening().unloaded()] {
       note(damaged, unloaded);
     });
   });
 }
 
 void Health::note_restored() {
-  if (context_.store != nullptr) unloaded_ = context_.store->unloaded();
+  if (context_.store != nullptr) unloaded_ = context_.store->opening().unloaded();
 }
 
 }  // namespace cairn

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -8,6 +10,11 @@
 #include "server/service/service_context.h"
 
 namespace cairn {
+
+/// What lies in a folder of damaged files, and the remedy. Empty when nothing does.
+[[nodiscard]] std::string word_of_damage(size_t files, const std::filesystem::path& folder);
+/// The first of them, and the remedy. Empty when there is none.
+[[nodiscard]] std::string word_of_unloaded(std::span<const UnloadedMap> maps);
 
 /// Whether all is well with the server, and what is not: the store, the rights, the maps that were damaged,
 /// could not be loaded, or have failed. Used from the service's thread.

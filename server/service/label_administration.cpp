@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/label_administration.h"
 
-#include <nlohmann/json.hpp>
 #include <optional>
 
 namespace cairn {
@@ -26,7 +25,10 @@ wire::ClientRequest wish_of(wire::RequestAction action, MapId map, LabelId label
 
 void LabelAdministration::take(const Principal&, MapId, const MapEntry& entry, const asked::Labels& ask,
                                const AdminAnswer& answer) const {
-  answer(success(describe_labels(entry.name, entry.labels.all(), ask.after)));
+  told::Labels page;
+  for (Label& label : entry.labels.all())
+    if (label.id > ask.after) page.labels.push_back({entry.name, std::move(label)});
+  answer(std::move(page));
 }
 
 void LabelAdministration::take(const Principal& who, MapId id, const MapEntry& entry,
@@ -55,7 +57,7 @@ void LabelAdministration::edit(const Principal& who, const MapEntry& entry, cons
                      answer](const LabelBook::Judgement& judgement) {
     if (judgement.decision != wire::RequestDecision::kDone)
       return answer(refusal(error_of(judgement.decision), which + ": " + judgement.reason));
-    answer(success(describe(name, judgement.changed ? label_of(*judgement.changed) : before)));
+    answer(told::LabelSeen{name, judgement.changed ? label_of(*judgement.changed) : before});
   };
   labels_.change(wish, who, std::nullopt, done);
 }

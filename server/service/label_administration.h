@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "server/service/admin_reply.h"
 #include "server/service/admin_request.h"
 #include "server/service/labels.h"
+#include "server/service/operator_answer.h"
 
 namespace cairn {
 

@@ -5,17 +5,13 @@
 
 #include <algorithm>
 #include <exception>
-#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "server/service/admin_reply.h"
 #include "server/service/store_tasks.h"
 
 /// What operators do to maps. The store's part is done beside its writer, so that no verdict waits for it.
 namespace cairn {
 namespace {
-
-using nlohmann::json;
 
 /// Those that an operator may mean by a name or an id, the latest deleted first.
 std::vector<DeletedMap> deleted_maps_called(const Store& store, const std::string& name_or_id) {
@@ -47,8 +43,8 @@ void MapAdministration::rename(MapId id, MapEntry* entry, const std::string& nam
                                const AdminAnswer& answer) {
   if (!is_valid_name(name))
     return answer(refusal(ErrorCode::kUsage, "name '" + name + "': expected 1 to 32 of a-z, 0-9 and -"));
-  if (entry->name == name) return answer(success(overview_.describe(id, *entry)));
-  if (!maps_.array().is_free(name))
+  if (entry->name == name) return answer(overview_.describe(id, *entry));
+  if (!maps_.array().names().is_free(name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + name + "'"));
   if (entry->runner == nullptr) return answer(refusal(ErrorCode::kRefused, kMadeElsewhere));
   if (!entry->name_to_be.empty())
@@ -63,7 +59,7 @@ void MapAdministration::rename(MapId id, MapEntry* entry, const std::string& nam
       maps_.array().end_renaming(renamed, kept.has_value());
       if (!kept) return answer(refusal(kept.error()));
       news_.tell(id, *renamed);
-      answer(success(overview_.describe(id, *renamed)));
+      answer(overview_.describe(id, *renamed));
     });
   });
 }
@@ -105,15 +101,15 @@ void MapAdministration::remove(MapId id, MapEntry* entry, bool for_good, const A
 
 void MapAdministration::finish_removal(MapId id, const Status& removed, const AdminAnswer& answer) {
   MapEntry* entry = maps_.array().find(id);
-  if (entry == nullptr) return answer(success({{"id", to_hex(id.bytes)}}));  // by another operator meanwhile
+  if (entry == nullptr) return answer(told::GoneMap{id});  // by another operator meanwhile
   if (!removed) {
     entry->leaving = false;
     return answer(refusal(removed.error()));
   }
-  const json deleted = describe(id, *entry);
+  const told::Map deleted = describe_map(id, *entry);
   maps_.forget(id);
   if (context_.store == nullptr) places_.forget_overlaps(id);
-  answer(success(deleted));
+  answer(deleted);
 }
 
 void MapAdministration::drop_dead(MonotonicTime now) {
@@ -128,10 +124,9 @@ void MapAdministration::drop_dead(MonotonicTime now) {
                        entry->name, dead.maker, std::chrono::duration<double>(dead.tracked).count(),
                        context_.store == nullptr ? "" : "; `cairnctl map " + id + " undelete` puts it back");
     const bool for_good = context_.store == nullptr;
-    remove(dead.map, entry, for_good,
-           [log = context_.log, name = entry->name](const wire::AdminReply& reply) {
-             if (reply.result != 0) log->warn("{} could not be dropped: {}", name, reply.text);
-           });
+    remove(dead.map, entry, for_good, [log = context_.log, name = entry->name](const OperatorAnswer& told) {
+      if (!told) log->warn("{} could not be dropped: {}", name, words_of(told.error()));
+    });
   }
 }
 
@@ -140,28 +135,29 @@ void MapAdministration::answer_without_map(const std::string& verb, const std::s
   if (context_.store == nullptr) return answer(unknown_map(wanted));
   beside_store(context_, answer, [verb, wanted, answer](const Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    const auto reply = [&] {
+    const auto told = [&]() -> OperatorAnswer {
       if (maps.empty()) return unknown_map(wanted);
-      if (verb == "delete") return success(describe(maps.front()));
+      if (verb == "delete") return maps.front();
       if (maps.size() > 1) return refusal(ambiguous(wanted, maps, ""));
       return maps.front().problem ? refusal(maps.front()) : deleted_map(wanted);
     };
-    return telling(answer, reply());
+    return telling(answer, told());
   });
 }
 
 void MapAdministration::undelete(const std::string& wanted, const AdminAnswer& answer) {
   const auto [id, entry] = maps_.find_called(wanted);
-  const bool is_live = entry != nullptr;
-  const json live = is_live ? overview_.describe(id, *entry) : json();
+  std::optional<told::BusyMap> live;
+  if (entry != nullptr) live = overview_.describe(id, *entry);
   const std::string full = capacity_.why_full();
-  beside_store(context_, answer, [this, wanted, answer, is_live, live, full](Store& store) -> Task {
+  beside_store(context_, answer, [this, wanted, answer, live, full](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    const auto say = [&answer](wire::AdminReply reply) { return telling(answer, std::move(reply)); };
-    if (maps.empty() && is_live) return say(success(live));
+    const auto say = [&answer](OperatorAnswer told) { return telling(answer, std::move(told)); };
+    if (maps.empty() && live) return say(*live);
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
-    if (maps.size() > 1 || is_live) {
-      const std::string in_use = is_live ? fmt::format(" {} (in use)", live.value("id", "")) : std::string();
+    if (maps.size() > 1 || live) {
+      const std::string in_use =
+          live ? fmt::format(" {} (in use)", to_hex(live->map.id.bytes)) : std::string();
       return say(refusal(ambiguous(wanted, maps, in_use)));
     }
     if (maps[0].problem) return say(refusal(maps[0]));
@@ -175,7 +171,7 @@ void MapAdministration::undelete(const std::string& wanted, const AdminAnswer& a
 void MapAdministration::purge(const std::string& wanted, const AdminAnswer& answer) {
   beside_store(context_, answer, [this, wanted, answer](Store& store) -> Task {
     const std::vector<DeletedMap> maps = deleted_maps_called(store, wanted);
-    const auto say = [&answer](wire::AdminReply reply) { return telling(answer, std::move(reply)); };
+    const auto say = [&answer](OperatorAnswer told) { return telling(answer, std::move(told)); };
     if (maps.empty()) return say(refusal(ErrorCode::kNotFound, "no deleted map '" + wanted + "'"));
     if (maps.size() > 1) return say(refusal(ambiguous(wanted, maps, "")));
     // Not by mistake what can be read again tomorrow.
@@ -184,7 +180,7 @@ void MapAdministration::purge(const std::string& wanted, const AdminAnswer& answ
     if (!purged) return say(refusal(purged.error()));
     return [this, answer, map = maps[0]] {
       places_.forget_overlaps(map.header.id);
-      answer(success(describe(map)));
+      answer(map);
     };
   });
 }
@@ -207,7 +203,7 @@ void MapAdministration::purge_old() {
   });
 }
 
-void MapAdministration::take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer) {
+void MapAdministration::take_in(MapId id, MapOpening::Undo undo, const AdminAnswer& answer) {
   const auto serve = [this, id, undo, answer](Result<RestoredMap> restored) {
     health_.look_again();
     if (!restored) return context_.post(telling(answer, refusal(restored.error())));
@@ -218,18 +214,18 @@ void MapAdministration::take_in(MapId id, MapPersistence::Undo undo, const Admin
       });
     } catch (const std::exception& problem) {  // memory
       const std::string why = std::string("cannot be served: ") + problem.what();
-      context_.store->take_back(id, name, undo, why);
+      context_.store->opening().take_back(id, name, undo, why);
       context_.post(telling(answer, refusal(ErrorCode::kRefused, "the map " + why)));
     }
   };
-  context_.store->restore_one(id, context_.options.mapping, restored_images(context_.options.rest_after),
-                              undo, serve);
+  context_.store->opening().restore_one(id, context_.options.mapping,
+                                        restored_images(context_.options.rest_after), undo, serve);
 }
 
-void MapAdministration::serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer) {
+void MapAdministration::serve_anew(ResumedMap map, MapOpening::Undo undo, const AdminAnswer& answer) {
   const MapId id = map.header.id;
   const std::string old_name = map.header.name;
-  const std::string name = maps_.array().free_name(old_name);
+  const std::string name = maps_.array().names().free(old_name);
   map.header.name = name;  // no two are called the same, however long it takes to keep that
   maps_.take_up(std::move(map));
   const auto runner = maps_.array().find(id)->runner;
@@ -237,7 +233,7 @@ void MapAdministration::serve_anew(ResumedMap map, MapPersistence::Undo undo, co
     if (!kept) {
       runner->retire();
       context_.store->run([this, id, old_name, undo, why = kept.error().message](Store&) {
-        context_.store->take_back(id, old_name, undo, why);
+        context_.store->opening().take_back(id, old_name, undo, why);
       });
     }
     context_.post([this, id, answer, kept] {
@@ -245,7 +241,7 @@ void MapAdministration::serve_anew(ResumedMap map, MapPersistence::Undo undo, co
       if (!kept) maps_.forget(id);
       if (!kept) return answer(refusal(kept.error()));
       if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
-      answer(success(overview_.describe(id, *entry)));
+      answer(overview_.describe(id, *entry));
     });
   };
   if (name == old_name) return done({});

@@ -42,13 +42,13 @@ class MapAdministration {
   void purge_old();
   /// Beside the writer: a map that has just come (back) into the store; `undo` takes it out again if it
   /// cannot be served, or not be called as it must.
-  void take_in(MapId id, MapPersistence::Undo undo, const AdminAnswer& answer);
+  void take_in(MapId id, MapOpening::Undo undo, const AdminAnswer& answer);
 
  private:
   /// `removed`: whether the store has let go of it; if not, it stays in service.
   void finish_removal(MapId id, const Status& removed, const AdminAnswer& answer);
   /// While others are served, under a name that is free; the answer follows when that is kept.
-  void serve_anew(ResumedMap map, MapPersistence::Undo undo, const AdminAnswer& answer);
+  void serve_anew(ResumedMap map, MapOpening::Undo undo, const AdminAnswer& answer);
 
   const ServiceContext& context_;
   ServedMaps& maps_;

@@ -8,8 +8,6 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <random>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -17,6 +15,7 @@
 #include "common/wire/messages.h"
 #include "server/access/rights.h"
 #include "server/service/label_book.h"
+#include "server/service/map_names.h"
 #include "server/service/map_runner.h"
 
 namespace cairn {
@@ -72,21 +71,14 @@ inline constexpr const char* kRollingBack = "the map is being rolled back; try a
 /// Whether its images have been let go.
 [[nodiscard]] bool is_at_rest(const MapEntry& entry);
 
-/// The maps by id; gives out ids and names. With a seed, ids are the same on every run; with 0 they are
-/// as `entropy` has it. Used from one thread.
+/// The maps by id. Used from one thread.
 class MapArray {
  public:
-  explicit MapArray(uint64_t seed, const std::function<uint32_t()>& entropy = {});
+  /// As MapIds.
+  explicit MapArray(uint64_t seed, const std::function<uint32_t()>& entropy = {}) : ids_(seed, entropy) {}
 
-  [[nodiscard]] MapId next_id();
-  /// For a seed in lockstep: without a seed of our own, a digest of what the tracker saw (its times and
-  /// trails), so that runs on fresh servers are equal to the byte. Another one if that is taken.
-  [[nodiscard]] MapId repeatable_id(const wire::MapSeed& seed);
-  /// The wished name if it is valid (is_valid_name) and free, else that with a number, else the first free of
-  /// map-1, map-2, ...
-  [[nodiscard]] std::string free_name(const std::string& wish) const;
-  /// Whether no map is called so, or has it for its id: also of those that are being made.
-  [[nodiscard]] bool is_free(const std::string& name) const;
+  [[nodiscard]] MapIds& ids() { return ids_; }
+  [[nodiscard]] const MapNames& names() const { return names_; }
 
   /// In place of the one that has the id.
   MapEntry& add(MapId map, MapEntry entry);
@@ -101,8 +93,6 @@ class MapArray {
   void begin_renaming(MapEntry* entry, const std::string& name);
   /// `kept`: it is called so from now on; else as before.
   void end_renaming(MapEntry* entry, bool kept);
-  /// The id of a map that was deleted and may come back is not given to another.
-  void reserve(MapId map) { reserved_.insert(map); }
   [[nodiscard]] MapEntry* find(MapId map);
   [[nodiscard]] const std::map<MapId, MapEntry>& all() const { return maps_; }
   /// Those that have been made.
@@ -118,17 +108,11 @@ class MapArray {
     make();
     bytes_ += bytes_of(*entry);
   }
-  void take_name(const std::string& name);
-  void give_back_name(const std::string& name);
-  [[nodiscard]] MapId draw_unused(std::mt19937_64* generator) const;
 
-  const bool seeded_;
-  std::mt19937_64 random_;
+  MapIds ids_;
+  MapNames names_{ids_};
   std::map<MapId, MapEntry> maps_;
-  std::set<MapId> reserved_;
-  size_t bytes_ = 0;                  ///< bytes_of() all entries
-  std::multiset<std::string> taken_;  ///< names and names to be
-  uint64_t first_number_ = 1;         ///< of the maps that are map-1, map-2, ...: all before are taken
+  size_t bytes_ = 0;  ///< bytes_of() all entries
 };
 
 /// What a client that has this right is told of a map that has been made.

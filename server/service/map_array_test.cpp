@@ -21,9 +21,9 @@ TEST(MapArray, IdsFollowTheSeedAndAreRandomWithout) {
   MapArray random_too(0, [&] { return device(); });
   std::set<MapId> seen;
   for (int i = 0; i < 100; ++i) {
-    const MapId id = first.next_id();
-    EXPECT_EQ(id, second.next_id());
-    for (const MapId each : {id, other.next_id(), random.next_id(), random_too.next_id()}) {
+    const MapId id = first.ids().next();
+    EXPECT_EQ(id, second.ids().next());
+    for (const MapId each : {id, other.ids().next(), random.ids().next(), random_too.ids().next()}) {
       EXPECT_TRUE(static_cast<bool>(each));
       EXPECT_TRUE(seen.insert(each).second) << "id twice";
     }
@@ -41,24 +41,25 @@ TEST(MapArray, InLockstepIdsFollowWhatTheTrackerSaw) {
 
   MapArray first(0);
   MapArray second(0);
-  const MapId id = first.repeatable_id(seed);
-  EXPECT_EQ(id, second.repeatable_id(seed));
-  EXPECT_NE(id, second.repeatable_id(other));
+  const MapId id = first.ids().repeatable(seed);
+  EXPECT_EQ(id, second.ids().repeatable(seed));
+  EXPECT_NE(id, second.ids().repeatable(other));
   first.add(id, MapEntry{"map-1", {}, {}, {}, {}});
-  EXPECT_NE(id, first.repeatable_id(seed)) << "taken";
-  second.reserve(id);
-  EXPECT_NE(id, second.repeatable_id(seed)) << "of a map that may come back";
+  EXPECT_NE(id, first.ids().repeatable(seed)) << "taken";
+  second.ids().reserve(id);
+  EXPECT_NE(id, second.ids().repeatable(seed)) << "of a map that may come back";
 
   MapArray with_seed(7);
   MapArray with_seed_too(7);
-  EXPECT_EQ(with_seed.repeatable_id(seed), with_seed_too.next_id()) << "the server's own seed goes first";
+  EXPECT_EQ(with_seed.ids().repeatable(seed), with_seed_too.ids().next())
+      << "the server's own seed goes first";
 }
 
 TEST(MapArray, NamesAreUniqueAndAWishIsGrantedWhenItCanBe) {
   MapArray maps(1);
   const auto take = [&maps](const std::string& wish) {
-    const std::string name = maps.free_name(wish);
-    maps.add(maps.next_id(), MapEntry{name, {}, {}, {}, {}});
+    const std::string name = maps.names().free(wish);
+    maps.add(maps.ids().next(), MapEntry{name, {}, {}, {}, {}});
     return name;
   };
   EXPECT_EQ(take(""), "map-1");
@@ -74,29 +75,29 @@ TEST(MapArray, NamesAreUniqueAndAWishIsGrantedWhenItCanBe) {
 
 TEST(MapArray, ANameThatIsSomeMapsNameOrIdIsNotFree) {
   MapArray maps(1);
-  const MapId id = maps.next_id();
+  const MapId id = maps.ids().next();
   maps.add(id, MapEntry{"desk", {}, {}, {}, {}}).seeding = true;
-  EXPECT_FALSE(maps.is_free("desk")) << "being made";
-  EXPECT_FALSE(maps.is_free(to_hex(id.bytes))) << "operators call it so, too";
-  EXPECT_NE(maps.free_name(to_hex(id.bytes)), to_hex(id.bytes));
-  EXPECT_TRUE(maps.is_free("bench"));
+  EXPECT_FALSE(maps.names().is_free("desk")) << "being made";
+  EXPECT_FALSE(maps.names().is_free(to_hex(id.bytes))) << "operators call it so, too";
+  EXPECT_NE(maps.names().free(to_hex(id.bytes)), to_hex(id.bytes));
+  EXPECT_TRUE(maps.names().is_free("bench"));
   maps.remove(id);
-  EXPECT_TRUE(maps.is_free("desk"));
+  EXPECT_TRUE(maps.names().is_free("desk"));
 }
 
 TEST(MapArray, ARefusedSeedGivesItsNameBack) {
   MapArray maps(1);
-  const MapId id = maps.next_id();
-  maps.add(id, MapEntry{maps.free_name(""), {}, {}, {}, {}});
+  const MapId id = maps.ids().next();
+  maps.add(id, MapEntry{maps.names().free(""), {}, {}, {}, {}});
   EXPECT_EQ(maps.live_count(), 0U) << "not made yet";
   maps.remove(id);
-  EXPECT_EQ(maps.free_name(""), "map-1");
+  EXPECT_EQ(maps.names().free(""), "map-1");
   EXPECT_EQ(maps.find(id), nullptr);
 }
 
 TEST(MapArray, ARestingMapThatIsOfferedAKeyframeCountsAsAwake) {
   MapArray maps(1);
-  MapEntry& entry = maps.add(maps.next_id(), MapEntry{"desk", {}, {}, {}, {}});
+  MapEntry& entry = maps.add(maps.ids().next(), MapEntry{"desk", {}, {}, {}, {}});
   MapStatistics statistics;
   statistics.bytes = 1000;
   statistics.bytes_let_go = 5000;
@@ -124,13 +125,13 @@ TEST(MapArray, TheIdOfAMapThatWasShownIsNotGivenToAnother) {
   seed.lockstep = true;
   seed.trails = {{TrailId{1}, {10, 20}, {11, 20}}};
   MapArray maps(0);
-  const MapId id = maps.repeatable_id(seed);
+  const MapId id = maps.ids().repeatable(seed);
   maps.add(id, MapEntry{"refused", {}, {}, {}, {}});
   maps.remove(id);
-  EXPECT_EQ(maps.repeatable_id(seed), id) << "nobody has seen it";
+  EXPECT_EQ(maps.ids().repeatable(seed), id) << "nobody has seen it";
   maps.show(&maps.add(id, MapEntry{"taken-back", {}, {}, {}, {}}), snapshot_of(1), {});
   maps.remove(id);
-  EXPECT_NE(maps.repeatable_id(seed), id) << "replicas would mix the two";
+  EXPECT_NE(maps.ids().repeatable(seed), id) << "replicas would mix the two";
 }
 
 /// The sum and the names as somebody would find them who goes through all maps.
@@ -152,9 +153,9 @@ class CountedMaps {
     ASSERT_EQ(maps_.bytes(), sum);
     uint64_t number = 1;
     while (names.contains("map-" + std::to_string(number))) ++number;
-    ASSERT_EQ(maps_.free_name(""), "map-" + std::to_string(number));
+    ASSERT_EQ(maps_.names().free(""), "map-" + std::to_string(number));
     const std::string any = "map-" + std::to_string(random() % 12);
-    ASSERT_EQ(maps_.is_free(any), !names.contains(any)) << any;
+    ASSERT_EQ(maps_.names().is_free(any), !names.contains(any)) << any;
   }
 
   void change_something(std::mt19937& random) {
@@ -166,7 +167,7 @@ class CountedMaps {
     statistics.bytes_let_go = random() % 10'000;
     statistics.keyframes = random() % 100;
     if (entry == nullptr) {
-      maps_.add(id, MapEntry{maps_.free_name(random() % 2 == 0 ? name : ""), {}, {}, {}, {}});
+      maps_.add(id, MapEntry{maps_.names().free(random() % 2 == 0 ? name : ""), {}, {}, {}, {}});
       return;
     }
     switch (random() % 6) {
@@ -183,7 +184,7 @@ class CountedMaps {
         return;
       default:
         if (!entry->name_to_be.empty()) return maps_.end_renaming(entry, random() % 2 == 0);
-        if (maps_.is_free(name)) maps_.begin_renaming(entry, name);
+        if (maps_.names().is_free(name)) maps_.begin_renaming(entry, name);
     }
   }
 

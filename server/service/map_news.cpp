@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/map_news.h"
 
-#include "server/service/proposals.h"
+#include "server/service/proposal_rule.h"
 
 namespace cairn {
 

@@ -65,11 +65,11 @@ class MapPersistenceTest : public testing::KeptMapFixture {
     return maps;
   }
   /// Waits for a map that has come in to be loaded.
-  [[nodiscard]] Status restored(MapPersistence* store, MapPersistence::Undo undo = &Store::undo_undelete) {
+  [[nodiscard]] Status restored(MapPersistence* store, MapOpening::Undo undo = &Store::undo_undelete) {
     auto loaded = std::make_shared<std::promise<Status>>();
-    store->restore_one(header_.id, options_, RestoredImages::kStay, undo, [loaded](const auto& map) {
-      loaded->set_value(map ? Status() : tl::unexpected(map.error()));
-    });
+    store->opening().restore_one(
+        header_.id, options_, RestoredImages::kStay, undo,
+        [loaded](const auto& map) { loaded->set_value(map ? Status() : tl::unexpected(map.error())); });
     return loaded->get_future().get();
   }
   /// Waits for what the writer says of an update.
@@ -96,7 +96,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
   damage(GetParam().table, GetParam().row);
   {
     const auto store = open();
-    std::vector<RestoredMap> maps = store->restore(options_, on_threads(kThreads));
+    std::vector<RestoredMap> maps = store->opening().restore(options_, on_threads(kThreads));
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(set_aside(), 1U);
     MapMaker& map = *maps[0].maker;
@@ -110,7 +110,7 @@ TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
     EXPECT_TRUE(kept) << kept.error().message;
   }
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), SizeIs(1));
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), SizeIs(1));
   EXPECT_EQ(set_aside(), 1U) << "what was saved of it is sound";
 }
 
@@ -128,7 +128,7 @@ TEST_P(FatalRowTest, SetsTheMapAside) {
   keep_a_map();
   damage(GetParam().table, GetParam().row);
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 1U);
   EXPECT_FALSE(std::filesystem::exists(file()));
 }
@@ -151,9 +151,9 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   const std::filesystem::path no_file = folder_ / "maps" / (to_hex(unreadable.bytes) + ".cairnmap");
   std::filesystem::create_directory(no_file);  // reading it is an I/O error
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
   EXPECT_EQ(set_aside(), 0U);
-  const std::vector<UnloadedMap> both = store->unloaded();
+  const std::vector<UnloadedMap> both = store->opening().unloaded();
   ASSERT_THAT(both, SizeIs(2));
   const bool in_order = both[0].map == header_.id;
   const UnloadedMap& newer = both[in_order ? 0 : 1];
@@ -164,10 +164,10 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedIsKnownForAsLongAsItsFileLiesTh
   EXPECT_TRUE(std::filesystem::exists(file()));
 
   std::filesystem::remove(no_file);
-  EXPECT_THAT(store->unloaded(), SizeIs(1));
+  EXPECT_THAT(store->opening().unloaded(), SizeIs(1));
   set_version(map_schema_version());
   EXPECT_TRUE(restored(store.get()));
-  EXPECT_THAT(store->unloaded(), IsEmpty()) << "it is served";
+  EXPECT_THAT(store->opening().unloaded(), IsEmpty()) << "it is served";
 }
 
 /// Refused means unchanged.
@@ -191,7 +191,7 @@ TEST_F(MapPersistenceTest, AMapThatCannotBeLoadedGoesBackToWhereItCameFrom) {
     EXPECT_TRUE(std::filesystem::exists(deleted));
     EXPECT_FALSE(std::filesystem::exists(file()));
   }
-  EXPECT_THAT(store->unloaded(), IsEmpty());
+  EXPECT_THAT(store->opening().unloaded(), IsEmpty());
   EXPECT_EQ(set_aside(), 0U);
   std::filesystem::rename(deleted, file());
   EXPECT_FALSE(restored(store.get(), &Store::undo_import));
@@ -207,13 +207,13 @@ TEST_F(MapPersistenceTest, AMapThatCouldNotBePutIntoItsPlaceIsKnown) {
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
   std::filesystem::remove(file());
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
-  const std::vector<UnloadedMap> unloaded = store->unloaded();
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  const std::vector<UnloadedMap> unloaded = store->opening().unloaded();
   ASSERT_THAT(unloaded, SizeIs(1));
   EXPECT_EQ(unloaded[0].map, header_.id);
   EXPECT_EQ(unloaded[0].file, saved);
   std::filesystem::remove(saved);
-  EXPECT_THAT(store->unloaded(), IsEmpty());
+  EXPECT_THAT(store->opening().unloaded(), IsEmpty());
 }
 
 TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
@@ -221,8 +221,8 @@ TEST_F(MapPersistenceTest, AMapBehindALinkIntoNowhereIsKnown) {
   std::filesystem::remove(file());
   std::filesystem::create_symlink(folder_ / "elsewhere" / "map", file());
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
-  EXPECT_THAT(store->unloaded(), SizeIs(1));
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT(store->opening().unloaded(), SizeIs(1));
 }
 
 TEST_F(MapPersistenceTest, WhatCannotBeSetAsideIsLoggedOnceAndLeftAlone) {
@@ -234,8 +234,8 @@ TEST_F(MapPersistenceTest, WhatCannotBeSetAsideIsLoggedOnceAndLeftAlone) {
   const auto store = MapPersistence::start(folder_, store_threads(log), log);
   ASSERT_TRUE(store);
   std::filesystem::remove(folder_ / "damaged");
-  EXPECT_THAT((*store)->restore(options_, on_threads(kThreads)), IsEmpty());
-  EXPECT_THAT((*store)->unloaded(), SizeIs(1));
+  EXPECT_THAT((*store)->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  EXPECT_THAT((*store)->opening().unloaded(), SizeIs(1));
   const std::string text = said.str();
   const size_t first = text.find("table map, row 1");
   ASSERT_NE(first, std::string::npos) << text;
@@ -247,8 +247,8 @@ TEST_F(MapPersistenceTest, AnEmptiedFileIsSetAsideWithItsLogAndNamed) {
   std::filesystem::resize_file(file(), 0);
   std::ofstream(file().string() + "-wal") << "perhaps all of it";
   const auto store = open();
-  EXPECT_THAT(store->restore(options_, on_threads(kThreads)), IsEmpty());
-  const std::vector<DamagedFile> damaged = store->damaged_files();
+  EXPECT_THAT(store->opening().restore(options_, on_threads(kThreads)), IsEmpty());
+  const std::vector<DamagedFile> damaged = store->opening().damaged_files();
   ASSERT_THAT(damaged, SizeIs(1));
   EXPECT_EQ(damaged[0].map, header_.id);
   ASSERT_THAT(damaged[0].reasons, SizeIs(1));
@@ -263,7 +263,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   {
     const auto store = open();
     const std::vector<RestoredMap> maps =
-        store->restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
+        store->opening().restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
     ASSERT_THAT(maps, SizeIs(1));
     EXPECT_EQ(maps[0].maker->statistics().without_images, 0U) << "a global adjustment is due";
     adjust_globally();
@@ -272,7 +272,7 @@ TEST_F(MapPersistenceTest, WhatHasNothingToDoComesBackIndexedAndWithoutImages) {
   }
   const auto store = open();
   const std::vector<RestoredMap> maps =
-      store->restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
+      store->opening().restore(options_, on_threads(kThreads), RestoredImages::kLetGo);
   ASSERT_THAT(maps, SizeIs(1));
   MapMaker& map = *maps[0].maker;
   EXPECT_FALSE(map.has_work());

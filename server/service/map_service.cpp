@@ -44,7 +44,7 @@ MapService::MapService(const MapServiceOptions& options, Lanes lanes, MapPersist
       next_tick_(context_.now()) {
   listen();
   if (store == nullptr) return;
-  for (const MapId map : store->deleted_ids()) maps_.array().reserve(map);
+  for (const MapId map : store->at_start().deleted_ids) maps_.array().ids().reserve(map);
 }
 
 /// Who is told of what happens in another's part.
@@ -61,18 +61,19 @@ void MapService::listen() {
 }
 
 void MapService::resume(std::vector<RestoredMap> restored) {
-  clients_.resume(restored);
+  using Deleted = std::vector<DeletedDecisions>;
+  clients_.resume(restored, context_.store ? context_.store->opening().decisions_on_deleted() : Deleted());
   for (RestoredMap& map : restored) {
     const auto [id, name] = std::pair(map.header.id, map.header.name);
     try {
       maps_.take_up(maps_.prepare(std::move(map)));
     } catch (const std::exception& problem) {  // memory: the others are served
-      context_.store->leave_alone(id, name, std::string("cannot be served: ") + problem.what());
+      context_.store->opening().leave_alone(id, name, std::string("cannot be served: ") + problem.what());
     }
   }
   health_.note_restored();
   if (context_.store != nullptr) map_administration_.purge_old();
-  for (const UnloadedMap& map : health_.unloaded()) maps_.array().reserve(map.map);
+  for (const UnloadedMap& map : health_.unloaded()) maps_.array().ids().reserve(map.map);
   // All are served all the same: what is there is wanted more than a limit.
   if (std::string why = capacity_.why_full(); !why.empty()) context_.log->warn("{}", why);
 }
@@ -124,6 +125,7 @@ void MapService::tick(MonotonicTime now) {
     health_.look_again();
     proposals_.drop_old();
     map_administration_.purge_old();
+    versions_.compact_crowded(now);
   }
   if (ticks_ % kTicksPerMapInfo != 0) return;
   for (const std::string& line : rigs_.pass(now)) context_.log->info("{}", line);

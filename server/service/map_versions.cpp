@@ -2,13 +2,16 @@
 #include "server/service/map_versions.h"
 
 #include <algorithm>
+#include <iterator>
+#include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <utility>
 
-#include "server/service/admin_pages.h"
+#include "server/mapping/crowding.h"
 #include "server/service/store_tasks.h"
+#include "server/store/compact_map.h"
 #include "server/store/drop_contributor.h"
 
 namespace cairn {
@@ -26,6 +29,32 @@ std::string why_not(const MapEntry& entry, bool has_store) {
 Status check_name(const char* what, const std::string& name) {
   if (is_valid_name(name)) return {};
   return fail(ErrorCode::kUsage, std::string(what) + " '" + name + "': expected 1 to 32 of a-z, 0-9 and -");
+}
+
+/// By what is published: what was removed keeps its slot.
+bool wants_compaction(const MapSnapshot& map, const MapMakerOptions& options) {
+  const auto made = [](const auto& blocks, size_t last) {
+    return blocks.empty() ? 0 : (blocks.size() - 1) * kBlockSlots + last;
+  };
+  const size_t in_last = map.point_blocks.empty() ? 0 : map.point_blocks.back()->patches->points.size();
+  const size_t keyframes_in_last =
+      map.keyframe_blocks.empty() ? 0 : map.keyframe_blocks.back()->keyframes.size();
+  return is_crowded(made(map.point_blocks, in_last), map.point_count(), options.max_points) ||
+         is_crowded(made(map.keyframe_blocks, keyframes_in_last), map.keyframe_count(),
+                    kMaxKeyframeBlocks * kBlockSlots);
+}
+
+/// Who brought which keyframes of a map that are there, by name.
+told::Contributors contributors_of(const MapSnapshot& map, std::span<const Contribution> known) {
+  std::map<std::string, std::vector<uint64_t>> by_client;
+  told::Contributors all{{}, map.keyframe_count()};
+  for (const auto& [keyframe, client] : known) {
+    if (map.find(keyframe) == nullptr) continue;
+    by_client[client].push_back(keyframe.value);
+    --all.unknown;
+  }
+  for (auto& [client, keyframes] : by_client) all.contributors.push_back({client, std::move(keyframes)});
+  return all;
 }
 
 /// The map can be stopped now.
@@ -55,6 +84,26 @@ void MapVersions::take(const std::string& operator_name, MapId id, MapEntry* ent
   std::visit([&](const auto& one) { take(map, one, answer); }, ask);
 }
 
+void MapVersions::compact_crowded(MonotonicTime now) {
+  constexpr std::chrono::minutes kUnused{1};
+  for (const auto& [id, entry] : maps_.array().all()) {
+    const bool is_quiet = entry.snapshot != nullptr && entry.frozen.empty() && entry.offers_in_work == 0 &&
+                          now - entry.used_at >= kUnused && why_not(entry, true).empty();
+    if (!is_quiet || !wants_compaction(*entry.snapshot, context_.options.mapping)) continue;
+    if (!compacted_.insert(id).second) continue;
+    const auto done = [this, id = id, name = entry.name](const OperatorAnswer& told) {
+      const std::string outcome = told ? "done" : words_of(told.error());
+      context_.site.note({0, context_.site.policy()->now(), "server", "compact", "map " + name, outcome});
+      if (told) compacted_.erase(id);
+      if (!told) context_.log->warn("{} is nearly full, and cannot be compacted: {}", name, outcome);
+      if (told) context_.log->info("{} was nearly full of what was removed from it, and is compacted", name);
+    };
+    change_state(
+        id, [id = id](Store& store, const AcceptState& accept) { return compact_map(&store, id, accept); },
+        done);
+  }
+}
+
 MapTag MapVersions::tag_now(const Meant& map, const std::string& name) const {
   const MapStatistics& now = map.entry->statistics;
   return {0, name, context_.wall(), map.author, now.keyframes, now.points, 0, 0};
@@ -66,8 +115,7 @@ void MapVersions::take(const Meant& map, const asked::Tag& ask, const AdminAnswe
     if (!kept) return context_.post(telling(answer, refusal(kept.error())));
     context_.store->run([this, id, tag, answer](Store& store) {
       const Status tagged = store.tag(id, tag);
-      context_.post(
-          [tag, tagged, answer] { answer(tagged ? success(describe(tag)) : refusal(tagged.error())); });
+      context_.post([tag, tagged, answer] { tagged ? answer(tag) : answer(refusal(tagged.error())); });
     });
   });
 }
@@ -76,14 +124,19 @@ void MapVersions::take(const Meant& map, const asked::Untag& ask, const AdminAns
   if (const Status named = check_name("tag", ask.tag); !named) return answer(refusal(named.error()));
   context_.store->run([this, id = map.id, tag = ask.tag, answer](Store& store) {
     const Status gone = store.untag(id, tag);
-    context_.post([answer, gone, tag] { answer(gone ? success({{"tag", tag}}) : refusal(gone.error())); });
+    context_.post(
+        [answer, gone, tag] { gone ? answer(told::Untagged{tag}) : answer(refusal(gone.error())); });
   });
 }
 
 void MapVersions::take(const Meant& map, const asked::Tags& ask, const AdminAnswer& answer) {
   context_.store->run([this, id = map.id, after = ask.after, answer](Store& store) {
     context_.post([answer, after, tags = store.tags(id)] {
-      answer(tags ? page_of(*tags, after) : refusal(tags.error()));
+      if (!tags) return answer(refusal(tags.error()));
+      told::Tags page;
+      std::ranges::copy_if(*tags, std::back_inserter(page.tags),
+                           [after](const MapTag& tag) { return tag.number > after; });
+      answer(std::move(page));
     });
   });
 }
@@ -114,7 +167,10 @@ void MapVersions::take(const Meant& map, const asked::Contributors& ask, const A
   context_.store->run(
       [this, id = map.id, snapshot = map.entry->snapshot, after = ask.after, answer](Store& store) {
         context_.post([answer, snapshot, after, known = store.contributions(id)] {
-          answer(known ? page_of(contributors_of(*snapshot, *known), after) : refusal(known.error()));
+          if (!known) return answer(refusal(known.error()));
+          told::Contributors page = contributors_of(*snapshot, *known);
+          std::erase_if(page.contributors, [&](const told::Contributor& one) { return one.client <= after; });
+          answer(std::move(page));
         });
       });
 }
@@ -125,7 +181,8 @@ void MapVersions::take(const Meant& map, const asked::DropContributor& ask, cons
       [this, id = map.id, snapshot = map.entry->snapshot, client = ask.client, answer](Store& store) {
         const auto known = store.contributions(id);
         if (!known) return context_.post(telling(answer, refusal(known.error())));
-        const bool has_any = contributors_of(*snapshot, *known).by_client.contains(client);
+        const bool has_any = std::ranges::any_of(contributors_of(*snapshot, *known).contributors,
+                                                 [&](const auto& one) { return one.client == client; });
         context_.post([this, id, client, answer, has_any, nothing = no_contribution(client, snapshot->name)] {
           if (!has_any) return answer(refusal(nothing));
           const auto drop = [id, client](Store& s, const AcceptState& accept) {
@@ -138,13 +195,13 @@ void MapVersions::take(const Meant& map, const asked::DropContributor& ask, cons
 
 void MapVersions::take(const Meant& map, const asked::Copy& ask, const AdminAnswer& answer) {
   if (const Status named = check_name("name", ask.name); !named) return answer(refusal(named.error()));
-  if (!maps_.array().is_free(ask.name))
+  if (!maps_.array().names().is_free(ask.name))
     return answer(refusal(ErrorCode::kRefused, "another map is called '" + ask.name + "'"));
   std::string full = capacity_.why_full();
   if (full.empty()) full = capacity_.why_memory_is_full(bytes_of(*map.entry) + bytes_to_wake(*map.entry));
   if (!full.empty()) return answer(refusal(ErrorCode::kRefused, std::move(full)));
-  const MapId copy = maps_.array().next_id();
-  maps_.array().reserve(copy);
+  const MapId copy = maps_.array().ids().next();
+  maps_.array().ids().reserve(copy);
   const auto make = [this, id = map.id, copy, name = ask.name, answer](const Store& store) -> Task {
     const Status copied = store.copy_map(id, copy, name);
     if (!copied) return telling(answer, refusal(copied.error()));
@@ -184,12 +241,13 @@ void MapVersions::change_state_in_place(MapId id, MapEntry* entry, ChangeOfState
     });
   };
   const auto take = [this, next](RestoredMap map) { next->emplace(maps_.prepare(std::move(map))); };
-  entry->runner->give_way([this, id, change = std::move(change), place = std::move(place), take,
-                           done](const Status& kept) {
-    if (!kept) return done(kept);
-    context_.store->change_state(id, context_.options.mapping, restored_images(context_.options.rest_after),
-                                 {place, change, take, done});
-  });
+  entry->runner->give_way(
+      [this, id, change = std::move(change), place = std::move(place), take, done](const Status& kept) {
+        if (!kept) return done(kept);
+        context_.store->opening().change_state(id, context_.options.mapping,
+                                               restored_images(context_.options.rest_after),
+                                               {place, change, take, done});
+      });
 }
 
 void MapVersions::replace(ResumedMap map, const AdminAnswer& answer) {
@@ -198,7 +256,7 @@ void MapVersions::replace(ResumedMap map, const AdminAnswer& answer) {
   if (!labels) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
   const MapEntry& entry = *maps_.array().find(id);
   for (const LabelId label : *labels) labels_.tell(id, entry, label);  // each names its epoch
-  answer(success(overview_.describe(id, entry)));
+  answer(overview_.describe(id, entry));
 }
 
 }  // namespace cairn

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <set>
 #include <string>
 
 #include "server/service/admin_request.h"
@@ -27,6 +28,9 @@ class MapVersions {
 
   void take(const std::string& operator_name, MapId id, MapEntry* entry, const asked::OfVersions& ask,
             const AdminAnswer& answer);
+  /// Maps that have little room left but for what was removed from them, and that nobody uses, give that up
+  /// (compact_map.h). With a store only.
+  void compact_crowded(MonotonicTime now);
 
  private:
   /// The map that is meant: it is served, and nothing is under way with it.
@@ -59,6 +63,7 @@ class MapVersions {
   const Capacity& capacity_;
   MapAdministration& administration_;
   const Overview& overview_;
+  std::set<MapId> compacted_;  ///< or on the way to be: what fails is not tried again until the next start
 };
 
 }  // namespace cairn

@@ -2,20 +2,15 @@
 #include "server/service/operators.h"
 
 #include <exception>
-#include <nlohmann/json.hpp>
 #include <utility>
 #include <variant>
 
 #include "common/base/overloaded.h"
-#include "common/base/utf8.h"
-#include "common/io/json_text.h"
+#include "server/service/admin_reply.h"
 
 namespace cairn {
 namespace {
 
-using nlohmann::json;
-
-constexpr size_t kLoggedBytes = 200;  ///< of a request
 constexpr const char* kInternal = "internal error; the server's log says more";
 
 }  // namespace
@@ -31,8 +26,8 @@ class Operators::Ticket {
   Ticket(const Ticket&) = delete;
   Ticket& operator=(const Ticket&) = delete;
 
-  void answer(wire::AdminReply reply) {
-    if (const AdminAnswer once = std::exchange(answer_, nullptr)) once(std::move(reply));
+  void answer(OperatorAnswer told) {
+    if (const AdminAnswer once = std::exchange(answer_, nullptr)) once(std::move(told));
   }
 
  private:
@@ -42,7 +37,8 @@ class Operators::Ticket {
 
 void Operators::take(const Principal& who, const wire::AdminRequest& message) {
   const std::string& operator_name = who.name;
-  const auto tell = [this, operator_name, command = message.command](wire::AdminReply reply) {
+  const auto tell = [this, operator_name, command = message.command](const OperatorAnswer& told) {
+    wire::AdminReply reply = reply_of(told);
     reply.operator_id = client_id_from_name(operator_name);
     reply.command = command;
     if (reply.result != 0) context_.log->info("operator {}: refused: {}", operator_name, reply.text);
@@ -61,8 +57,9 @@ void Operators::take(const Principal& who, const wire::AdminRequest& message) {
     case AdminGate::Admission::kRefused:
       return refuse_for_now(operator_name, message.command, judged.why);
   }
-  const AdminAnswer answer = [ticket = std::make_shared<Ticket>(tell, context_.post)](
-                                 wire::AdminReply reply) { ticket->answer(std::move(reply)); };
+  const AdminAnswer answer = [ticket = std::make_shared<Ticket>(tell, context_.post)](OperatorAnswer told) {
+    ticket->answer(std::move(told));
+  };
   try {
     carry_out(who, message, answer);
   } catch (const std::exception& problem) {
@@ -74,7 +71,7 @@ void Operators::take(const Principal& who, const wire::AdminRequest& message) {
 /// Not in the log: there may be many.
 void Operators::refuse_for_now(const std::string& operator_name, wire::CommandId command,
                                const std::string& why) {
-  wire::AdminReply reply = refusal(ErrorCode::kRefused, why);
+  wire::AdminReply reply = reply_of(refusal(ErrorCode::kRefused, why));
   reply.operator_id = client_id_from_name(operator_name);
   reply.command = command;
   gate_.answered(operator_name, std::move(reply), context_.now());
@@ -90,12 +87,11 @@ void Operators::repeat_answer(const std::string& operator_name, wire::CommandId 
 }
 
 void Operators::carry_out(const Principal& who, const wire::AdminRequest& message, const AdminAnswer& tell) {
-  const json request = parse_admin_request(message.request);
-  const Result<AskedOfServer> asks = read_admin_request(request);
+  const Result<AskedOfServer> asks = read_admin_request(message.request);
   if (!asks) return tell(refusal(asks.error()));
   const AdminAnswer answer = asks->is_audited() ? desks_.site.audited(who.name, *asks, tell) : tell;
   context_.log->log(asks->is_piece ? spdlog::level::debug : spdlog::level::info, "operator {}: {}", who.name,
-                    cut_text(json_text(request), kLoggedBytes));
+                    asks->text);
   if (const Status may = context_.access().may_ask(who, asks->act); !may) return answer(refusal(may.error()));
   pass_on(who, *asks, message.data, answer);
 }
@@ -108,10 +104,9 @@ void Operators::pass_on(const Principal& who, const AskedOfServer& asks, const s
       [&](const asked::Unknown&) {
         answer(refusal(ErrorCode::kUsage, "this server does not know '" + asks.verb + "'"));
       },
+      [&](const asked::Unfit& unfit) { answer(refusal(unfit.why)); },
       [&](const asked::Status&) { answer(desks_.overview.server()); },
-      [&](const asked::Rigs&) {
-        answer(success({{"rigs", desks_.rigs.describe(context_.now())}}));
-      },
+      [&](const asked::Rigs&) { answer(told::Rigs{desks_.rigs.seen(context_.now())}); },
       [&](const asked::Clients&) { answer(desks_.overview.clients()); },
       [&](const asked::KickClient& ask) { kick(ask.client, answer); },
       [&](const asked::Maps& ask) { desks_.overview.list(ask, answer); },
@@ -165,7 +160,7 @@ void Operators::pass_on(const Principal& who, const std::string& verb, const ask
 void Operators::kick(const std::string& client, const AdminAnswer& answer) {
   const Status kicked = desks_.sessions.kick(client);
   if (!kicked) return answer(refusal(kicked.error()));
-  answer(success({{"done", "client " + client + " is not served until it is started again"}}));
+  answer(told::Done{"client " + client + " is not served until it is started again"});
 }
 
 }  // namespace cairn

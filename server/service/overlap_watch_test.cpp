@@ -7,6 +7,7 @@
 #include <future>
 #include <nlohmann/json.hpp>
 
+#include "server/service/work_times_json.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -58,7 +59,10 @@ class OverlapWatchTest : public ::testing::Test {
     std::promise<void> done;
     lane_.submit([&done] { done.set_value(); });
     done.get_future().wait();
-    return nlohmann::json::parse(times_.to_json()).at("overlap_check_cpu_ms").at("count").get<int>();
+    return nlohmann::json::parse(to_json(times_.summaries()))
+        .at("overlap_check_cpu_ms")
+        .at("count")
+        .get<int>();
   }
   /// What is submitted from here on waits until then.
   std::promise<void> hold_lane() {

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
-
-#include "server/service/admin_reply.h"
 #include "server/service/admin_request.h"
 #include "server/service/health.h"
+#include "server/service/operator_answer.h"
 #include "server/service/places.h"
 
 namespace cairn {
+
+/// Of a map that is served, that is, has a snapshot.
+[[nodiscard]] told::Map describe_map(MapId id, const MapEntry& entry);
 
 /// What operators see: the server, its maps, who is there. Changes nothing. Used from the service's thread.
 class Overview {
@@ -24,10 +25,10 @@ class Overview {
   Overview(const Overview&) = delete;
   Overview& operator=(const Overview&) = delete;
 
-  [[nodiscard]] wire::AdminReply server() const;
-  [[nodiscard]] wire::AdminReply clients() const;
+  [[nodiscard]] told::Server server() const;
+  [[nodiscard]] told::Clients clients() const;
   /// A map that is served.
-  [[nodiscard]] nlohmann::json describe(MapId id, const MapEntry& entry) const;
+  [[nodiscard]] told::BusyMap describe(MapId id, const MapEntry& entry) const;
   /// A page of all maps: those that are served, deleted, damaged, and could not be loaded.
   void list(const asked::Maps& begin, const AdminAnswer& answer);
   /// With what takes a look at all of the map.

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "server/service/system_clock.h"
+#include "server/service/work_times_json.h"
 #include "server/service/worker_pool.h"
 
 namespace cairn {
@@ -55,7 +56,10 @@ class PlaceDeskTest : public ::testing::Test {
                                         std::make_shared<SystemClock>(), null_logger(), &times_);
   }
   [[nodiscard]] int searchable() const {
-    return nlohmann::json::parse(times_.to_json()).at("offer_to_searchable_ms").at("count").get<int>();
+    return nlohmann::json::parse(to_json(times_.summaries()))
+        .at("offer_to_searchable_ms")
+        .at("count")
+        .get<int>();
   }
   PlaceAnswer ask(const KeyframeView& keyframe, bool lockstep = true) {
     std::promise<PlaceAnswer> answer;

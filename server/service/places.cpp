@@ -46,7 +46,7 @@ Places::Places(const ServiceContext& context, Clients& clients, Sessions& sessio
       desk_(std::make_shared<PlaceDesk>(
           PlaceDesk::Lanes{context.lanes.urgent, context.lanes.questions, context.lanes.background},
           context.options.relocalization, context.options.clock, context.log, context.options.work_times)) {
-  if (context_.store != nullptr) overlaps_.restore(context_.store->overlaps());
+  if (context_.store != nullptr) overlaps_.restore(context_.store->at_start().overlaps);
   watch_for_overlaps();
 }
 

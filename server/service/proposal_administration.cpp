@@ -2,15 +2,15 @@
 #include "server/service/proposal_administration.h"
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 #include <utility>
 
-#include "server/service/admin_pages.h"
+#include "server/service/proposal_judge.h"
 
 namespace cairn {
 namespace {
 
-using nlohmann::json;
+/// More than fit into a page: each takes some 300 bytes at least.
+constexpr size_t kMostTold = 250;
 
 /// As any other offer of its client, with what was kept.
 OfferJob accepted_job(uint64_t number, const CameraPtr& camera, KeptProposal kept) {
@@ -50,17 +50,18 @@ std::optional<ProposalAdministration::Named> ProposalAdministration::find(const 
 
 void ProposalAdministration::take(const asked::Proposals& ask, const AdminAnswer& answer) {
   const std::pair after(ask.after_map, ask.after);
-  ReplyPage page{"proposals"};
+  told::Proposals page;
   for (const auto& [map, entry] : maps_.array().all()) {
     const std::string id = to_hex(map.bytes);
     if (entry.snapshot == nullptr || (!ask.map.empty() && ask.map != entry.name && ask.map != id)) continue;
     for (const auto& [number, proposal] : book_.of(map)) {
       const bool is_of_other = !ask.client.empty() && ask.client != proposal.client;
       if (std::pair(id, number) <= after || is_of_other) continue;
-      if (!page.add("proposals", describe(map, entry.name, proposal))) return answer(success(page.content()));
+      page.proposals.push_back({proposal_id(map, number), map, entry.name, proposal});
+      if (page.proposals.size() >= kMostTold) return answer(std::move(page));
     }
   }
-  answer(success(page.content()));
+  answer(std::move(page));
 }
 
 void ProposalAdministration::read(const Named& which, const AdminAnswer& answer,
@@ -80,20 +81,16 @@ void ProposalAdministration::take(const asked::ShowProposal& ask, const AdminAns
   read(*which, answer, [this, which = *which, answer](KeptProposal kept) {
     const MapEntry* entry = maps_.array().find(which.map);
     if (entry == nullptr) return answer(refusal(ErrorCode::kNotFound, "the map has gone meanwhile"));
-    json told = describe(which.map, entry->name, kept.record.summary);
-    told["picture_bytes"] = kept.picture.size();
-    told["measured"] = kept.record.measurements.size();
-    context_.lanes.idle.submit([this, answer, told = std::move(told), kept = std::move(kept),
+    const ProposalSummary& summary = kept.record.summary;
+    told::WholeProposal whole{{proposal_id(which.map, summary.number), which.map, entry->name, summary},
+                              kept.picture.size(),
+                              kept.record.measurements.size(),
+                              {}};
+    context_.lanes.idle.submit([this, answer, whole = std::move(whole), kept = std::move(kept),
                                 snapshot = entry->snapshot, epochs = entry->epochs] {
-      context_.post([answer, told, points = points_in(*snapshot, epochs, kept)]() mutable {
-        if (points) {
-          told["expected_now"] = points->size();
-          told["found_now"] = std::ranges::count_if(*points, &ExpectedPoint::found);
-          told["points"] = describe(*points);
-        } else {
-          told["problem"] = points.error().message;
-        }
-        answer(success(told));
+      context_.post([answer, whole, points = points_in(*snapshot, epochs, kept)]() mutable {
+        whole.expected_now = std::move(points);
+        answer(std::move(whole));
       });
     });
   });
@@ -105,10 +102,8 @@ void ProposalAdministration::take(const asked::ProposalPicture& ask, const Admin
   read(*which, answer, [answer, offset = ask.offset](const KeptProposal& kept) {
     const size_t from = std::min<size_t>(offset, kept.picture.size());
     const size_t size = std::min(wire::kMaxAdminData, kept.picture.size() - from);
-    wire::AdminReply reply = success({{"bytes", kept.picture.size()}});
-    reply.data.assign(kept.picture.begin() + static_cast<std::ptrdiff_t>(from),
-                      kept.picture.begin() + static_cast<std::ptrdiff_t>(from + size));
-    answer(std::move(reply));
+    const auto begin = kept.picture.begin() + static_cast<std::ptrdiff_t>(from);
+    answer(told::PicturePiece{kept.picture.size(), {begin, begin + static_cast<std::ptrdiff_t>(size)}});
   });
 }
 
@@ -124,7 +119,7 @@ void ProposalAdministration::drop(const Named& which, const AdminAnswer& answer)
     context_.post([this, which, answer, written] {
       if (!written) return answer(refusal(written.error()));
       book_.remove(which.map, which.number);
-      answer(success({{"id", proposal_id(which.map, which.number)}}));
+      answer(told::DroppedProposal{proposal_id(which.map, which.number)});
     });
   });
 }
@@ -175,16 +170,13 @@ void ProposalAdministration::on_decided(const Named& which, const std::string& c
     book_.remove(which.map, which.number);
     maps_.young().forget(which.map);
     context_.log->info("proposal {} of {} is keyframe {} of its map", id, client, judgement.keyframe.value);
-    return answer(success({{"id", id},
-                           {"map", to_hex(which.map.bytes)},
-                           {"client", client},
-                           {"keyframe", judgement.keyframe.value}}));
+    return answer(told::AcceptedProposal{id, which.map, client, judgement.keyframe});
   }
   if (judgement.decision != wire::OfferDecision::kStale || !is_final)
     return answer(refusal(ErrorCode::kRefused, judgement.reason + "; it stays until it is dropped"));
   // What it was measured against does not come back.
-  drop(which, [answer, why = judgement.reason](const wire::AdminReply& dropped) {
-    answer(refusal(ErrorCode::kRefused, dropped.result == 0 ? why + "; it has been dropped" : why));
+  drop(which, [answer, why = judgement.reason](const OperatorAnswer& dropped) {
+    answer(refusal(ErrorCode::kRefused, dropped ? why + "; it has been dropped" : why));
   });
 }
 

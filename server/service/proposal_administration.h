@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-#include "server/service/admin_reply.h"
 #include "server/service/admin_request.h"
 #include "server/service/capacity.h"
+#include "server/service/operator_answer.h"
 #include "server/service/proposal_book.h"
 #include "server/service/served_maps.h"
 

@@ -12,17 +12,6 @@
 
 namespace cairn {
 
-/// To who offers where nothing is kept aside.
-inline constexpr const char* kNoProposals = "no proposals are taken in this map";
-
-/// Whether keyframes of a client are kept aside where it may not add them.
-[[nodiscard]] bool takes_proposals(const ServiceContext& context, const Client& client, MapId map,
-                                   const MapEntry& entry);
-
-/// Why an offer can be a proposal at most; empty: the map maker is to judge it.
-[[nodiscard]] std::string why_aside(const wire::KeyframeOffer& offer, const MapEntry& entry,
-                                    const Ruling& ruling);
-
 /// Keyframes of who may not add them, kept aside until an operator decides. They are looked at in the lane
 /// that stands back for all others, on what is published of the map; the map's queue hears of one when an
 /// operator accepts it. Used from the service's thread.

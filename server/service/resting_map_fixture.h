@@ -210,7 +210,7 @@ class KeptMap {
     runner_->save_last_changes();
     store_.reset();
     store_ = std::move(*MapPersistence::start(folder_, store_threads(null_logger()), null_logger()));
-    std::vector<RestoredMap> restored = store_->restore({}, on_threads(1), RestoredImages::kLetGo);
+    std::vector<RestoredMap> restored = store_->opening().restore({}, on_threads(1), RestoredImages::kLetGo);
     ASSERT_EQ(restored.size(), 1U);
     make_runner();
     MapRevision first = runner_->resume(std::move(restored[0]));

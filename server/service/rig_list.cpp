@@ -1,12 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/rig_list.h"
 
-#include <nlohmann/json.hpp>
-
 namespace cairn {
 namespace {
-
-using nlohmann::json;
 
 /// "operator-7 ordered stop", with what became of it.
 std::string words_of_order(const wire::RigState& state, const wire::CommandId& before) {
@@ -55,27 +51,11 @@ std::vector<std::string> RigList::pass(MonotonicTime now) {
   return lines;
 }
 
-json RigList::describe(MonotonicTime now) const {
-  json list = json::array();
-  for (const auto& [name, rig] : rigs_) {
-    const wire::RigState& state = rig.state;
-    json item = {{"rig", name},
-                 {"mode", std::string(wire::name_of(state.mode))},
-                 {"commander", state.commander},
-                 {"stopped", state.stopped},
-                 {"drives_idle", state.drives_idle},
-                 {"faults", {{"pan", state.axes[0].fault}, {"tilt", state.axes[1].fault}}},
-                 {"trouble", state.trouble},
-                 {"silent", now - rig.heard > kSilent},
-                 {"heard_s_ago", std::chrono::duration<double>(now - rig.heard).count()}};
-    if (state.order.session.value != 0) {
-      item["last_order"] = {{"by", state.ordered_by},
-                            {"mode", std::string(wire::name_of(state.ordered))},
-                            {"refusal", state.refusal}};
-    }
-    list.push_back(std::move(item));
-  }
-  return list;
+std::vector<told::RigSeen> RigList::seen(MonotonicTime now) const {
+  std::vector<told::RigSeen> all;
+  for (const auto& [name, rig] : rigs_)
+    all.push_back({rig.state, now - rig.heard > kSilent, now - rig.heard});
+  return all;
 }
 
 }  // namespace cairn

@@ -3,12 +3,12 @@
 
 #include <chrono>
 #include <map>
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "common/base/time.h"
 #include "common/wire/rig_messages.h"
+#include "server/service/operator_answer.h"
 
 namespace cairn {
 
@@ -28,7 +28,7 @@ class RigList {
   [[nodiscard]] std::vector<std::string> pass(MonotonicTime now);
 
   /// By name, for an operator.
-  [[nodiscard]] nlohmann::json describe(MonotonicTime now) const;
+  [[nodiscard]] std::vector<told::RigSeen> seen(MonotonicTime now) const;
 
  private:
   struct Rig {

@@ -6,6 +6,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "server/service/admin_json.h"
+
 namespace cairn {
 namespace {
 
@@ -68,12 +70,12 @@ TEST_F(RigListTest, OneThatIsSilentIsToldSoAndForgottenLater) {
   now_ += 1ms;
   EXPECT_THAT(rigs_.pass(now_), ElementsAre("rig shoulder: it is silent"));
   EXPECT_THAT(rigs_.pass(now_), IsEmpty());
-  EXPECT_TRUE(rigs_.describe(now_)[0]["silent"]);
+  EXPECT_TRUE(rigs_.seen(now_).at(0).silent);
   EXPECT_THAT(hear(), ElementsAre("rig shoulder: it is there"));
-  EXPECT_FALSE(rigs_.describe(now_)[0]["silent"]);
+  EXPECT_FALSE(rigs_.seen(now_).at(0).silent);
   now_ += RigList::kForgotten + 1ms;
   (void)rigs_.pass(now_);
-  EXPECT_TRUE(rigs_.describe(now_).empty());
+  EXPECT_TRUE(rigs_.seen(now_).empty());
 }
 
 TEST_F(RigListTest, WhatItDoesIsListed) {
@@ -91,7 +93,7 @@ TEST_F(RigListTest, WhatItDoesIsListed) {
       {"drives_idle", false},     {"faults", {{"pan", 0}, {"tilt", 3}}},
       {"silent", false},          {"trouble", "tilt (node 17) is stuck"},
       {"heard_s_ago", 0.5},       {"last_order", {{"by", "tracker-3"}, {"mode", "lock"}, {"refusal", ""}}}};
-  EXPECT_EQ(rigs_.describe(now_), nlohmann::json::array({expected}));
+  EXPECT_EQ(content_of(told::Rigs{rigs_.seen(now_)})["rigs"], nlohmann::json::array({expected}));
 }
 
 TEST_F(RigListTest, AnybodyMaySayToBeARigAndOnlySoManyAreHeard) {
@@ -99,7 +101,7 @@ TEST_F(RigListTest, AnybodyMaySayToBeARigAndOnlySoManyAreHeard) {
     state_.rig = "rig-" + std::to_string(i);
     (void)hear();
   }
-  EXPECT_EQ(rigs_.describe(now_).size(), RigList::kMost);
+  EXPECT_EQ(rigs_.seen(now_).size(), RigList::kMost);
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,10 +9,12 @@
 #include "common/base/result.h"
 #include "common/map/extent.h"
 #include "server/access/rights.h"
+#include "server/service/admin_request.h"
+#include "server/service/operator_answer.h"
 #include "server/store/site_file.h"
 
-/// What operators ask about rights, as JSON (idl/README.md, AdminRequest): pure, on a copy of the rights. Who
-/// calls it keeps the outcome and puts it into force.
+/// What operators ask about rights: pure, on a copy of the rights. Who calls it keeps the outcome and puts it
+/// into force.
 namespace cairn {
 
 /// What there is to know of a map that a request names.
@@ -26,36 +27,18 @@ struct NamedMap {
 using FindMap = std::function<std::optional<NamedMap>(const std::string& name_or_id)>;
 
 struct RightsChange {
-  Rights rights;          ///< as they are to be
-  AuditEntry entry;       ///< who changed them, and how
-  nlohmann::json answer;  ///< once they are kept
+  Rights rights;     ///< as they are to be
+  AuditEntry entry;  ///< who changed them, and how
 };
 
-/// Whether this is one of these requests: the verbs "rights-..." and "map-freeze", "map-unfreeze",
-/// "client-block", "client-unblock", "proposals-welcome".
-[[nodiscard]] bool changes_rights(const std::string& verb);
-
-/// rights-grant (to, map, right, within, until), rights-revoke (to, map), rights-default (right, create),
-/// rights-create (to, may), rights-group (group, members), map-freeze (map, why), map-unfreeze (map),
-/// client-block (client, why), client-unblock (client), proposals-welcome (map, welcome). `within`: {"box":
-/// [[x, y, z], [x, y, z]]},
-/// {"center": [x, y, z], "radius": r}, or {"margin": m} around the map's present bounds. Errors kUsage,
-/// kNotFound: what is wrong with it.
-[[nodiscard]] Result<RightsChange> change_rights(const Rights& rights, const nlohmann::json& request,
+/// Errors kUsage, kNotFound: what is wrong with it.
+[[nodiscard]] Result<RightsChange> change_rights(const Rights& rights, const asked::ChangeRights& ask,
                                                  const std::string& operator_name, const FindMap& find,
                                                  Timestamp now);
 
-/// rights-show: all rules, for a person and for machines. `name_of`: of a map; empty: it is not served.
-[[nodiscard]] nlohmann::json describe_rights(const Rights& rights,
-                                             const std::function<std::string(const MapId&)>& name_of,
-                                             Timestamp now);
-
-/// rights-explain (client, map): what it may do, and the rules that say so.
-[[nodiscard]] Result<nlohmann::json> explain_rights(const Rights& rights, const nlohmann::json& request,
-                                                    const FindMap& find, Timestamp now);
-
-/// audit (who, action, object, from, until, before, limit).
-[[nodiscard]] Result<AuditQuery> audit_query_of(const nlohmann::json& request);
-[[nodiscard]] nlohmann::json describe(const AuditEntry& entry);
+/// What a client may do, and the rules that say so. Errors kUsage, kNotFound.
+[[nodiscard]] Result<told::ExplainedRights> explain_rights(const Rights& rights,
+                                                           const asked::ExplainRights& ask,
+                                                           const FindMap& find, Timestamp now);
 
 }  // namespace cairn

@@ -6,6 +6,7 @@
 
 #include <deque>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "common/io/test_directory.h"
 #include "server/service/by_hand.h"
@@ -33,9 +34,11 @@ class SiteAccessTest : public ::testing::Test {
   void run() {
     while (!of_lane_.empty() || !of_service_.empty()) (of_lane_.empty() ? of_service_ : of_lane_).run_one();
   }
-  void put(SiteAccess* site, json request) {
+  void put(SiteAccess* site, const json& request) {
+    const auto asks = read_admin_request(request.dump());
+    ASSERT_TRUE(asks && std::holds_alternative<asked::ChangeRights>(asks->what)) << request;
     auto change = change_rights(
-        site->rights(), request, "ann",
+        site->rights(), std::get<asked::ChangeRights>(asks->what), "ann",
         [](const std::string&) {
           return NamedMap{kDesk, "desk", {}};
         },

@@ -4,9 +4,9 @@
 #include <optional>
 #include <string>
 
-#include "server/service/admin_reply.h"
 #include "server/service/admin_request.h"
 #include "server/service/map_news.h"
+#include "server/service/operator_answer.h"
 
 namespace cairn {
 

@@ -1,15 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "server/service/store_administration.h"
 
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
 #include "server/access/rights_file.h"
-#include "server/service/admin_pages.h"
 #include "server/service/store_tasks.h"
 #include "server/store/backup.h"
-#include "server/store/check_report.h"
+#include "server/store/store_check.h"
 
 namespace cairn {
 namespace {
@@ -35,10 +33,6 @@ Status check_rights(const std::string& text) {
   return rights ? Status() : tl::unexpected(rights.error());
 }
 
-wire::AdminReply gone() {
-  return success({{"gone", true}});
-}
-
 }  // namespace
 
 void StoreAdministration::take(const std::string& operator_name, const asked::Backup& ask,
@@ -55,7 +49,11 @@ void StoreAdministration::take(const asked::Verify& ask, const AdminAnswer& answ
 void StoreAdministration::list_parts(const std::string& after, const AdminAnswer& answer) {
   beside_store(context_, answer, [after, answer](const Store& store) -> Task {
     return [answer, after, parts = parts_of_store(store.folder())] {
-      answer(parts ? page_of(*parts, after) : refusal(parts.error()));
+      if (!parts) return answer(refusal(parts.error()));
+      told::Parts page;  // the one that it begins beyond may have gone meanwhile
+      for (const std::string& part : *parts)
+        if (after.empty() || comes_later(part, after)) page.parts.push_back(part);
+      answer(std::move(page));
     };
   });
 }
@@ -65,7 +63,7 @@ void StoreAdministration::take(const asked::VerifyPart& ask, const AdminAnswer& 
   context_.store->run_examination([this, part = ask.part, answer](const std::filesystem::path& folder) {
     const FileCheck check = check_part(folder, part, check_rights, FileInUse::kYes);
     const bool is_gone = !check.faults.empty() && has_gone(folder, part);
-    context_.post([answer, is_gone, check] { answer(is_gone ? gone() : success(describe(check))); });
+    context_.post([answer, is_gone, check] { is_gone ? answer(told::GonePart{}) : answer(check); });
   });
 }
 
@@ -76,8 +74,8 @@ void StoreAdministration::take(const std::string& operator_name, const asked::Ba
   const auto copy = [this, part = ask.part, answer](const Store& store) -> Task {
     const auto copied = archives_.hand_out(
         [&](const std::filesystem::path& path) { return copy_part(store.folder(), part, path); });
-    if (copied) return telling(answer, success({{"token", copied->token}, {"bytes", copied->bytes}}));
-    return telling(answer, has_gone(store.folder(), part) ? gone() : refusal(copied.error()));
+    if (copied) return telling(answer, *copied);
+    return telling(answer, has_gone(store.folder(), part) ? told::GonePart() : refusal(copied.error()));
   };
   const auto map = map_of(ask.part);
   const auto entry = map ? maps_.all().find(*map) : maps_.all().end();

@@ -30,8 +30,8 @@ void beside_store_when_kept(const ServiceContext& context, MapRunner& runner, co
   });
 }
 
-Task telling(const AdminAnswer& answer, wire::AdminReply reply) {
-  return [answer, reply = std::move(reply)] { answer(reply); };
+Task telling(const AdminAnswer& answer, OperatorAnswer told) {
+  return [answer, told = std::move(told)] { answer(told); };
 }
 
 }  // namespace cairn

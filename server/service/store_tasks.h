@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "server/service/admin_reply.h"
 #include "server/service/map_runner.h"
+#include "server/service/operator_answer.h"
 #include "server/service/service_context.h"
 
 namespace cairn {
@@ -19,6 +19,6 @@ void beside_store_when_kept(const ServiceContext& context, MapRunner& runner, co
                             std::function<Task(Store& store)> work);
 
 /// An answer, as what is to be done on the service's thread.
-[[nodiscard]] Task telling(const AdminAnswer& answer, wire::AdminReply reply);
+[[nodiscard]] Task telling(const AdminAnswer& answer, OperatorAnswer told);
 
 }  // namespace cairn

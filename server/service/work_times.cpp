@@ -2,14 +2,10 @@
 #include "server/service/work_times.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
-
-#include "common/io/json_text.h"
+#include <utility>
 
 namespace cairn {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 const char* to_string(MapWork work) {
   switch (work) {
@@ -33,9 +29,9 @@ double to_ms(std::chrono::nanoseconds duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
-Json summary(const Histogram& values) {
+WorkSummary summary(std::string name, const Histogram& values) {
   const auto at = [&values](double p) { return std::round(values.percentile(p) * 1e3) / 1e3; };
-  return {{"count", values.count()}, {"p50", at(0.50)}, {"p95", at(0.95)}, {"p99", at(0.99)}, {"max", at(1)}};
+  return {std::move(name), values.count(), at(0.50), at(0.95), at(0.99), at(1)};
 }
 
 }  // namespace
@@ -72,19 +68,18 @@ void WorkTimes::checked_for_overlaps(std::chrono::nanoseconds cpu) {
   overlaps_ms_.add(to_ms(cpu));
 }
 
-std::string WorkTimes::to_json() const {
+std::vector<WorkSummary> WorkTimes::summaries() const {
   const std::scoped_lock lock(mutex_);
-  Json json{{"offer_waited_ms", summary(waited_ms_)},
-            {"offer_judged_cpu_ms", summary(judged_ms_)},
-            {"offer_to_points_ms", summary(published_ms_)},
-            {"offer_to_searchable_ms", summary(searchable_ms_)},
-            {"overlap_check_cpu_ms", summary(overlaps_ms_)}};
+  std::vector<WorkSummary> all{
+      summary("offer_waited_ms", waited_ms_), summary("offer_judged_cpu_ms", judged_ms_),
+      summary("offer_to_points_ms", published_ms_), summary("offer_to_searchable_ms", searchable_ms_),
+      summary("overlap_check_cpu_ms", overlaps_ms_)};
   for (size_t work = static_cast<size_t>(MapWork::kNewPoints); work < kWorks; ++work) {
     const std::string name = to_string(static_cast<MapWork>(work));
-    json[name + "_cpu_ms"] = summary(work_ms_[work]);
-    if (observations_[work].count() > 0) json[name + "_observations"] = summary(observations_[work]);
+    all.push_back(summary(name + "_cpu_ms", work_ms_[work]));
+    if (observations_[work].count() > 0) all.push_back(summary(name + "_observations", observations_[work]));
   }
-  return json_text(json, 1) + "\n";
+  return all;
 }
 
 }  // namespace cairn

@@ -6,11 +6,22 @@
 #include <cstddef>
 #include <mutex>
 #include <string>
+#include <vector>
 
 #include "common/base/histogram.h"
 #include "server/mapping/map_maker.h"
 
 namespace cairn {
+
+/// Of one kind of work.
+struct WorkSummary {
+  std::string name;
+  size_t count = 0;
+  double p50 = 0;
+  double p95 = 0;
+  double p99 = 0;
+  double max = 0;
+};
 
 /// What the map makers of a server have done and how long it took, all maps together, since its start.
 /// Thread-safe; a call is short beside the work that it counts.
@@ -30,9 +41,9 @@ class WorkTimes {
   /// Processor time of looking for a keyframe in other maps.
   void checked_for_overlaps(std::chrono::nanoseconds cpu);
 
-  /// `{"offer_waited_ms": {"count", "p50", "p95", "p99"}, "local_adjustment_cpu_ms": ...,
-  /// "local_adjustment_observations": ..., ...}`.
-  [[nodiscard]] std::string to_json() const;
+  /// Of all that has been counted: "offer_waited_ms", "local_adjustment_cpu_ms",
+  /// "local_adjustment_observations", ...
+  [[nodiscard]] std::vector<WorkSummary> summaries() const;
 
  private:
   static constexpr size_t kWorks = static_cast<size_t>(MapWork::kCull) + 1;

@@ -60,7 +60,7 @@ Status time_restore(const std::filesystem::path& folder, int threads) {
   if (!persistence) return tl::unexpected(persistence.error());
   const auto begin = Clock::now();
   const double cpu = cpu_ms();
-  const std::vector<RestoredMap> maps = (*persistence)->restore({}, on_threads(threads));
+  const std::vector<RestoredMap> maps = (*persistence)->opening().restore({}, on_threads(threads));
   MapStatistics sum;
   for (const RestoredMap& map : maps) {
     const MapStatistics statistics = map.maker->statistics();
@@ -84,7 +84,8 @@ Status time_waking(const std::filesystem::path& folder) {
   size_t keyframes = 0;
   size_t at_rest = 0;
   size_t awake = 0;
-  for (const RestoredMap& map : (*persistence)->restore({}, on_threads(2), RestoredImages::kLetGo)) {
+  for (const RestoredMap& map :
+       (*persistence)->opening().restore({}, on_threads(2), RestoredImages::kLetGo)) {
     const auto begin = Clock::now();
     const std::vector<KeyframeId> lacking = map.maker->lacking_images();
     if (lacking.empty()) continue;  // it has work to do

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/base/utf8.h"
-#include "common/io/json_text.h"
 #include "server/access/rights_file.h"
 #include "server/admin/listing.h"
+#include "server/service/admin_reply.h"
 #include "server/service/admin_request.h"
 #include "server/service/rights_verbs.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -42,24 +42,26 @@ const Rights& rights() {
 }
 
 void ask(Bytes bytes) {
-  const json request = parse_admin_request(std::string(text_of(bytes)));
-  if (!request.is_object()) return;
-  const auto asks = read_admin_request(request);
+  const auto asks = read_admin_request(std::string(text_of(bytes)));
   if (!asks) return demand(!asks.error().message.empty(), "a refusal has a reason");
   demand(!asks->is_piece || asks->act != OperatorAct::kSee, "what goes unrecorded in pieces is no mere look");
-  if (std::holds_alternative<asked::ChangeRights>(asks->what)) {
-    const auto change = change_rights(rights(), request, "ann", find_map, kNow);
+  if (const auto* unfit = std::get_if<asked::Unfit>(&asks->what))
+    demand(unfit->why.code == ErrorCode::kUsage && !unfit->why.message.empty(), "what is unfit is told why");
+  if (const auto* ask = std::get_if<asked::ChangeRights>(&asks->what)) {
+    const auto change = change_rights(rights(), *ask, "ann", find_map, kNow);
     if (!change) return demand(!change.error().message.empty(), "a refusal has a reason");
     const auto again = read_rights(to_text(change->rights));
     demand(again && again->table() == change->rights.table(), "rights that are changed are kept as they are");
     demand(!fault_of_text(change->entry.object), "what the audit log says can be shown");
-    static_cast<void>(json_ascii(change->answer));
-    static_cast<void>(json_ascii(describe_rights(
-        change->rights, [](const MapId&) { return std::string("desk"); }, kNow)));
+    const told::Rights shown{change->rights.table(), {{find_map("desk")->id, "desk"}}, kNow, {}, true};
+    demand(reply_of(shown).result == 0, "rights can be shown");
   }
-  static_cast<void>(explain_rights(rights(), request, find_map, kNow));
-  if (const auto query = audit_query_of(request))
-    demand(query->limit <= 500, "a page of the audit log is short");
+  if (const auto* ask = std::get_if<asked::ExplainRights>(&asks->what)) {
+    const auto explained = explain_rights(rights(), *ask, find_map, kNow);
+    demand(!explained || reply_of(*explained).result == 0, "an explanation can be shown");
+  }
+  if (const auto* ask = std::get_if<asked::Audit>(&asks->what))
+    demand(ask->query.limit <= 500, "a page of the audit log is short");
 }
 
 /// Printed to nowhere. What is not as a server says it may end in an exception of the JSON library, which
@@ -113,7 +115,7 @@ std::vector<Input> seeds() {
       R"( [1, 2, 3], "kind": "model", "file": "x", "reasons": ["cut"], "served": true, "damaged": "cut"})"};
   std::vector<Input> all;
   for (const char* request : kRequests) {
-    demand(parse_admin_request(request).is_object(), request);
+    demand(read_admin_request(request).has_value(), request);
     all.push_back(input_of(0, request));
   }
   for (const char* said : kAnswers) {

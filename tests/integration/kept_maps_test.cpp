@@ -8,10 +8,13 @@
 #include <atomic>
 #include <cmath>
 #include <csignal>
+#include <nlohmann/json.hpp>
 
 #include "common/io/test_directory.h"
 #include "common/wire/network_path.h"
+#include "server/admin/admin_client.h"
 #include "server/store/store.h"
+#include "tests/integration/raw_client.h"
 #include "tests/integration/server_process.h"
 #include "tests/integration/test_domain.h"
 #include "tests/integration/two_views.h"
@@ -37,6 +40,20 @@ class KeptMaps : public ::testing::Test {
 
   [[nodiscard]] std::vector<std::string> arguments() const { return {"--store", folder_.path().string()}; }
   void restart() { server_ = std::make_unique<ServerProcess>(server_->domain(), arguments()); }
+
+  nlohmann::json ask_operator(const nlohmann::json& request) {
+    AdminClientOptions connection;
+    connection.domain = server_->domain();
+    const auto answer = AdminClient::connect(connection).value().ask(request);
+    EXPECT_TRUE(answer) << answer.error().message;
+    return answer ? answer->content : nlohmann::json();
+  }
+  /// While no server runs.
+  void delete_in_store(MapId map) {
+    const auto store = Store::open(folder_.path(), null_logger());
+    ASSERT_TRUE(store) << store.error().message;
+    EXPECT_TRUE((*store)->remove(map));
+  }
 
   void seed() {
     ASSERT_TRUE(session_->wait_for_server(60s));
@@ -197,6 +214,94 @@ TEST_F(KeptMaps, AnotherCameraLetsARestoredMapGrow) {
   ASSERT_GT(errors.size(), 100U) << "it sees what the first camera has not";
   EXPECT_LT(errors[errors.size() / 2], 0.003);
   EXPECT_LT(errors[errors.size() * 9 / 10], 0.01);
+}
+
+/// Its points were due when the server was killed: the next one makes them, and none outside.
+TEST_F(KeptMaps, AKeyframeThatLacksPointsIsHeldToItsExtentAfterAKill) {
+  seed();
+  const MapSnapshotPtr before = session_->snapshot();
+  testing::Frame frame = testing::make_offer(scene_, *before, 5);
+  const SE3 camera =
+      frame.proposal.camera_from_reference * before->find(frame.proposal.reference)->camera_from_map;
+  std::vector<double> along;
+  for (const auto& block : before->point_blocks) {
+    for (int slot = 0; slot < block->count; ++slot)
+      if (before->find(block->source(slot).id)) along.push_back(block->position(slot).x());
+  }
+  std::ranges::sort(along);
+  const double most = std::max(along[along.size() / 2], camera.center().x() + 0.01);
+  const nlohmann::json box{{-100, -100, -100}, {most, 100, 100}};
+  (void)ask_operator({{"verb", "rights-grant"},
+                      {"to", "anna"},
+                      {"map", to_hex(before->map.bytes)},
+                      {"right", "write"},
+                      {"within", {{"box", box}}}});
+  session_->send_offer(std::move(frame.proposal), std::move(frame.image), Timestamp{5});
+  const auto reply = next_reply();
+  ASSERT_TRUE(reply && reply->accepted) << (reply ? reply->reason : "no reply");
+  EXPECT_EQ(server_->end(SIGKILL), -SIGKILL);
+  restart();
+  const PointId last = before->point_blocks.back()->source(before->point_blocks.back()->count - 1).id;
+  // How far to that side those are that the next server has made.
+  const auto made_since = [&] {
+    const MapSnapshotPtr now = session_->snapshot();
+    std::vector<double> made;
+    for (const auto& block : now->point_blocks) {
+      for (int slot = 0; slot < block->count && now->epoch > before->epoch; ++slot) {
+        const PointId id = block->source(slot).id;
+        if (id > last && now->find(id)) made.push_back(block->position(slot).x());
+      }
+    }
+    return made;
+  };
+  ASSERT_TRUE(eventually([&] { return !made_since().empty(); })) << "it makes points still";
+  ASSERT_TRUE(session_->wait_until_settled(60s));
+  constexpr double kMoved = 0.02;  // by adjustments since
+  EXPECT_THAT(made_since(), ::testing::Each(::testing::Lt(most + kMoved)));
+}
+
+TEST_F(KeptMaps, WhatWasOfferedToAMapThatIsDeletedMeanwhileIsAnswered) {
+  seed();
+  offer(4);
+  const MapId map = session_->snapshot()->map;
+  EXPECT_EQ(server_->end(SIGKILL), -SIGKILL);
+  ASSERT_TRUE(eventually([&] { return session_->status().link == ServerLink::kGone; }));
+  send_offer(6);
+  delete_in_store(map);
+  restart();
+  const auto reply = next_reply();
+  ASSERT_TRUE(reply);
+  EXPECT_FALSE(reply->accepted);
+  EXPECT_THAT(reply->reason, HasSubstr("does not know the map"));
+  EXPECT_EQ(session_->status().spooled, 0U);
+}
+
+/// Nobody has heard of the first map, and so it is asked for again: it is not made a second time.
+TEST_F(KeptMaps, ASeedWhoseMapWasDeletedBeforeAKillMakesNoOther) {
+  testing::RawClient bert(server_->domain(), "bert", scene_.camera());
+  const wire::MapSeed asked = testing::seed_of(bert, 1, scene_);
+  const auto verdict = [&]() -> std::optional<wire::SeedVerdict> {
+    bert.forget_what_was_heard();
+    (void)eventually([&] {
+      bert.announce(scene_.camera()->parameters());
+      bert.spin();
+      (void)bert.seeds.write(asked);
+      return bert.seed_verdict.has_value();
+    });
+    return bert.seed_verdict;
+  };
+  const auto first = verdict();
+  ASSERT_TRUE(first && first->accepted) << (first ? first->reason : "no verdict");
+  (void)ask_operator({{"verb", "delete"}, {"map", to_hex(first->map.bytes)}});
+  EXPECT_EQ(server_->end(SIGKILL), -SIGKILL);
+  restart();
+  const auto second = verdict();
+  ASSERT_TRUE(second);
+  EXPECT_TRUE(second->accepted) << second->reason;
+  EXPECT_EQ(second->map, first->map);
+  const auto maps = ask_operator({{"verb", "maps"}});
+  EXPECT_EQ(maps["maps"].size(), 0U);
+  EXPECT_EQ(maps["deleted"].size(), 1U);
 }
 
 TEST_F(KeptMaps, AFullDiskIsSaidAndOverWhenThereIsRoom) {

@@ -13,6 +13,7 @@
 #include <nlohmann/json.hpp>
 
 #include "client/session/image_encoder.h"
+#include "server/service/work_times_json.h"
 #include "tests/integration/two_views.h"
 
 namespace cairn {
@@ -129,7 +130,7 @@ TEST_F(MapRunnerTest, WhatIsDoneIsCounted) {
   const auto [result, snapshot] = start();
   ASSERT_TRUE(result) << result.error().message;
   const auto count = [this](const char* what) {
-    return nlohmann::json::parse(times_.to_json()).at(what).at("count").get<int>();
+    return nlohmann::json::parse(to_json(times_.summaries())).at(what).at("count").get<int>();
   };
   EXPECT_EQ(count("offer_waited_ms"), 0);
   const int seeds_points = count("new_points_cpu_ms");

@@ -13,6 +13,13 @@
 namespace cairn::simulation {
 namespace {
 
+template <typename Command>
+void note_arrival(History* history, const std::string& client, const Command& command) {
+  history->arrives(client, command);
+}
+/// A query leaves nothing behind.
+void note_arrival(History* /*history*/, const std::string& /*client*/, const wire::RelocQuery& /*query*/) {}
+
 using std::chrono::milliseconds;
 
 /// What replaces each other on its way: the newest counts.
@@ -114,8 +121,7 @@ void SimulatedClient::act() {
 void SimulatedClient::send_again() {
   const auto send = [this](const auto& command) {
     world_.send(name_, [command, name = name_, &history = world_.history](ServerRun& server) {
-      if constexpr (!std::is_same_v<std::decay_t<decltype(command)>, wire::RelocQuery>)
-        history.arrives(name, command);
+      note_arrival(&history, name, command);
       server.service().take(client_principal(name), command);
     });
   };

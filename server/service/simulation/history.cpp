@@ -260,12 +260,8 @@ bool History::say_decided(const std::string& what, const Command& command, const
       then.is_accepted == now.is_accepted &&
       (!accepted ||
        (then.map == now.map && (then.keyframe == now.keyframe || may_have_gone) && then.label == now.label));
-  // What was refused need not be kept: after a restart it may be judged anew. The decisions on a map rest
-  // with it when it is deleted: after a restart they are known as little as the map.
-  const bool rests = is_known && decided_on->second.was_deleted;
-  // Then a seed that is sent again makes another map.
-  const bool is_anew = !accepted || then.map != now.map;
-  const bool may_differ = then.server != server_ && (!then.is_accepted || (rests && is_anew));
+  // What was refused need not be kept: after a restart it may be judged anew.
+  const bool may_differ = then.server != server_ && !then.is_accepted;
   if (!is_same && !may_differ)
     violated(fmt::format("{} of {} was {} at start {} and is {} at start {}: {}", what, words(command),
                          then.is_accepted ? "accepted" : "refused", then.server,

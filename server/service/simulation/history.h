@@ -45,7 +45,6 @@ class History {
 
   // What operators have been told that they did.
   void renamed(MapId map, const std::string& name) { maps_[map].name = name; }
-  void asked_to_delete(MapId map) { maps_[map].was_deleted = true; }
   void deleted(MapId map) { maps_[map].is_deleted = true; }
   void undeleted(MapId map, const std::string& name);
   void asked_to_tag(MapId map) { maps_[map].ask_to_tag(); }

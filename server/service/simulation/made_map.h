@@ -22,8 +22,7 @@ class MadeMap {
 
   std::string name;  ///< empty: nobody has heard that it was made
   bool is_deleted = false;
-  bool was_deleted = false;      ///< perhaps, once
-  bool was_rolled_back = false;  ///< likewise
+  bool was_rolled_back = false;  ///< perhaps, once
   bool proposals_are_accepted = false;
   std::map<LabelId, std::set<std::string>> texts;
   std::set<LabelId> maybe_removed;

@@ -37,7 +37,6 @@ json Housekeeper::some_map_verb() {
   if (world_.history.is_deleted(map_) && world_.chance(0.8)) return {{"verb", "undelete"}, {"map", id}};
   switch (world_.draw(4)) {
     case 0:
-      world_.history.asked_to_delete(map_);
       return {{"verb", "delete"}, {"map", id}};
     case 1:
       return {{"verb", "show"}, {"map", id}};

@@ -28,11 +28,12 @@ Status ServerRun::open(const Setup& setup) {
   store_ = std::move(*store);
   MapServiceOptions options;
   options.entropy = [this] { return static_cast<uint32_t>(random_()); };
-  options.server = store_->server();
-  options.start_count = store_->start_count();
+  options.server = store_->at_start().server;
+  options.start_count = store_->at_start().start_count;
   options.rest_after = setup.rest_after;
   options.clock = clock_;
-  std::vector<RestoredMap> restored = store_->restore(
+  if (setup.adjust) setup.adjust(options);
+  std::vector<RestoredMap> restored = store_->opening().restore(
       options.mapping, [](const Task& share) { share(); }, restored_images(options.rest_after));
   auto site = SiteAccess::open(
       setup.folder, SiteKind::kOpen, [clock = clock_] { return clock->wall(); }, setup.log);
@@ -40,7 +41,6 @@ Status ServerRun::open(const Setup& setup) {
   site_ = std::move(*site);
   options.access = site_->policy();
   if (setup.opened) setup.opened(*site_);
-  if (setup.adjust) setup.adjust(options);
   service_ = std::make_unique<MapService>(
       options, MapService::Lanes{urgent_, background_, questions_, idle_, site_changes_}, store_.get(),
       *site_, in_process_, [this](Task task) { home_.submit(std::move(task)); }, setup.log);
