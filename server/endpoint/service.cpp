@@ -74,7 +74,7 @@ struct Service::State {
     background.stop();
     questions.stop();
     idle.stop();
-    site_changes.stop();
+    site_changes.finish();  // what operators did is on record
     if (endpoint && store) endpoint->save_last_changes();
     store.reset();
   }

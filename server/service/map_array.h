@@ -59,7 +59,7 @@ struct MapEntry {
 };
 
 /// To who asks anything of a map meanwhile.
-inline constexpr const char* kRollingBack = "the map is being rolled back; try again";
+inline constexpr const char* kRollingBack = "another state of the map is about to take its place; try again";
 
 /// Memory that a map takes as it is served [bytes]: the map maker's (without images while it rests and has
 /// been offered nothing), its published copy, its part of the place index.

@@ -62,7 +62,7 @@ class MapOpening {
   [[nodiscard]] std::vector<UnloadedMap> unloaded() const;
   /// Notes, and says in the log, that a map of the store is not served.
   void leave_alone(MapId map, const std::string& name, const std::string& reason);
-  /// Store::decisions_on_deleted(), of so many that a start does not take long. Before restore().
+  /// Store::decisions_on_deleted(), of so many that a start does not take long.
   [[nodiscard]] std::vector<DeletedDecisions> decisions_on_deleted() const {
     return with_.store.decisions_on_deleted(kDeletedRemembered);
   }

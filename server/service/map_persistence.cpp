@@ -2,9 +2,6 @@
 #include "server/service/map_persistence.h"
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
-#include <new>
 #include <optional>
 #include <utility>
 

@@ -245,7 +245,7 @@ void MapRunner::answer_offer(const JobOrigin& origin, OfferJudgement judgement, 
 
 OfferJudgement MapRunner::ended() const {
   if (deleted_) return {wire::OfferDecision::kUnknownMap, kDeleted, {}, {}};
-  return {wire::OfferDecision::kStale, "the map was rolled back", {}, {}};
+  return {wire::OfferDecision::kStale, "another state of the map has taken its place", {}, {}};
 }
 
 /// Where it was tracked while the client was cut off: false when the frame before it is not in the map.
@@ -288,6 +288,7 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
     return {OfferDecision::kFull, std::move(why), {}, {}};
   }
   if (times_ != nullptr) times_->waited(clock_->now() - arrival);
+  const auto before = thread_cpu_time();
   if (std::optional<KeyframeDecision> refused = maker_->refuse_without_image(job.input))
     return {to_decision(refused->verdict), std::move(refused->reason), {}, {}};
   Result<GrayImagePtr> image = decode_image(job.image);
@@ -296,7 +297,6 @@ OfferJudgement MapRunner::judge(OfferJob job, MonotonicTime arrival) {
     return {OfferDecision::kDamaged, "the image is not of the camera's size", {}, {}};
   }
   job.input.image = std::move(*image);
-  const auto before = thread_cpu_time();
   KeyframeDecision decision = maker_->add_keyframe(job.input);
   if (decision.verdict == KeyframeVerdict::kAccepted) {
     ++changes_;

@@ -84,24 +84,41 @@ void MapVersions::take(const std::string& operator_name, MapId id, MapEntry* ent
   std::visit([&](const auto& one) { take(map, one, answer); }, ask);
 }
 
+bool MapVersions::is_unused(MapId id, const MapEntry& entry) const {
+  return entry.snapshot != nullptr && entry.frozen.empty() && entry.offers_in_work == 0 &&
+         context_.now() - entry.used_at >= context_.options.compact_after && overview_.count_in(id) == 0;
+}
+
 void MapVersions::compact_crowded(MonotonicTime now) {
-  constexpr std::chrono::minutes kUnused{1};
+  constexpr std::chrono::hours kTriedAgainAfter{1};
   for (const auto& [id, entry] : maps_.array().all()) {
-    const bool is_quiet = entry.snapshot != nullptr && entry.frozen.empty() && entry.offers_in_work == 0 &&
-                          now - entry.used_at >= kUnused && why_not(entry, true).empty();
-    if (!is_quiet || !wants_compaction(*entry.snapshot, context_.options.mapping)) continue;
-    if (!compacted_.insert(id).second) continue;
-    const auto done = [this, id = id, name = entry.name](const OperatorAnswer& told) {
-      const std::string outcome = told ? "done" : words_of(told.error());
-      context_.site.note({0, context_.site.policy()->now(), "server", "compact", "map " + name, outcome});
-      if (told) compacted_.erase(id);
-      if (!told) context_.log->warn("{} is nearly full, and cannot be compacted: {}", name, outcome);
-      if (told) context_.log->info("{} was nearly full of what was removed from it, and is compacted", name);
-    };
-    change_state(
-        id, [id = id](Store& store, const AcceptState& accept) { return compact_map(&store, id, accept); },
-        done);
+    if (!is_unused(id, entry) || !why_not(entry, true).empty()) continue;
+    if (!wants_compaction(*entry.snapshot, context_.options.mapping)) continue;
+    if (!capacity_.why_memory_is_full(bytes_of(entry) + bytes_to_wake(entry)).empty()) continue;
+    const auto [tried, is_first] = compaction_tried_at_.try_emplace(id, now);
+    if (!is_first && now - tried->second < kTriedAgainAfter) continue;
+    tried->second = now;
+    compact(id, entry.name);
   }
+}
+
+void MapVersions::compact(MapId id, const std::string& name) {
+  const auto done = [this, id, name](const OperatorAnswer& told) {
+    const std::string outcome = told ? "done" : words_of(told.error());
+    context_.site.note({0, context_.site.policy()->now(), "server", "compact", "map " + name, outcome});
+    if (told) compaction_tried_at_.erase(id);
+    if (!told) context_.log->warn("{} is nearly full, and cannot be compacted: {}", name, outcome);
+    if (told) context_.log->info("{} was nearly full of what was removed from it, and is compacted", name);
+  };
+  const auto change = [id](Store& store, const AcceptState& accept) {
+    return compact_map(&store, id, accept);
+  };
+  // Others may have been waited for, and somebody has come meanwhile.
+  const auto in_place = [this, id, change, done](MapEntry* entry, const HeldLane::Hold& place) {
+    if (!is_unused(id, *entry)) return done(refusal(ErrorCode::kRefused, "somebody uses it again"));
+    change_state_in_place(id, entry, change, place, done);
+  };
+  when_stoppable(context_, maps_, id, done, in_place);
 }
 
 MapTag MapVersions::tag_now(const Meant& map, const std::string& name) const {

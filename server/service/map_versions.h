@@ -2,7 +2,7 @@
 #pragma once
 
 #include <functional>
-#include <set>
+#include <map>
 #include <string>
 
 #include "server/service/admin_request.h"
@@ -56,6 +56,9 @@ class MapVersions {
   void change_state_in_place(MapId id, MapEntry* entry, ChangeOfState change, HeldLane::Hold place,
                              const AdminAnswer& answer);
   void replace(ResumedMap map, const AdminAnswer& answer);
+  /// Nobody is in it, and nothing has come for it for so long that nobody has kept something for it.
+  [[nodiscard]] bool is_unused(MapId id, const MapEntry& entry) const;
+  void compact(MapId id, const std::string& name);
 
   const ServiceContext& context_;
   ServedMaps& maps_;
@@ -63,7 +66,8 @@ class MapVersions {
   const Capacity& capacity_;
   MapAdministration& administration_;
   const Overview& overview_;
-  std::set<MapId> compacted_;  ///< or on the way to be: what fails is not tried again until the next start
+  std::map<MapId, MonotonicTime>
+      compaction_tried_at_;  ///< last, of those that it has failed for or is on its way
 };
 
 }  // namespace cairn

@@ -33,11 +33,10 @@ class Overview {
   void list(const asked::Maps& begin, const AdminAnswer& answer);
   /// With what takes a look at all of the map.
   void show(MapId id, const MapEntry& entry, const AdminAnswer& answer) const;
-
- private:
   /// How many trackers are found in a map now.
   [[nodiscard]] size_t count_in(MapId map) const;
 
+ private:
   const ServiceContext& context_;
   const MapArray& maps_;
   const Clients& clients_;

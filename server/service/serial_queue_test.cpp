@@ -225,6 +225,22 @@ TEST(WorkerPool, LanesThatSubmitToEachOtherMayBeStoppedInAnyOrder) {
   }
 }
 
+TEST(WorkerPool, WhatWaitsIsDoneBeforeItFinishesAndDroppedWhereItIsStopped) {
+  for (const bool finishes : {true, false}) {
+    WorkerPool pool(1, 0, null_logger());
+    std::promise<void> open;
+    std::atomic<int> done = 0;
+    pool.submit([&, gate = open.get_future().share()] { gate.wait(); });
+    for (int i = 0; i < 10; ++i)
+      pool.submit([&] { ++done; }, i % 2 == 0 ? Urgency::kUrgent : Urgency::kNormal);
+    std::thread ends([&] { finishes ? pool.finish() : pool.stop(); });
+    while (pool.urgent_waits() != finishes) std::this_thread::yield();
+    open.set_value();
+    ends.join();
+    EXPECT_EQ(done, finishes ? 10 : 0);
+  }
+}
+
 TEST(WorkerPool, LoadIsTheShareOfBusyTime) {
   WorkerPool pool(1, 0, null_logger());
   Done done;

@@ -37,6 +37,9 @@ struct MapServiceOptions {
   /// With a store: the images of a map that nobody has offered anything to for so long, and that has nothing
   /// to do, are let go until it has again; 0: never.
   std::chrono::seconds rest_after{60};
+  /// A nearly full map is compacted when it has not been used for so long: what a client that is cut off
+  /// keeps for it would be refused as of another epoch, and is rarely older.
+  std::chrono::seconds compact_after{std::chrono::hours(24)};
   /// A map that its maker lost at once (YoungMaps) is deleted when that has been elsewhere for so long; 0:
   /// never. What is made in lockstep stays, since a replay does not go by this clock.
   std::chrono::seconds drop_after{0};

@@ -22,9 +22,18 @@ void WorkerPool::stop() {
   std::deque<Task> dropped;
   {
     const std::scoped_lock lock(mutex_);
-    if (std::exchange(stopping_, true)) return;
+    if (stopping_) return;
     dropped_urgent.swap(urgent_);
     dropped.swap(normal_);
+    urgent_waiting_ = 0;
+  }
+  finish();
+}
+
+void WorkerPool::finish() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (std::exchange(stopping_, true)) return;
   }
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
@@ -54,7 +63,7 @@ void WorkerPool::run(int nice_value) {
   std::unique_lock lock(mutex_);
   while (true) {
     wake_.wait(lock, [this] { return stopping_ || !urgent_.empty() || !normal_.empty(); });
-    if (stopping_) return;
+    if (urgent_.empty() && normal_.empty()) return;  // stopping
     std::deque<Task>& tasks = urgent_.empty() ? normal_ : urgent_;
     Task task = std::move(tasks.front());
     tasks.pop_front();

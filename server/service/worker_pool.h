@@ -31,6 +31,8 @@ class WorkerPool : public Executor {
   }
   /// Ends the threads, too.
   void stop() override;
+  /// Likewise, when all that waits has been done. Nothing more is taken.
+  void finish();
 
   [[nodiscard]] float take_load() override;
 

@@ -32,6 +32,7 @@ class CrowdedMap : public LoneClientFixture {
     ASSERT_TRUE((*store)->write(map_, {&update, 1}));
     adjust_ = [most = state.points().size() + 100](MapServiceOptions& options) {
       options.mapping.max_points = most;
+      options.compact_after = std::chrono::minutes(1);
     };
   }
   /// So long that it is looked for such maps, and nobody uses this one.
@@ -73,6 +74,24 @@ TEST_F(CrowdedMap, ThatHasTagsStaysAsItIsAndSaysSo) {
   ASSERT_EQ(ask(R"({"verb": "audit", "action": "compact"})"), "");
   EXPECT_THAT(reply_->text, HasSubstr("it has tags"));
   ASSERT_EQ(ask(R"({"verb": "untag", "map": "desk", "tag": "bare"})"), "");
+  clock_->advance(std::chrono::hours(1));
+  let_minutes_pass();
+  EXPECT_GT(snapshot_->epoch, before->epoch);
+}
+
+TEST_F(CrowdedMap, IsLeftAloneWhileNothingHasPassedSinceItWasUsed) {
+  live_long();
+  const auto crowded = adjust_;
+  adjust_ = [crowded](MapServiceOptions& options) {
+    crowded(options);
+    options.compact_after = MapServiceOptions().compact_after;
+  };
+  begin();
+  server_->peers().want(kClient, map_);
+  settle();
+  const MapSnapshotPtr before = snapshot_;
+  let_minutes_pass();
+  EXPECT_EQ(snapshot_->epoch, before->epoch);
 }
 
 }  // namespace
