@@ -18,6 +18,7 @@ import unittest
 
 PATIENCE = 90  # [s] of the wall clock for what takes 1 s of the rig's
 LATE = 0.05  # [s] that processes of an emulated or loaded machine may be late; without it: rig_app_test
+ATTEMPTS = 3  # at a fault: where others kept the processor, another one is in time
 STOP, WATCHDOG, STUCK, RECOVERY = 0.05, 0.1, 0.2, 1  # [s] until the drives are idle
 # Homing is soon done.
 RIG = """
@@ -200,17 +201,19 @@ class Rig(unittest.TestCase):
     def time_of(self, number):
         return float(LINE.match(self.devices.lines[number]).group(1))
 
-    def check_idle(self, what, begin, limit, named=None):
-        """From line `begin` on the drives became idle within `limit` of the rig's seconds, and the rig said why: in a line of
-        its log from number on, as the pattern has it."""
+    def time_until_idle(self, what, begin, limit, named=None):
+        """The rig's seconds from line `begin` on until both drives were idle and the rig had said why: in a line of its log from
+        number on, as the pattern has it."""
         times = [self.time_of(self.devices.wait_for(f"{axis} idle", begin)) - self.time_of(begin) for axis in ("pan", "tilt")]
         said = None
         if named:
             number = self.rig.wait_for(*named)
             said = max(0.0, (self.rig.came[number] - self.devices.came[begin]) / BUS.scale)
         self.table.append((what, times, said, limit))
-        for taken in [*times, said or 0]:
-            self.assertLessEqual(taken, limit + LATE, what)
+        return max(*times, said or 0)
+
+    def check_idle(self, what, begin, limit, named=None):
+        self.assertLessEqual(self.time_until_idle(what, begin, limit, named), limit + LATE, what)
 
     def test_1_the_doctor_finds_it_sound(self):
         if not BUS.interface:
@@ -271,16 +274,20 @@ class Rig(unittest.TestCase):
             if BUS.interface and fault == "mute-tilt":
                 continue  # homing takes the guest ten seconds
             with self.subTest(fault):
-                self.jog()
-                said = len(self.rig.lines)  # what it said before is of another fault
-                injected = self.inject(fault + "+0.3")
-                self.check_idle(fault, injected, limit, (words, said))
-                if "reset" not in fault:
-                    self.devices.wait_for(f"fault {fault} ends", injected)
-                if fault != "mute-imu":
-                    self.clear()
-                if is_lost:
-                    self.home()
+                for _ in range(ATTEMPTS):
+                    self.jog()
+                    said = len(self.rig.lines)  # what it said before is of another fault
+                    injected = self.inject(fault + "+0.3")
+                    late = self.time_until_idle(fault, injected, limit, (words, said)) > limit + LATE
+                    if "reset" not in fault:
+                        self.devices.wait_for(f"fault {fault} ends", injected)
+                    if fault != "mute-imu":
+                        self.clear()
+                    if is_lost:
+                        self.home()
+                    if not late:
+                        break
+                self.assertFalse(late, f"{fault}: late {ATTEMPTS} times")
 
     def test_7_without_the_rigs_program_the_drives_let_go_and_another_one_takes_them_up(self):
         self.jog()
