@@ -228,9 +228,14 @@ TEST(WorkerPool, LanesThatSubmitToEachOtherMayBeStoppedInAnyOrder) {
 TEST(WorkerPool, WhatWaitsIsDoneBeforeItFinishesAndDroppedWhereItIsStopped) {
   for (const bool finishes : {true, false}) {
     WorkerPool pool(1, 0, null_logger());
+    std::promise<void> entered;
     std::promise<void> open;
     std::atomic<int> done = 0;
-    pool.submit([&, gate = open.get_future().share()] { gate.wait(); });
+    pool.submit([&, gate = open.get_future().share()] {
+      entered.set_value();
+      gate.wait();
+    });
+    entered.get_future().wait();
     for (int i = 0; i < 10; ++i)
       pool.submit([&] { ++done; }, i % 2 == 0 ? Urgency::kUrgent : Urgency::kNormal);
     std::thread ends([&] { finishes ? pool.finish() : pool.stop(); });
