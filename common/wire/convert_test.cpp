@@ -142,7 +142,7 @@ void refuse_bad_ups(const Spoiler<Message>& spoiler, std::optional<UpDirection> 
                                     std::pair("negative sigma", UpDirection{sound, -0.1}),
                                     std::pair("sigma is NaN", UpDirection{sound, kNan}),
                                     std::pair("sigma that says nothing", UpDirection{sound, 1.5})})
-    spoiler.refuses(what, [&](auto& m) { m.*up = wrong; });
+    spoiler.refuses(what, [up, wrong = wrong](auto& m) { m.*up = wrong; });
 }
 
 TEST(Validation, MapSeed) {

@@ -88,10 +88,12 @@ TEST(LabelTargets, EachPlaceMappedHasOneOnACornerOfItsOwnWhenItIsMapped) {
         EXPECT_LT(std::abs(beside->depth - shown->depth), 0.05 * shown->depth) << thing.place;
       }
       EXPECT_GT(fast10_score(simulator->frame(frame).image.view(), pixel.x(), pixel.y()), 0);
-      const bool in_its_phase = std::ranges::any_of(simulator->phases(), [&](const Phase& phase) {
-        return phase.kind == PhaseKind::kMap && phase.place == shown->place &&
-               time.seconds() >= phase.begin + 0.7 * (phase.end - phase.begin) && time.seconds() < phase.end;
-      });
+      const bool in_its_phase =
+          std::ranges::any_of(simulator->phases(), [&, time = time](const Phase& phase) {
+            return phase.kind == PhaseKind::kMap && phase.place == shown->place &&
+                   time.seconds() >= phase.begin + 0.7 * (phase.end - phase.begin) &&
+                   time.seconds() < phase.end;
+          });
       EXPECT_TRUE(in_its_phase) << thing.place;
     }
   }
