@@ -29,6 +29,7 @@ class History {
   void violated(std::string what) { violations_.push_back(std::move(what)); }
 
   void server_started();
+  [[nodiscard]] int server_starts() const { return server_; }
   /// Until the next one starts.
   void allow_as(Allowed allowed) { allowed_ = std::move(allowed); }
 

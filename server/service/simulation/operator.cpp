@@ -77,9 +77,10 @@ void SimulatedOperator::send() {
   request.command = {session_, last_};
   request.request = asked_->dump();
   // His program talks to the server that it sees: what it sent to another reaches nobody.
-  world_.send(name_, [request, name = name_, to = world_.server.get()](ServerRun& server) {
-    if (&server == to)
-      server.service().take(operator_principal(name, Principal::Proof::kClaimed, Duty::kAdminister), request);
+  world_.send(name_, [this, request, to = world_.history.server_starts()](ServerRun& server) {
+    if (world_.history.server_starts() == to)
+      server.service().take(operator_principal(name_, Principal::Proof::kClaimed, Duty::kAdminister),
+                            request);
   });
 }
 
