@@ -62,7 +62,7 @@ class SessionAdapter final : public MapLink {
   std::vector<OfferReply> take_offer_replies() override { return session_.take_offer_replies(); }
   std::optional<PlaceAnswer> take_place_answer() override { return session_.take_place_answer(); }
   LabelListPtr labels(MapId map) const override { return session_.labels(map); }
-  std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot) override {
+  std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot) override {
     return session_.take_camera(snapshot);
   }
   SessionStatus status() const override { return session_.status(); }

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/app/adapters.h"
-#include "client/app/camera_keeper.h"
+#include "client/app/calibration_saver.h"
 #include "client/app/frame_loop.h"
 #include "client/app/memory_source.h"
 #include "client/app/narrator.h"
@@ -50,7 +50,7 @@ constexpr int kFrameThreadNice = -10;
 struct ChosenCamera {
   CameraPtr camera;
   std::vector<double> sigma;
-  bool is_nominal = false;  ///< a calibration without distortion: refined, not found out
+  bool is_nominal = false;  ///< a calibration without distortion: refined, not calibrated anew
 };
 
 Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
@@ -155,35 +155,36 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   return session;
 }
 
-std::filesystem::path path_of_found_camera(const TrackOptions& options) {
+std::filesystem::path path_of_saved_calibration(const TrackOptions& options) {
   return options.saved_calibration.value_or("cairn-camera-" + options.name + ".yaml");
 }
 
-/// Told before the run what would be found out after it. Where nobody has asked for the file, it is no error
+/// Told before the run what would be noticed after it. Where nobody has asked for the file, it is no error
 /// that it cannot be written.
 Status prepare_to_find_camera(const TrackOptions& options, const ChosenCamera& chosen, const Logger& log) {
   if (chosen.sigma.empty()) {
     if (!options.saved_calibration) return {};
     return fail(
         ErrorCode::kUsage,
-        "--save-calibration: the camera is taken for exact, nothing is found out; pass --calibration auto, "
+        "--save-calibration: the camera is taken for exact and is not calibrated; pass --calibration auto, "
         "or auto:FILE");
   }
-  const double doubt_percent = 100 * chosen.sigma.front() / chosen.camera->parameters().values.front();
+  const double sigma_percent = 100 * chosen.sigma.front() / chosen.camera->parameters().values.front();
   if (chosen.is_nominal) {
     log->info(
         "the calibration has no distortion: it is believed to {:.1f} % and refined while the map grows; "
         "--calibration exact:FILE takes it as it is",
-        doubt_percent);
+        sigma_percent);
   } else {
-    log->info("the camera is found out while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
-              chosen.camera->focal_length(), doubt_percent);
+    log->info(
+        "the camera is calibrated while the map grows: focal length {:.0f} px +- {:.0f} % to begin with",
+        chosen.camera->focal_length(), sigma_percent);
   }
   log->info(
       "maps know it as that of client '{}': a later run under the same --name takes up what is known of it",
       options.name);
   if (chosen.is_nominal && !options.saved_calibration) return {};
-  const std::filesystem::path path = path_of_found_camera(options);
+  const std::filesystem::path path = path_of_saved_calibration(options);
   Status writable = check_writable(path);
   if (!writable && options.saved_calibration) return writable;
   if (!writable) log->warn("{}; --save-calibration FILE names another", writable.error().message);
@@ -306,8 +307,8 @@ struct Run {
   const Logger& log;
   const RunSignals& signals;
   CameraPtr camera;
-  ImuStreamPtr imu;   ///< of the source; may be null
-  bool keeps_camera;  ///< writes it when it is known
+  ImuStreamPtr imu;        ///< of the source; may be null
+  bool saves_calibration;  ///< writes it when it is known
   std::unique_ptr<FrameSource> source;
   std::unique_ptr<Session> session;
   std::unique_ptr<RigLink> rig;           ///< may be null
@@ -341,10 +342,11 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
   Result<std::vector<TimedLabel>> labels;
   if (options.labels) labels = read_timed_labels(*options.labels, {camera->width(), camera->height()});
   if (!labels) return tl::unexpected(labels.error());
-  const bool keeps_camera = !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration);
+  const bool saves_calibration = !chosen->sigma.empty() && (!chosen->is_nominal || options.saved_calibration);
   const auto calibration = options.calibration ? options.calibration : find_calibration(options.source);
-  const auto found_camera = keeps_camera ? std::optional(path_of_found_camera(options)) : std::nullopt;
-  if (auto status = check_outputs(options, calibration, found_camera); !status)
+  const auto calibration_to_save =
+      saves_calibration ? std::optional(path_of_saved_calibration(options)) : std::nullopt;
+  if (auto status = check_outputs(options, calibration, calibration_to_save); !status)
     return tl::unexpected(status.error());
   log->info("{}; client '{}'", (*source)->describe(), options.name);
   log->info("camera: {}", describe_camera(camera->parameters()));
@@ -360,7 +362,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
              signals,
              camera,
              std::move(imu->stream),
-             keeps_camera,
+             saves_calibration,
              std::move(ahead),
              std::move(*session),
              *std::move(rig),
@@ -372,7 +374,7 @@ Result<Run> prepare(const TrackOptions& options, const Logger& log, const RunSig
 /// What came of a run that ended.
 struct Ending {
   Status closed;        ///< its files
-  Status kept;          ///< its camera, if that was to be found out
+  Status kept;          ///< its camera, if that was to be calibrated
   bool at_end = false;  ///< of the source, or quit in the window; else interrupted
 };
 
@@ -432,8 +434,9 @@ int track(Run& run) {
         &pilot.emplace(run.camera, RigPilotOptions{run.options.fixated_label, run.options.makes_maps()},
                        [&run](const std::function<void(RigCommander&)>& task) { run.rig->with(task); }));
   }
-  std::optional<CameraKeeper> keeper;
-  if (run.keeps_camera) observers.push_back(&keeper.emplace(path_of_found_camera(run.options), run.log));
+  std::optional<CalibrationSaver> saver;
+  if (run.saves_calibration)
+    observers.push_back(&saver.emplace(path_of_saved_calibration(run.options), run.log));
 
   FrameLoopOptions loop_options;
   loop_options.pace = run.options.pace;
@@ -470,7 +473,7 @@ int track(Run& run) {
     stats.note_pictures(run.pictures->summary());
   }
   if (placer) placer->finish();
-  const Status kept = keeper ? keeper->finish(stop) : Status();
+  const Status kept = saver ? saver->finish(stop) : Status();
 
   const auto session = link.status();
   const auto closed = outputs->close(stats, session.bytes_sent, session.bytes_received);

@@ -162,11 +162,11 @@ void FrameLoop::deliver_replies() {
 }
 
 void FrameLoop::take_camera(const MapSnapshotPtr& snapshot) {
-  const auto news = link_.take_camera(snapshot);
-  if (!news) return;
-  camera_ = news->camera;
+  const auto update = link_.take_camera(snapshot);
+  if (!update) return;
+  camera_ = update->camera;
   tracker_.use_camera(camera_);
-  notify(&FrameObserver::on_camera, *news);
+  notify(&FrameObserver::on_camera, *update);
 }
 
 void FrameLoop::deliver_place(const PlaceAnswer& answer) {

@@ -74,7 +74,9 @@ class Notes final : public FrameObserver {
                                   to_string(report.answer.verdict), report.tried ? ", tried" : ""));
   }
   void on_status(const SessionStatus& status) override { words.push_back(status.text); }
-  void on_camera(const CameraNews& news) override { words.push_back(fmt::format("camera {}", news.version)); }
+  void on_camera(const CameraUpdate& update) override {
+    words.push_back(fmt::format("camera {}", update.version));
+  }
   void on_unsettled(size_t) override { words.emplace_back("unsettled"); }
   void on_start_over(const StartOverReport& report) override { words.push_back(report.reason); }
 
@@ -362,19 +364,19 @@ TEST(FrameLoop, RepliesReachTheTrackerBeforeTheNextFrame) {
 TEST(FrameLoop, TheCameraOfARevisionIsInUseBeforeItIsTracked) {
   const auto other = make_camera({CameraModel::kPinholeRadtan, 64, 48, {71, 71, 31.5, 23.5, 0, 0, 0, 0, 0}});
   Rig rig({tracking, tracking});
-  rig.link.camera = CameraNews{2, *other, 0.02, 0.01, true, false};
+  rig.link.camera = CameraUpdate{2, *other, 0.02, 0.01, true, false};
   ASSERT_TRUE(rig.run());
   EXPECT_THAT(rig.tracker.words, IsEmpty()) << "without a map there is none that it belongs to";
 
   Rig in_map({tracking, tracking});
   in_map.link.map = std::make_shared<MapSnapshot>();
-  in_map.link.camera = CameraNews{2, *other, 0.02, 0.01, true, false};
+  in_map.link.camera = CameraUpdate{2, *other, 0.02, 0.01, true, false};
   ASSERT_TRUE(in_map.run());
   EXPECT_THAT(in_map.tracker.words, ElementsAre("camera of 71 px at frame 0"));
   EXPECT_THAT(in_map.notes.words, ::testing::Contains("camera 2"));
 
   Rig without({tracking});
-  without.link.first_camera = CameraNews{0, *other, 0.35, 0.1, false, false};
+  without.link.first_camera = CameraUpdate{0, *other, 0.35, 0.1, false, false};
   ASSERT_TRUE(without.run());
   EXPECT_THAT(without.tracker.words, ElementsAre("camera of 71 px at frame 0")) << "a map was left";
 }

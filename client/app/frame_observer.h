@@ -37,8 +37,8 @@ struct FrameReport {
   const StageTimes& stages;         ///< processor time
   std::chrono::nanoseconds cpu{};   ///< processor time of all work on the frame
   std::chrono::nanoseconds wall{};  ///< from when the frame was due (realtime) or taken up to its pose
-  CameraPtr camera;                 ///< it was tracked with, found out since the start; null: as at the start
-  std::string rig = {};             ///< what the rig does that carries the camera, for a person; empty: none
+  CameraPtr camera;      ///< it was tracked with, calibrated since the start; null: as at the start
+  std::string rig = {};  ///< what the rig does that carries the camera, for a person; empty: none
 };
 
 struct DroppedReport {
@@ -78,7 +78,7 @@ class FrameObserver {
   /// The link to the server is in another state, or its words have changed.
   virtual void on_status(const SessionStatus&) {}
   /// Other values of the camera, with which this frame and those that follow are tracked.
-  virtual void on_camera(const CameraNews&) {}
+  virtual void on_camera(const CameraUpdate&) {}
   /// Lockstep: the server did not settle; the run goes on without.
   virtual void on_unsettled(size_t /*frame_number*/) {}
   /// The map is left; the next frames begin another, or look for one of the server's.

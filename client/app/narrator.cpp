@@ -162,14 +162,14 @@ void Narrator::on_status(const SessionStatus& status) {
 }
 
 /// A step that is no answer yet, or the same one again, is for the curious.
-void Narrator::on_camera(const CameraNews& news) {
-  const std::string values = describe(news);
-  const CameraWord word = news.frozen            ? CameraWord::kKnown
-                          : news.cannot_be_known ? CameraWord::kCannotBeKnown
-                                                 : CameraWord::kMayBe;
+void Narrator::on_camera(const CameraUpdate& update) {
+  const std::string values = describe(update);
+  const CameraWord word = update.frozen            ? CameraWord::kKnown
+                          : update.cannot_be_known ? CameraWord::kCannotBeKnown
+                                                   : CameraWord::kMayBe;
   const bool is_new = word != CameraWord::kMayBe && word != camera_word_;
   if (is_new) camera_word_ = word;
-  if (is_new && news.frozen) {
+  if (is_new && update.frozen) {
     log_->info("frame {}: the camera is known: {}", number_, values);
   } else if (is_new) {
     log_->warn(

@@ -32,7 +32,7 @@ class Narrator final : public FrameObserver {
   void on_seed_reply(const SeedReply& reply) override;
   void on_offer_replies(const std::vector<OfferReply>& replies) override;
   void on_status(const SessionStatus& status) override;
-  void on_camera(const CameraNews& news) override;
+  void on_camera(const CameraUpdate& update) override;
   void on_unsettled(size_t frame_number) override;
   void on_start_over(const StartOverReport& report) override;
 

@@ -47,7 +47,7 @@ class MapLink {
   [[nodiscard]] virtual std::vector<OfferReply> take_offer_replies() = 0;
   [[nodiscard]] virtual std::optional<PlaceAnswer> take_place_answer() = 0;
   [[nodiscard]] virtual LabelListPtr labels(MapId map) const = 0;
-  [[nodiscard]] virtual std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot) = 0;
+  [[nodiscard]] virtual std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot) = 0;
   [[nodiscard]] virtual SessionStatus status() const = 0;
   [[nodiscard]] virtual bool wait_until_settled(std::chrono::milliseconds timeout) = 0;
 };

@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "client/app/camera_keeper.h"
+#include "client/app/calibration_saver.h"
 #include "client/capture/frame_source.h"
 #include "common/io/calibration.h"
 #include "common/io/distinct_files.h"
@@ -26,7 +26,7 @@ std::vector<NamedFile> files_read(const TrackOptions& options,
 }  // namespace
 
 Status check_outputs(const TrackOptions& options, const std::optional<std::filesystem::path>& calibration,
-                     const std::optional<std::filesystem::path>& found_camera) {
+                     const std::optional<std::filesystem::path>& calibration_to_save) {
   if (options.video) {
     if (Status video = VideoWriter::check_path(*options.video); !video) return video;
   }
@@ -38,8 +38,8 @@ Status check_outputs(const TrackOptions& options, const std::optional<std::files
   if (options.saved_calibration) files.push_back({"--save-calibration", *options.saved_calibration});
   if (Status distinct = check_distinct(files, files_read(options, calibration)); !distinct) return distinct;
   // Nobody asked for this name: an earlier one of it may be what was read, and is improved.
-  if (found_camera && !options.saved_calibration)
-    files.push_back({"the camera that is found out,", *found_camera});
+  if (calibration_to_save && !options.saved_calibration)
+    files.push_back({"the camera that is calibrated,", *calibration_to_save});
   files.push_back({"the log on", kLog});
   if (Status distinct = check_distinct(files, {}); !distinct) return distinct;
   for (const auto& file : opened) {

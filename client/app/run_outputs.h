@@ -18,11 +18,11 @@
 namespace cairn {
 
 /// Whether all files that a run writes can be, and are none of each other, of what it reads, or of its log.
-/// What an earlier run left stays as it is. `calibration`: the file that was read, if any; `found_camera`:
-/// where a camera that is found out is written, if it is. Errors: kUsage, kIo.
+/// What an earlier run left stays as it is. `calibration`: the file that was read, if any;
+/// `calibration_to_save`: where a camera that is calibrated is written, if it is. Errors: kUsage, kIo.
 [[nodiscard]] Status check_outputs(const TrackOptions& options,
                                    const std::optional<std::filesystem::path>& calibration,
-                                   const std::optional<std::filesystem::path>& found_camera);
+                                   const std::optional<std::filesystem::path>& calibration_to_save);
 
 /// The files of a run (--trajectory, --stats, --video), each written in a thread of its own. Nothing here
 /// waits for a reader but close(), and that not for long.

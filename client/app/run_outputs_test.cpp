@@ -28,7 +28,7 @@ class RunOutputsTest : public ::testing::Test {
     mkfifo((folder_ / "pipe.mkv").c_str(), 0600);
   }
   [[nodiscard]] Status check() const {
-    return check_outputs(options_, folder_ / "camera.txt#cam1", found_camera_);
+    return check_outputs(options_, folder_ / "camera.txt#cam1", calibration_to_save_);
   }
   void track_a_frame(const std::vector<FrameObserver*>& observers) {
     const Frame frame = make_frame(0, at_ms(0));
@@ -46,7 +46,7 @@ class RunOutputsTest : public ::testing::Test {
   TestDirectory directory_;
   const std::filesystem::path folder_ = directory_.path();
   TrackOptions options_;
-  std::optional<std::filesystem::path> found_camera_;
+  std::optional<std::filesystem::path> calibration_to_save_;
 };
 
 TEST_F(RunOutputsTest, NoOutputIsAnotherOneOrWhatIsRead) {
@@ -64,15 +64,15 @@ TEST_F(RunOutputsTest, NoOutputIsAnotherOneOrWhatIsRead) {
   options_.stats = folder_ / "." / "out";
   EXPECT_FALSE(check());
   options_.stats = folder_ / "stats";
-  found_camera_ = folder_ / "stats";
+  calibration_to_save_ = folder_ / "stats";
   EXPECT_FALSE(check());
   options_.trajectory = options_.stats = "/dev/null";
   EXPECT_TRUE(check());
   EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
 }
 
-TEST_F(RunOutputsTest, ACameraFoundOutUnderItsOwnNameMayImproveWhatWasRead) {
-  found_camera_ = folder_ / "camera.txt";
+TEST_F(RunOutputsTest, ACameraCalibratedUnderItsOwnNameMayImproveWhatWasRead) {
+  calibration_to_save_ = folder_ / "camera.txt";
   EXPECT_TRUE(check());
   options_.saved_calibration = folder_ / "camera.txt";
   EXPECT_FALSE(check());

@@ -144,7 +144,7 @@ class ScriptedLink final : public MapLink {
   LabelListPtr labels(MapId wanted) const override {
     return map && map->map == wanted ? map_labels : nullptr;
   }
-  std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot) override {
+  std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot) override {
     return std::exchange(snapshot ? camera : first_camera, std::nullopt);
   }
   SessionStatus status() const override { return session_status; }
@@ -160,8 +160,8 @@ class ScriptedLink final : public MapLink {
   std::vector<OfferReply> offer_replies;
   std::optional<PlaceAnswer> place_answer;   ///< once
   std::optional<PlaceAnswer> always_answer;  ///< before every frame
-  std::optional<CameraNews> camera;          ///< once
-  std::optional<CameraNews> first_camera;    ///< likewise, without a map
+  std::optional<CameraUpdate> camera;        ///< once
+  std::optional<CameraUpdate> first_camera;  ///< likewise, without a map
   std::function<void()> on_settled;          ///< once
   SessionStatus session_status;
   KeyframeUse use_of_keyframes = KeyframeUse::kKeyframe;

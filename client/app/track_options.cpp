@@ -116,7 +116,7 @@ void declare(CLI::App& app, Words& words) {
       ->check(CLI::Range(-1e9, 1e9))
       ->type_name("SECONDS");
   app.add_option("--save-calibration", words.saved_calibration,
-                 "where a camera that was found out is written [cairn-camera-NAME.yaml]")
+                 "where a camera that was calibrated is written [cairn-camera-NAME.yaml]")
       ->type_name("FILE");
   app.add_option("--server", options.server, "host of cairn-server")
       ->type_name("HOST")
@@ -243,7 +243,7 @@ std::variant<TrackOptions, ParseExit> translate(Words words) {
   options.lost_patience = words.lost_patience.value_or(options.lost_patience);
   options.find_camera = words.calibration == kAuto || words.calibration.starts_with(kAutoFrom);
   if (options.find_camera && options.reader)
-    return usage("--calibration auto: a reader makes no keyframes, from which a camera is found out");
+    return usage("--calibration auto: a reader makes no keyframes, from which a camera is calibrated");
   options.exact_camera = words.calibration.starts_with(kExactly);
   if (words.calibration.starts_with(kAutoFrom))
     words.calibration.erase(0, kAutoFrom.size());

@@ -20,9 +20,9 @@ namespace cairn {
 struct TrackOptions {
   std::string source;
   std::optional<std::filesystem::path> calibration;  ///< nothing: the source's own, or camera.txt beside it
-  bool find_camera = false;   ///< --calibration auto: it is found out, from `calibration` if that is given
+  bool find_camera = false;   ///< --calibration auto: it is calibrated, from `calibration` if that is given
   bool exact_camera = false;  ///< --calibration exact:FILE: taken as it is, also without distortion
-  /// Where a camera that was found out is written; nothing: to a file of the client's name.
+  /// Where a camera that was calibrated is written; nothing: to a file of the client's name.
   std::optional<std::filesystem::path> saved_calibration;
   std::string server = "localhost";
   int domain = 0;

@@ -146,7 +146,7 @@ TEST(TrackOptions, KeysThatAreNotThereAreRefusedWithTheRemedy) {
   EXPECT_THAT(exit->text, HasSubstr("`cairnctl keys issue`"));
 }
 
-TEST(TrackOptions, ACameraIsFoundOutFromNothingOrFromARoughFile) {
+TEST(TrackOptions, ACameraIsCalibratedFromNothingOrFromARoughFile) {
   const auto from_nothing = good({"--calibration", "auto", "--name", "ann"});
   EXPECT_TRUE(from_nothing.find_camera);
   EXPECT_FALSE(from_nothing.calibration);

@@ -10,8 +10,8 @@
 namespace cairn {
 namespace {
 
-/// A camera that is found out is known to the maps by the client's name and this number. Pictures of another
-/// size come from another camera.
+/// A camera that is self-calibrated is known to the maps by the client's name and this number. Pictures of
+/// another size come from another camera.
 uint32_t number_by_size(const Camera& camera) {
   return static_cast<uint32_t>(camera.width()) << 16 | static_cast<uint32_t>(camera.height());
 }
@@ -45,7 +45,7 @@ bool CameraNegotiation::take(const wire::CameraEstimate& estimate) {
   unsound_.erase(estimate.map);
   auto& kept = found_[estimate.map];
   if (!kept.empty() &&
-      std::tie(estimate.epoch, estimate.version) <= std::tie(kept.back().epoch, kept.back().news.version))
+      std::tie(estimate.epoch, estimate.version) <= std::tie(kept.back().epoch, kept.back().update.version))
     return true;  // a repetition, or a late word of a server that has died
   if (kept.size() == kEstimatesKept) kept.pop_front();
   kept.push_back({estimate.epoch,
@@ -65,35 +65,36 @@ bool CameraNegotiation::has_values_of(const MapSnapshot& map) const {
   return !other || find(*other) != nullptr;
 }
 
-bool CameraNegotiation::is_found_out_by(const MapSnapshot& own) const {
+bool CameraNegotiation::is_self_calibrated_by(const MapSnapshot& own) const {
   return in_use_.frozen || ours_in(own) != nullptr;
 }
 
-std::optional<CameraNews> CameraNegotiation::use_values_of(const MapSnapshot& map) {
+std::optional<CameraUpdate> CameraNegotiation::use_values_of(const MapSnapshot& map) {
   const auto other = other_values_of(map);
-  const FoundCamera* there = other ? find(*other) : nullptr;
+  const MapEstimate* there = other ? find(*other) : nullptr;
   if (there == nullptr) return std::nullopt;
-  const Source source{map.map, there->epoch, there->news.version};
+  const Source source{map.map, there->epoch, there->update.version};
   if (source == source_) return std::nullopt;
-  return use(source, there->news);
+  return use(source, there->update);
 }
 
-std::optional<CameraNews> CameraNegotiation::use_first_values() {
+std::optional<CameraUpdate> CameraNegotiation::use_first_values() {
   if (!source_ || in_use_.frozen) return std::nullopt;
   return use(std::nullopt, {0, first_, first_focal_sigma_, first_k1_sigma_, false, false});
 }
 
 /// What a map believes so far, the next one would take for what was known before it: the sigma is that of the
 /// beginning until the camera is known.
-CameraNews CameraNegotiation::use(const std::optional<Source>& source, CameraNews news) {
+CameraUpdate CameraNegotiation::use(const std::optional<Source>& source, CameraUpdate update) {
   source_ = source;
   ++in_use_.version;
-  in_use_.parameters = news.camera->parameters();
-  in_use_.sigma = sigma_of_values({in_use_.parameters, news.frozen ? news.focal_sigma : first_focal_sigma_,
-                                   news.frozen ? news.k1_sigma : first_k1_sigma_});
-  in_use_.frozen = news.frozen;
+  in_use_.parameters = update.camera->parameters();
+  in_use_.sigma =
+      sigma_of_values({in_use_.parameters, update.frozen ? update.focal_sigma : first_focal_sigma_,
+                       update.frozen ? update.k1_sigma : first_k1_sigma_});
+  in_use_.frozen = update.frozen;
   announcing_ = Announcing::kDue;
-  return news;
+  return update;
 }
 
 std::optional<wire::CameraMessage> CameraNegotiation::next_announcement() {
@@ -130,12 +131,12 @@ std::optional<CameraNegotiation::Source> CameraNegotiation::other_values_of(cons
   return source == source_ ? std::nullopt : std::optional(source);
 }
 
-const CameraNegotiation::FoundCamera* CameraNegotiation::find(const Source& source) const {
+const CameraNegotiation::MapEstimate* CameraNegotiation::find(const Source& source) const {
   const auto found = found_.find(source.map);
   if (found == found_.end()) return nullptr;
-  const auto is_no_earlier = [&](const FoundCamera& estimate) {
+  const auto is_no_earlier = [&](const MapEstimate& estimate) {
     return estimate.epoch > source.epoch ||
-           (estimate.epoch == source.epoch && estimate.news.version >= source.version);
+           (estimate.epoch == source.epoch && estimate.update.version >= source.version);
   };
   const auto there = std::ranges::find_if(found->second, is_no_earlier);
   return there == found->second.end() ? nullptr : &*there;

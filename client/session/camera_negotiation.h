@@ -14,7 +14,7 @@
 namespace cairn {
 
 /// Which values of our camera are in use, between what this client believes of it and what the server's maps
-/// find out about it (camera self-calibration, server/mapping). A revision of a map names the version that it
+/// find in self-calibration (server/mapping). A revision of a map names the version that it
 /// was made with; it is tracked on together with these values. Each map and epoch counts its own versions.
 /// Pure. One thread.
 class CameraNegotiation {
@@ -22,8 +22,8 @@ class CameraNegotiation {
   /// `sigma`: as SessionOptions::camera_sigma; empty: the values are exact, and nobody is asked about them.
   CameraNegotiation(ClientId client, const std::vector<double>& sigma, const CameraPtr& camera);
 
-  /// A map says what it has found out. False: such a camera cannot be, which is said once of each map. What
-  /// is of another camera, of one that is exact, or overtaken is passed over.
+  /// A map says what its self-calibration has found. False: such a camera cannot be, which is said once of
+  /// each map. What is of another camera, of one that is exact, or overtaken is passed over.
   [[nodiscard]] bool take(const wire::CameraEstimate& estimate);
   /// An estimate is no more; of `key` only what names it counts.
   void forget(const wire::CameraEstimate& key);
@@ -32,15 +32,15 @@ class CameraNegotiation {
   [[nodiscard]] bool has_values_of(const MapSnapshot& map) const;
   /// Whether the latest word of this map on our camera cannot be.
   [[nodiscard]] bool is_unsound(MapId map) const { return unsound_.contains(map); }
-  /// False: a map made from our seed takes what is merely believed of our camera for exact. Servers of before
-  /// cameras were found out do.
-  [[nodiscard]] bool is_found_out_by(const MapSnapshot& own) const;
+  /// False: a map made from our seed takes what is merely believed of our camera for exact. Servers from
+  /// before self-calibration do.
+  [[nodiscard]] bool is_self_calibrated_by(const MapSnapshot& own) const;
 
   /// The values that go with this revision, in use from now on; nothing where they are those in use.
-  [[nodiscard]] std::optional<CameraNews> use_values_of(const MapSnapshot& map);
+  [[nodiscard]] std::optional<CameraUpdate> use_values_of(const MapSnapshot& map);
   /// Those of the beginning, in use from now on; nothing where they are, or where the camera is known: what a
   /// map merely believes is not handed on to the next, whose prior would wander from map to map.
-  [[nodiscard]] std::optional<CameraNews> use_first_values();
+  [[nodiscard]] std::optional<CameraUpdate> use_first_values();
 
   /// As announced from now on.
   [[nodiscard]] const wire::CameraMessage& in_use() const { return in_use_; }
@@ -54,10 +54,10 @@ class CameraNegotiation {
   [[nodiscard]] bool is_announced() const { return announcing_ == Announcing::kDone; }
 
  private:
-  /// What a map has found out.
-  struct FoundCamera {
+  /// What a map's self-calibration has found.
+  struct MapEstimate {
     Epoch epoch;
-    CameraNews news;
+    CameraUpdate update;
   };
   /// Where values come from.
   struct Source {
@@ -71,12 +71,12 @@ class CameraNegotiation {
 
   [[nodiscard]] const CameraVersion* ours_in(const MapSnapshot& map) const;
   /// Which values a revision was made with; nothing when those in use are to be kept: it names none of ours,
-  /// or these, or ours are known already (found out elsewhere, or exact from the start).
+  /// or these, or ours are known already (calibrated elsewhere, or exact from the start).
   [[nodiscard]] std::optional<Source> other_values_of(const MapSnapshot& map) const;
   /// The values that the revision was made with or, where those were overtaken, the next later ones of its
   /// map; null when they are not there yet.
-  [[nodiscard]] const FoundCamera* find(const Source& source) const;
-  [[nodiscard]] CameraNews use(const std::optional<Source>& source, CameraNews news);
+  [[nodiscard]] const MapEstimate* find(const Source& source) const;
+  [[nodiscard]] CameraUpdate use(const std::optional<Source>& source, CameraUpdate update);
 
   wire::CameraMessage in_use_;
   enum class Announcing : uint8_t { kDue, kUnderWay, kFailed, kDone } announcing_ = Announcing::kDue;
@@ -84,7 +84,7 @@ class CameraNegotiation {
   /// How well it was known when the session began: DoubtfulCamera.
   double first_focal_sigma_ = 0;
   double first_k1_sigma_ = 0;
-  std::map<MapId, std::deque<FoundCamera>> found_;
+  std::map<MapId, std::deque<MapEstimate>> found_;
   std::optional<Source> source_;  ///< of the values in use; nothing: as the session began
   std::set<MapId> unsound_;
   std::set<MapId> told_unsound_;

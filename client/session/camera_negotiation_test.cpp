@@ -53,9 +53,9 @@ TEST_F(CameraNegotiationTest, ValuesInUseAreAnnouncedUnderANewVersionWithTheSigm
   EXPECT_FALSE(negotiation_.next_announcement());
   ASSERT_TRUE(negotiation_.take(estimate(kDesk, 1, 510)));
   const uint32_t before = negotiation_.in_use().version;
-  const auto news = negotiation_.use_values_of(revision_with(kDesk, 1));
-  ASSERT_TRUE(news);
-  EXPECT_DOUBLE_EQ(news->camera->focal_length(), 510);
+  const auto update = negotiation_.use_values_of(revision_with(kDesk, 1));
+  ASSERT_TRUE(update);
+  EXPECT_DOUBLE_EQ(update->camera->focal_length(), 510);
   EXPECT_FALSE(negotiation_.use_values_of(revision_with(kDesk, 1))) << "they are in use";
   const auto announced = negotiation_.next_announcement();
   ASSERT_TRUE(announced);

@@ -39,13 +39,13 @@ SessionId random_session() {
 
 }  // namespace
 
-std::string describe(const CameraNews& news) {
-  const double k1 = news.camera->parameters().values.at(4);
+std::string describe(const CameraUpdate& update) {
+  const double k1 = update.camera->parameters().values.at(4);
   // How far a value may be off holds only where it is believed.
-  if (!news.frozen)
-    return fmt::format("focal length about {:.0f} px, k1 about {:.2f}", news.camera->focal_length(), k1);
-  return fmt::format("focal length {:.1f} px +- {:.1f} %, k1 {:.3f} +- {:.3f}", news.camera->focal_length(),
-                     100 * news.focal_sigma, k1, news.k1_sigma);
+  if (!update.frozen)
+    return fmt::format("focal length about {:.0f} px, k1 about {:.2f}", update.camera->focal_length(), k1);
+  return fmt::format("focal length {:.1f} px +- {:.1f} %, k1 {:.3f} +- {:.3f}", update.camera->focal_length(),
+                     100 * update.focal_sigma, k1, update.k1_sigma);
 }
 
 struct Session::State {
@@ -65,7 +65,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   }
   if (!options.camera_sigma.empty() && options.camera_sigma.size() != kDoubtfulValues)
     return fail(ErrorCode::kConfiguration,
-                "a camera that is found out is pinhole-radtan with all its values");
+                "a camera that is self-calibrated is pinhole-radtan with all its values");
   const auto participant = joining(options, log);
   if (!participant) return tl::unexpected(participant.error());
   auto state = std::make_unique<State>(SessionCore(options, camera, random_session), log);
@@ -140,7 +140,7 @@ std::optional<PlaceAnswer> Session::take_place_answer() {
   return state_->core.apply([](SessionCore& core) { return core.take_place_answer(); });
 }
 
-std::optional<CameraNews> Session::take_camera(const MapSnapshotPtr& snapshot) {
+std::optional<CameraUpdate> Session::take_camera(const MapSnapshotPtr& snapshot) {
   return state_->core.apply([&](SessionCore& core) { return core.take_camera(snapshot); });
 }
 

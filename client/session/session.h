@@ -71,7 +71,7 @@ class Session {
   /// with from now on. What is sent from now on names them. Null, after leave_map(): those that the session
   /// began with, unless the camera is known by now; what a map merely believed is not handed on to the next,
   /// whose prior would wander from map to map.
-  [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot);
+  [[nodiscard]] std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot);
   [[nodiscard]] SessionStatus status() const;
   /// The way to the server that is in use: wire::way_to().
   [[nodiscard]] std::string network() const;

@@ -96,11 +96,11 @@ void SessionCore::publish_state(const FrameResult& result, Timestamp time) {
   actions_.look_what_to_send = true;
 }
 
-std::optional<CameraNews> SessionCore::take_camera(const MapSnapshotPtr& snapshot) {
+std::optional<CameraUpdate> SessionCore::take_camera(const MapSnapshotPtr& snapshot) {
   if (snapshot == nullptr && maps_.in_use()) return std::nullopt;
-  auto news = snapshot ? camera_.use_values_of(*snapshot) : camera_.use_first_values();
-  actions_.look_what_to_send |= news.has_value();
-  return news;
+  auto update = snapshot ? camera_.use_values_of(*snapshot) : camera_.use_first_values();
+  actions_.look_what_to_send |= update.has_value();
+  return update;
 }
 
 void SessionCore::take(const wire::ServerStatus& status) {
@@ -221,7 +221,7 @@ bool SessionCore::take(const MapSnapshotPtr& revision) {
   const bool is_in_use = maps_.swap_in(revision);
   if (revision->map == own_map_) {
     own_map_ = {};
-    if (!camera_.is_found_out_by(*revision)) {
+    if (!camera_.is_self_calibrated_by(*revision)) {
       say(Actions::Notice::Level::kWarning,
           "this server does not find cameras out: its map takes what is believed of ours for exact; pass "
           "--calibration FILE, exact:FILE where it has no distortion");

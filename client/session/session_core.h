@@ -54,7 +54,7 @@ class SessionCore {
     return std::exchange(request_replies_, {});
   }
   [[nodiscard]] std::optional<PlaceAnswer> take_place_answer() { return std::exchange(place_answer_, {}); }
-  [[nodiscard]] std::optional<CameraNews> take_camera(const MapSnapshotPtr& snapshot);
+  [[nodiscard]] std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& snapshot);
 
   // What the server says.
   void take(const wire::ServerStatus& status);

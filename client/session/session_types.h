@@ -31,7 +31,7 @@ struct SessionOptions {
   bool reads_only = false;   ///< asks for no change of a map
   bool proposes = true;      ///< lets the server keep keyframes aside where they are no part of a map
   std::string only_map;      ///< the name of the one map to be used; empty: any
-  /// Of each value of the camera's parameters: it is found out by the maps that it helps to make. Empty:
+  /// Of each value of the camera's parameters: it is calibrated by the maps that it helps to make. Empty:
   /// exact.
   std::vector<double> camera_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
@@ -53,8 +53,8 @@ struct SessionStatus {
   uint64_t bytes_received = 0;
 };
 
-/// What the server's maps have found out about our camera.
-struct CameraNews {
+/// What self-calibration in the server's maps says of our camera.
+struct CameraUpdate {
   uint32_t version = 0;
   CameraPtr camera;
   double focal_sigma = 0;  ///< relative to the focal length
@@ -64,7 +64,7 @@ struct CameraNews {
 };
 
 /// "focal length 531.2 px +- 0.8 %, k1 -0.012 +- 0.005"
-[[nodiscard]] std::string describe(const CameraNews& news);
+[[nodiscard]] std::string describe(const CameraUpdate& update);
 
 /// The server's answer to the latest seed.
 struct SeedReply {

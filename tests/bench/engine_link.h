@@ -34,7 +34,9 @@ class EngineLink final : public MapLink {
   void publish_state(const FrameResult& /*result*/, Timestamp /*time*/) override {}
   std::optional<SeedReply> take_seed_reply() override { return std::nullopt; }
   std::vector<OfferReply> take_offer_replies() override { return {}; }
-  std::optional<CameraNews> take_camera(const MapSnapshotPtr& /*snapshot*/) override { return std::nullopt; }
+  std::optional<CameraUpdate> take_camera(const MapSnapshotPtr& /*snapshot*/) override {
+    return std::nullopt;
+  }
   std::optional<PlaceAnswer> take_place_answer() override { return std::exchange(answer_, std::nullopt); }
   LabelListPtr labels(MapId /*map*/) const override { return nullptr; }
   SessionStatus status() const override { return status_; }

@@ -341,7 +341,7 @@ class FoundCamera : public ::testing::Test {
     const auto replies = session.take_offer_replies();
     return replies.size() == 1 ? replies.front() : OfferReply{};
   }
-  [[nodiscard]] static std::optional<CameraNews> take_camera(Session& session) {
+  [[nodiscard]] static std::optional<CameraUpdate> take_camera(Session& session) {
     const MapSnapshotPtr map = session.snapshot();
     return map ? session.take_camera(map) : std::nullopt;
   }

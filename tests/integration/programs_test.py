@@ -279,7 +279,7 @@ class Cameras(OnTheDesk):
         with ServerProcess() as server:
             stats, said = self.track(server, "brief", "--save-calibration", saved, "--pace", "lockstep", recording="brief", code=1)
         self.assertIsNotNone(stats["first_map_frame"], said)
-        self.assertIn("the camera is found out while the map grows", said)
+        self.assertIn("the camera is calibrated while the map grows", said)
         self.assertIn("the camera is not known well enough, none was written: focal length", said)
         self.assertFalse(saved.exists())
 

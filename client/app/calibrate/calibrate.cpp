@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "client/app/calibrate/view_picker.h"
-#include "client/app/camera_keeper.h"
+#include "client/app/calibration_saver.h"
 #include "client/app/narrator.h"
 #include "common/base/stream_writer.h"
 #include "common/io/calibration.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "client/app/camera_keeper.h"
+#include "client/app/calibration_saver.h"
 
 #include <chrono>
 #include <fstream>
@@ -27,19 +27,19 @@ Status check_writable(const std::filesystem::path& path) {
   return {};
 }
 
-void CameraKeeper::on_camera(const CameraNews& news) {
+void CalibrationSaver::on_camera(const CameraUpdate& update) {
   if (latest_ && latest_->frozen) return;
-  latest_ = news;
-  if (!news.frozen) return;
-  const std::string how = "found out by cairn-track while a map grew: " + describe(news);
-  written_ = std::async(std::launch::async, [path = path_, log = log_, camera = news.camera, how] {
+  latest_ = update;
+  if (!update.frozen) return;
+  const std::string how = "calibrated by cairn-track while a map grew: " + describe(update);
+  written_ = std::async(std::launch::async, [path = path_, log = log_, camera = update.camera, how] {
     Status written = write_calibration_kalibr(path, camera->parameters(), how);
     if (written) log->info("camera written to {}; next time: --calibration {}", path.string(), path.string());
     return written;
   });
 }
 
-Status CameraKeeper::finish(const std::function<bool()>& stop_requested) {
+Status CalibrationSaver::finish(const std::function<bool()>& stop_requested) {
   if (!latest_ || !latest_->frozen) {
     return fail(ErrorCode::kDegenerate, "the camera is not known well enough, none was written: " +
                                             (latest_ ? describe(*latest_) : "no map was made long enough"));

@@ -15,12 +15,13 @@ namespace cairn {
 /// Whether a file could be written there; leaves what is there as it is, and what is no file unasked.
 [[nodiscard]] Status check_writable(const std::filesystem::path& path);
 
-/// Writes a camera that was found out as Kalibr's yaml, when it is known, in a thread of its own.
-class CameraKeeper final : public FrameObserver {
+/// Writes a camera that was calibrated with the map as Kalibr's yaml, when it is known, in a thread of its
+/// own.
+class CalibrationSaver final : public FrameObserver {
  public:
-  CameraKeeper(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
+  CalibrationSaver(std::filesystem::path path, Logger log) : path_(std::move(path)), log_(std::move(log)) {}
 
-  void on_camera(const CameraNews& news) override;
+  void on_camera(const CameraUpdate& update) override;
   /// After a run; asks `stop_requested` while it waits. Errors: kDegenerate, the camera is not known; kIo, it
   /// is, but could not be written. Call once.
   [[nodiscard]] Status finish(const std::function<bool()>& stop_requested);
@@ -28,7 +29,7 @@ class CameraKeeper final : public FrameObserver {
  private:
   const std::filesystem::path path_;
   Logger log_;
-  std::optional<CameraNews> latest_;
+  std::optional<CameraUpdate> latest_;
   std::future<Status> written_;  ///< valid once the camera is known
 };
 
