@@ -46,16 +46,16 @@ constexpr milliseconds kNameGrace(4'000);
 constexpr size_t kPreloadBytes = size_t{512} << 20;
 constexpr int kFrameThreadNice = -10;
 
-/// A camera, and how far its values are believed (SessionOptions::camera_sigma).
+/// A camera, and how far its values are believed (SessionOptions::prior_sigma).
 struct ChosenCamera {
   CameraPtr camera;
   std::vector<double> sigma;
   bool is_nominal = false;  ///< a calibration without distortion: refined, not calibrated anew
 };
 
-Result<ChosenCamera> make_doubtful(const DoubtfulCamera& doubtful) {
-  return make_camera(doubtful.parameters).map([&](CameraPtr camera) {
-    return ChosenCamera{std::move(camera), sigma_of_values(doubtful)};
+Result<ChosenCamera> make_from_prior(const IntrinsicsPrior& prior) {
+  return make_camera(prior.parameters).map([&](CameraPtr camera) {
+    return ChosenCamera{std::move(camera), sigma_of_values(prior)};
   });
 }
 
@@ -72,13 +72,13 @@ Result<ChosenCamera> choose_unknown_camera(const TrackOptions& options, const Fr
   if (options.calibration)
     return of_file(
         *options.calibration,
-        read_calibration(*options.calibration, size).and_then(doubt_camera).and_then(make_doubtful));
+        read_calibration(*options.calibration, size).and_then(rough_prior).and_then(make_from_prior));
   if (!size) {
     return fail(ErrorCode::kConfiguration, options.source +
                                                ": the size of its pictures is not known before the first; "
                                                "pass a rough calibration with --calibration auto:FILE");
   }
-  return make_doubtful(guess_camera(*size));
+  return make_from_prior(guess_camera(*size));
 }
 
 Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSource& source) {
@@ -100,7 +100,7 @@ Result<ChosenCamera> choose_camera(const TrackOptions& options, const FrameSourc
   if (!parameters) return tl::unexpected(parameters.error());
   const auto nominal = options.reader || options.exact_camera ? std::nullopt : nominal_camera(*parameters);
   if (nominal) {
-    return of_file(*path, make_doubtful(*nominal)).map([](ChosenCamera&& chosen) {
+    return of_file(*path, make_from_prior(*nominal)).map([](ChosenCamera&& chosen) {
       chosen.is_nominal = true;
       return std::move(chosen);
     });
@@ -138,7 +138,7 @@ TrackerOptions tracker_options(const TrackOptions& options) {
   return tracker;
 }
 
-SessionOptions session_options(const TrackOptions& options, const std::vector<double>& camera_sigma) {
+SessionOptions session_options(const TrackOptions& options, const std::vector<double>& prior_sigma) {
   SessionOptions session;
   session.server = options.server;
   session.domain = options.domain;
@@ -151,7 +151,7 @@ SessionOptions session_options(const TrackOptions& options, const std::vector<do
   session.reads_only = options.reader;
   session.proposes = options.proposes;
   session.lockstep = options.pace == Pace::kLockstep;
-  session.camera_sigma = camera_sigma;
+  session.prior_sigma = prior_sigma;
   return session;
 }
 

@@ -210,7 +210,7 @@ void Narrator::tell_imu(const FrameReport& report) {
     log_->warn("frame {}: the IMU turns otherwise than the pictures do, and is not used: {}", number_,
                report.rig.empty()
                    ? "check --imu-mount, --imu-time-offset and that its rates are rad/s"
-                   : "`cairn-rig calibrate` finds out how it sits, and what its clock lacks to the camera's");
+                   : "`cairn-rig calibrate` measures how it sits, and what its clock lacks to the camera's");
   } else if (imu_ == ImuUse::kContradicts) {
     log_->info("frame {}: the IMU turns as the pictures do again, and is used", number_);
   }

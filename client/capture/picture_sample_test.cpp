@@ -121,7 +121,7 @@ TEST_F(DeepPictures, ThoseOfTheListsToo) {
   EXPECT_EQ((*source)->notes().size(), 1U);
 }
 
-TEST_F(DeepPictures, LowBytesFirstAreFoundOut) {
+TEST_F(DeepPictures, LowBytesFirstAreNoticed) {
   for (const int bits : {12, 16}) {
     for (int i = 0; i < 12; ++i) {
       const cv::Mat image = deep_picture(bits, i);

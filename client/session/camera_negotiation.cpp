@@ -36,9 +36,9 @@ bool CameraNegotiation::take(const wire::CameraEstimate& estimate) {
   if (is_exact || estimate.client != in_use_.client || estimate.camera != in_use_.camera) return true;
   const CameraParameters& ours = in_use_.parameters;
   const CameraParameters& theirs = estimate.parameters;
-  const auto doubt = doubtful_camera(theirs, estimate.sigma);
+  const auto prior = intrinsics_prior(theirs, estimate.sigma);
   const auto camera = make_camera(theirs);
-  if (!doubt || !camera || theirs.width != ours.width || theirs.height != ours.height) {
+  if (!prior || !camera || theirs.width != ours.width || theirs.height != ours.height) {
     unsound_.insert(estimate.map);
     return !told_unsound_.insert(estimate.map).second;
   }
@@ -49,7 +49,7 @@ bool CameraNegotiation::take(const wire::CameraEstimate& estimate) {
     return true;  // a repetition, or a late word of a server that has died
   if (kept.size() == kEstimatesKept) kept.pop_front();
   kept.push_back({estimate.epoch,
-                  {estimate.version, *camera, doubt->focal_sigma, doubt->k1_sigma, estimate.frozen,
+                  {estimate.version, *camera, prior->focal_sigma, prior->k1_sigma, estimate.frozen,
                    estimate.cannot_be_known}});
   return true;
 }

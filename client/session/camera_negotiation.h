@@ -19,7 +19,7 @@ namespace cairn {
 /// Pure. One thread.
 class CameraNegotiation {
  public:
-  /// `sigma`: as SessionOptions::camera_sigma; empty: the values are exact, and nobody is asked about them.
+  /// `sigma`: as SessionOptions::prior_sigma; empty: the values are exact, and nobody is asked about them.
   CameraNegotiation(ClientId client, const std::vector<double>& sigma, const CameraPtr& camera);
 
   /// A map says what its self-calibration has found. False: such a camera cannot be, which is said once of
@@ -81,7 +81,7 @@ class CameraNegotiation {
   wire::CameraMessage in_use_;
   enum class Announcing : uint8_t { kDue, kUnderWay, kFailed, kDone } announcing_ = Announcing::kDue;
   const CameraPtr first_;
-  /// How well it was known when the session began: DoubtfulCamera.
+  /// How well it was known when the session began: IntrinsicsPrior.
   double first_focal_sigma_ = 0;
   double first_k1_sigma_ = 0;
   std::map<MapId, std::deque<MapEstimate>> found_;

@@ -15,14 +15,14 @@ const MapId kBench{{8}};
 /// A camera of which focal length is believed to 10 %, k1 to 0.05, and maps that find it out.
 class CameraNegotiationTest : public ::testing::Test {
  protected:
-  static DoubtfulCamera believed(double focal_length = 500) {
+  static IntrinsicsPrior believed(double focal_length = 500) {
     return {{CameraModel::kPinholeRadtan, 640, 480, {focal_length, focal_length, 320, 240, 0, 0, 0, 0, 0}},
             0.1,
             0.05};
   }
   [[nodiscard]] wire::CameraEstimate estimate(MapId map, uint32_t version, double focal_length,
                                               bool frozen = false) const {
-    DoubtfulCamera found = believed(focal_length);
+    IntrinsicsPrior found = believed(focal_length);
     found.focal_sigma = 0.01;
     return {kClient,          negotiation_.in_use().camera, map,    Epoch{1}, version,
             found.parameters, sigma_of_values(found),       frozen, false};

@@ -63,7 +63,7 @@ Result<std::unique_ptr<Session>> Session::open(const SessionOptions& options, co
   if (!options.wearer.empty() && !is_valid_name(options.wearer)) {
     return fail(ErrorCode::kUsage, "wearer '" + options.wearer + "': expected 1 to 32 of a-z, 0-9 and -");
   }
-  if (!options.camera_sigma.empty() && options.camera_sigma.size() != kDoubtfulValues)
+  if (!options.prior_sigma.empty() && options.prior_sigma.size() != kPriorValues)
     return fail(ErrorCode::kConfiguration,
                 "a camera that is self-calibrated is pinhole-radtan with all its values");
   const auto participant = joining(options, log);

@@ -31,7 +31,7 @@ SessionCore::SessionCore(SessionOptions options, const CameraPtr& camera,
       seed_(session_),
       query_(session_),
       requests_(kMostRequests, session_),
-      camera_(client_id_from_name(options_.name), options_.camera_sigma, camera),
+      camera_(client_id_from_name(options_.name), options_.prior_sigma, camera),
       maps_(options_.recent_maps, options_.only_map) {
   tracker_.client = client_id_from_name(options_.name);
   tracker_.wearer = options_.wearer;

@@ -33,7 +33,7 @@ struct SessionOptions {
   std::string only_map;      ///< the name of the one map to be used; empty: any
   /// Of each value of the camera's parameters: it is calibrated by the maps that it helps to make. Empty:
   /// exact.
-  std::vector<double> camera_sigma;
+  std::vector<double> prior_sigma;
   int xmit_loss_permille = 0;  ///< Cyclone's loss injection, for tests
   /// In tests: how the way to a silent server is looked up; empty: wire::find_path().
   std::function<Result<wire::NetworkPath>(const wire::ParticipantOptions&)> find_path;

@@ -143,7 +143,7 @@ class SeedSlot {
   ResendTimer timer_;
 };
 
-/// A frame described, to find out where it was taken.
+/// A frame described, and when it was taken.
 struct SentRelocQuery {
   std::shared_ptr<const PlaceView> view;
   MapId map_hint;

@@ -13,7 +13,7 @@
 
 namespace cairn {
 
-/// How long a camera exposes its frames, found out from how it smears what the map knows. Starts at 0;
+/// How long a camera exposes its frames, estimated from how it smears what the map knows. Starts at 0;
 /// follows an automatic exposure within some 20 frames in motion. Takes no memory. Pure; one thread.
 class Exposure {
  public:

@@ -79,7 +79,7 @@ class Film {
   FrameImages frame_;
 };
 
-TEST(ExposureTest, IsFoundOutFromTheSmear) {
+TEST(ExposureTest, IsEstimatedFromTheSmear) {
   for (const double share : {0.0, 0.25, 0.5, 0.9}) {
     Film film(share);
     Exposure exposure;

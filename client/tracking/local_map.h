@@ -27,7 +27,7 @@ inline constexpr uint64_t kLocalBit = uint64_t{1} << 62;
   return (id.value & kLocalBit) != 0;
 }
 
-/// A point whose depth the tracker has found out by itself, in the frame of the map.
+/// A point whose depth the tracker has estimated by itself, in the frame of the map.
 struct LocalPoint {
   uint64_t number = 0;  ///< the tracker's, unique
   uint8_t level = 0;    ///< pyramid level of the patch

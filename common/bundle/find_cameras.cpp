@@ -118,7 +118,7 @@ BundleProblem with_weights_kept(const BundleProblem& solved, const std::vector<d
   return kept;
 }
 
-/// Finds out how the residuals follow when a camera is another one and poses and points are adjusted to it.
+/// How the residuals follow when a camera is another one and poses and points are adjusted to it.
 class Follower {
  public:
   Follower(const BundleProblem& solved, const std::vector<double>& weights, const BundleOptions& options)

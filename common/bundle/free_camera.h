@@ -5,7 +5,8 @@
 
 #include "common/geometry/camera.h"
 
-/// What a map finds out about a camera of which little is known: its focal length and one term of distortion.
+/// What self-calibration in a map finds of a camera of which little is known: its focal length and one term
+/// of distortion.
 namespace cairn {
 
 constexpr int kIntrinsics = 2;

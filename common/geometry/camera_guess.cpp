@@ -27,17 +27,17 @@ bool is_pixel_aspect(double aspect) {
   return aspect >= 0.2 && aspect <= 5;
 }
 
-std::vector<double> sigma_of_values(const DoubtfulCamera& camera) {
+std::vector<double> sigma_of_values(const IntrinsicsPrior& camera) {
   std::vector<double> sigma(camera.parameters.values.size(), 0.0);
   for (const size_t focal : {0, 1}) sigma[focal] = camera.focal_sigma * camera.parameters.values[focal];
   sigma[kK1] = camera.k1_sigma;
   return sigma;
 }
 
-std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters,
-                                              const std::vector<double>& sigma) {
-  if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() != kDoubtfulValues ||
-      sigma.size() != kDoubtfulValues)
+std::optional<IntrinsicsPrior> intrinsics_prior(const CameraParameters& parameters,
+                                                const std::vector<double>& sigma) {
+  if (parameters.model != CameraModel::kPinholeRadtan || parameters.values.size() != kPriorValues ||
+      sigma.size() != kPriorValues)
     return std::nullopt;
   const double focal = parameters.values[0];
   const double focal_sigma = sigma[0] / focal;
@@ -45,15 +45,15 @@ std::optional<DoubtfulCamera> doubtful_camera(const CameraParameters& parameters
   const auto lies = [](double value, double least, double most) { return value >= least && value <= most; };
   constexpr double kRounding = 1e-9;  // of a sigma that went through a product with the focal length
   const bool sound = is_focal_length(focal, parameters.width, parameters.height) && is_pixel_aspect(aspect) &&
-                     lies(focal_sigma, kLeastDoubt * (1 - kRounding), 1 + kRounding) &&
-                     lies(sigma[kK1], kLeastDoubt, 1);
+                     lies(focal_sigma, kLeastPriorSigma * (1 - kRounding), 1 + kRounding) &&
+                     lies(sigma[kK1], kLeastPriorSigma, 1);
   if (!sound) return std::nullopt;
-  return DoubtfulCamera{parameters, focal_sigma, sigma[kK1]};
+  return IntrinsicsPrior{parameters, focal_sigma, sigma[kK1]};
 }
 
-DoubtfulCamera guess_camera(PictureSize size) {
+IntrinsicsPrior guess_camera(PictureSize size) {
   const double focal = 0.5 * std::max(size.width, size.height) / std::tan(kUsualHalfView);
-  DoubtfulCamera guess;
+  IntrinsicsPrior guess;
   guess.parameters = {CameraModel::kPinholeRadtan,
                       size.width,
                       size.height,
@@ -63,25 +63,25 @@ DoubtfulCamera guess_camera(PictureSize size) {
   return guess;
 }
 
-std::optional<DoubtfulCamera> nominal_camera(const CameraParameters& parameters) {
+std::optional<IntrinsicsPrior> nominal_camera(const CameraParameters& parameters) {
   const auto distorts = [](double value) { return value != 0; };
   if (parameters.model != CameraModel::kPinholeRadtan ||
       std::any_of(parameters.values.begin() + kK1, parameters.values.end(), distorts))
     return std::nullopt;
-  DoubtfulCamera nominal{parameters, kNominalFocal, kRoughK1};
-  nominal.parameters.values.resize(kDoubtfulValues, 0.0);
+  IntrinsicsPrior nominal{parameters, kNominalFocal, kRoughK1};
+  nominal.parameters.values.resize(kPriorValues, 0.0);
   return nominal;
 }
 
-Result<DoubtfulCamera> doubt_camera(const CameraParameters& parameters) {
+Result<IntrinsicsPrior> rough_prior(const CameraParameters& parameters) {
   if (parameters.model != CameraModel::kPinholeRadtan) {
     return fail(ErrorCode::kConfiguration, "a " + std::string(name_of(parameters.model)) +
-                                               " camera is taken as it is: what is found out while tracking "
+                                               " camera is taken as it is: what is calibrated while tracking "
                                                "is the focal length and k1 of pinhole-radtan");
   }
-  DoubtfulCamera doubtful{parameters, kRoughFocal, kRoughK1};
-  doubtful.parameters.values.resize(kDoubtfulValues, 0.0);
-  return doubtful;
+  IntrinsicsPrior prior{parameters, kRoughFocal, kRoughK1};
+  prior.parameters.values.resize(kPriorValues, 0.0);
+  return prior;
 }
 
 }  // namespace cairn

@@ -11,7 +11,7 @@ namespace {
 
 TEST(CameraGuess, SixtyDegreesAlongTheLongerSide) {
   for (const PictureSize size : {PictureSize{640, 480}, PictureSize{480, 640}, PictureSize{1920, 1080}}) {
-    const DoubtfulCamera guess = guess_camera(size);
+    const IntrinsicsPrior guess = guess_camera(size);
     const auto camera = make_camera(guess.parameters);
     ASSERT_TRUE(camera);
     const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
@@ -24,22 +24,22 @@ TEST(CameraGuess, SixtyDegreesAlongTheLongerSide) {
 }
 
 TEST(CameraGuess, WhatTheWireSaysOfItComesBack) {
-  const DoubtfulCamera guess = guess_camera({640, 480});
-  const auto back = doubtful_camera(guess.parameters, sigma_of_values(guess));
+  const IntrinsicsPrior guess = guess_camera({640, 480});
+  const auto back = intrinsics_prior(guess.parameters, sigma_of_values(guess));
   ASSERT_TRUE(back);
   EXPECT_EQ(back->parameters, guess.parameters);
   EXPECT_NEAR(back->focal_sigma, guess.focal_sigma, 1e-12);
   EXPECT_EQ(back->k1_sigma, guess.k1_sigma);
 }
 
-TEST(CameraGuess, NoCameraIsDoubtfulThatCouldBeNone) {
-  const DoubtfulCamera guess = guess_camera({640, 480});
+TEST(CameraGuess, NoPriorIsMadeOfWhatCouldBeNoCamera) {
+  const IntrinsicsPrior guess = guess_camera({640, 480});
   const std::vector<double> sigma = sigma_of_values(guess);
   const auto refuses = [&](const char* what, const auto& spoil) {
     CameraParameters parameters = guess.parameters;
     std::vector<double> spoilt = sigma;
     spoil(&parameters, &spoilt);
-    EXPECT_FALSE(doubtful_camera(parameters, spoilt)) << what;
+    EXPECT_FALSE(intrinsics_prior(parameters, spoilt)) << what;
   };
   using Values = std::vector<double>;
   for (const double focal : {1e-300, 1.0, 1e5, 1e300}) {
@@ -65,22 +65,22 @@ TEST(CameraGuess, NoCameraIsDoubtfulThatCouldBeNone) {
 
 TEST(CameraGuess, ARoughCalibrationIsBelievedRoughly) {
   const CameraParameters rough{CameraModel::kPinholeRadtan, 640, 480, {500, 501, 320, 240}};
-  const auto doubtful = doubt_camera(rough);
-  ASSERT_TRUE(doubtful);
-  EXPECT_TRUE(doubtful_camera(doubtful->parameters, sigma_of_values(*doubtful))) << "as the wire says it";
-  EXPECT_EQ(doubtful->parameters.values[0], 500);
-  EXPECT_FALSE(doubt_camera({CameraModel::kFov, 640, 480, {500, 500, 320, 240, 0.9}}));
+  const auto prior = rough_prior(rough);
+  ASSERT_TRUE(prior);
+  EXPECT_TRUE(intrinsics_prior(prior->parameters, sigma_of_values(*prior))) << "as the wire says it";
+  EXPECT_EQ(prior->parameters.values[0], 500);
+  EXPECT_FALSE(rough_prior({CameraModel::kFov, 640, 480, {500, 500, 320, 240, 0.9}}));
 }
 
 TEST(CameraGuess, ACalibrationWithoutDistortionIsNominal) {
   const std::vector<double> pinhole = {500, 501, 320, 240};
-  for (const size_t values : {size_t{4}, size_t{8}, kDoubtfulValues}) {
+  for (const size_t values : {size_t{4}, size_t{8}, kPriorValues}) {
     CameraParameters parameters{CameraModel::kPinholeRadtan, 640, 480, pinhole};
     parameters.values.resize(values, 0.0);
     const auto nominal = nominal_camera(parameters);
     ASSERT_TRUE(nominal) << values << " values";
-    EXPECT_TRUE(doubtful_camera(nominal->parameters, sigma_of_values(*nominal))) << "as the wire says it";
-    EXPECT_LT(nominal->focal_sigma, doubt_camera(parameters)->focal_sigma);
+    EXPECT_TRUE(intrinsics_prior(nominal->parameters, sigma_of_values(*nominal))) << "as the wire says it";
+    EXPECT_LT(nominal->focal_sigma, rough_prior(parameters)->focal_sigma);
     for (size_t term = pinhole.size(); term < values; ++term) {
       CameraParameters distorted = parameters;
       distorted.values[term] = -1e-4;

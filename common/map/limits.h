@@ -18,7 +18,7 @@ inline constexpr size_t kMaxTrails = 4000;
 /// Corners without a point of the map that come with an offered keyframe.
 inline constexpr size_t kMaxCandidates = 256;
 
-/// Cameras that are found out in a map and named by its revisions; more are not told.
-inline constexpr size_t kMaxCamerasFoundOut = 64;
+/// Cameras that are self-calibrated in a map and named by its revisions; more are not told.
+inline constexpr size_t kMaxCalibratedCameras = 64;
 
 }  // namespace cairn

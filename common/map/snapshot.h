@@ -23,7 +23,7 @@ constexpr int kBlockSlots =
     64;  ///< points or keyframes per block; a patch block stays below 64 kB on the wire
 
 /// Where a point's patch was cut, and what it shows. Of this only the rays and the normal ever change: where
-/// the source camera was found out to be another than was believed.
+/// the source camera was found to be another than was believed.
 struct PointSource {
   PointId id;
   KeyframeId keyframe;  ///< the keyframe whose image gave the patch
@@ -126,7 +126,7 @@ struct PointSlot {
   bool operator==(const PointSlot&) const = default;
 };
 
-/// Which values of a camera are meant: those of a client's camera that is still being found out change, and
+/// Which values of a camera are meant: those of a client's camera that is still being calibrated change, and
 /// a number goes with them.
 struct CameraVersion {
   ClientId client;
@@ -144,8 +144,8 @@ struct MapSnapshot {
   bool metric = false;  ///< whether the map unit is known to be a metre
   std::vector<std::shared_ptr<const PointBlock>> point_blocks;
   std::vector<std::shared_ptr<const KeyframeBlock>> keyframe_blocks;
-  /// Of the cameras that are found out in this map, the values that this revision was made with: who tracks
-  /// on it with such a camera needs them.
+  /// Of the cameras that are self-calibrated in this map, the values that this revision was made with: who
+  /// tracks on it with such a camera needs them.
   std::vector<CameraVersion> cameras;
 
   /// Slot of a live point; nothing when it is unknown or gone. O(log blocks).

@@ -500,7 +500,7 @@ TEST(Sizes, StateSamplesStayBelow64kB) {
   commit.name.assign(internal::kMaxNameBytes, 'x');
   commit.points.resize(kMaxBlocks);
   commit.keyframe_versions.resize(kMaxKeyframeBlocks);
-  commit.cameras.resize(kMaxCamerasFoundOut);
+  commit.cameras.resize(kMaxCalibratedCameras);
   EXPECT_LT(internal::payload_bytes<MapCommit>(encode(commit, &scratch)), 64'000U);
   SeedVerdict verdict;
   verdict.points.resize(kMaxTrails);

@@ -217,7 +217,8 @@ struct MapCommit {
 };
 
 /// Topic CameraEstimate: state, keyed by (client, camera, map); disposed when the map goes. What a map has
-/// found out about a camera that was announced with sigmas. Written before the revisions that name it.
+/// found in self-calibration of a camera that was announced with sigmas. Written before the revisions that
+/// name it.
 struct CameraEstimate {
   ClientId client;
   uint32_t camera = 0;
@@ -225,7 +226,7 @@ struct CameraEstimate {
   Epoch epoch;           ///< of the map
   uint32_t version = 1;  ///< in this map and epoch, as its revisions name it: no sequence with any other
   CameraParameters parameters;
-  std::vector<double> sigma;     ///< of each parameter; 0: not found out
+  std::vector<double> sigma;     ///< of each parameter; 0: not calibrated
   bool frozen = false;           ///< known well enough: will not change any more
   bool cannot_be_known = false;  ///< the motion so far does not tell the focal length
 };

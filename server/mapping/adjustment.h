@@ -22,8 +22,9 @@ struct MapProblem {
 /// Newest keyframe and its `neighbours` closest by shared points (the first keyframe never) move with all
 /// their points; every other observer is fixed (PTAM r114).
 [[nodiscard]] MapProblem local_problem(const MapState& map, KeyframeId newest, int neighbours);
-/// All but the first keyframe move, and the cameras that are being found out, once there are three keyframes:
-/// two views hardly tell a focal length. Judged are at most two of these, those with most new keyframes.
+/// All but the first keyframe move, and the cameras that are being calibrated, once there are three
+/// keyframes: two views hardly tell a focal length. Judged are at most two of these, those with most new
+/// keyframes.
 [[nodiscard]] MapProblem global_problem(const MapState& map);
 
 /// Writes a solved problem into a map that may have changed since the problem was cut: removed things stay

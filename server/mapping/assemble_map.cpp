@@ -53,11 +53,11 @@ class Assembly {
   void place_cameras() {
     const auto place = [this](int index, const MapCamera& camera) {
       const auto i = static_cast<size_t>(index);
-      if (index < 0 || i >= kMaxCamerasFoundOut || camera.camera == nullptr) return;
+      if (index < 0 || i >= kMaxCalibratedCameras || camera.camera == nullptr) return;
       if (i >= cameras_.size()) cameras_.resize(i + 1);
       if (cameras_[i].camera == nullptr) cameras_[i] = camera;
     };
-    for (const FoundCameraRecord& r : record_.found_cameras) place(r.index, r.camera);
+    for (const CalibratedCameraRecord& r : record_.calibrated_cameras) place(r.index, r.camera);
     for (const KeyframeRecord& r : record_.keyframes) {
       if (r.camera != nullptr) place(r.estimated_camera, known_camera(r.camera));
     }
@@ -71,7 +71,7 @@ class Assembly {
     known.camera = camera;
     known.searched = known.prior_mean = intrinsics_of(*camera);
     known.sigma = known.prior_sigma =
-        Intrinsics::Constant(kLeastDoubt);  // not 0: it is written and read again
+        Intrinsics::Constant(kLeastPriorSigma);  // not 0: it is written and read again
     known.frozen = true;
     return known;
   }

@@ -157,7 +157,7 @@ std::vector<Measurement> shown_measurements(const MapState& map, const MapKeyfra
 
 /// The robust pose takes the scatter of the measurements themselves for its measure: half of any heap of them
 /// "agree" with some pose. Pixels from where the map projects them are no measure either, while a camera is
-/// being found out. What the image shows is one.
+/// being calibrated. What the image shows is one.
 std::string not_of_this_map(size_t shown, size_t measured) {
   return "its picture shows " + std::to_string(shown) + " of the " + std::to_string(measured) +
          " points of the map that were measured in it, " + std::to_string(kMinMeasurements) +

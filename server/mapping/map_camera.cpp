@@ -34,12 +34,12 @@ size_t fewest_keyframes(const MapCamera& camera) {
 
 }  // namespace
 
-MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
+MapCamera make_map_camera(const CameraPtr& camera, const CameraPrior& prior) {
   MapCamera result;
-  result.version = doubt.version;
+  result.version = prior.version;
   result.version.version = 1;
   result.camera = result.published = camera;
-  result.sigma = result.published_sigma = result.prior_sigma = doubt.sigma;
+  result.sigma = result.published_sigma = result.prior_sigma = prior.sigma;
   result.prior_mean = result.searched = intrinsics_of(*camera);
   return result;
 }
@@ -59,7 +59,7 @@ void update(MapCamera* camera, const FreeCamera& adjusted, const KeyframeCount& 
   for (int i = 0; i < kIntrinsics; ++i) {
     const double found = std::sqrt(adjusted.covariance(i, i));
     const bool is_known = adjusted.prior_sigma[i] >= camera->prior_sigma[i] && found < camera->prior_sigma[i];
-    camera->sigma[i] = is_known ? std::max(found, kLeastDoubt) : camera->prior_sigma[i];
+    camera->sigma[i] = is_known ? std::max(found, kLeastPriorSigma) : camera->prior_sigma[i];
   }
   if (!adjusted.judge || keyframes.made <= camera->judged_keyframes) return;
   const Intrinsics values = intrinsics_of(*camera->camera);

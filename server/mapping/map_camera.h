@@ -6,11 +6,11 @@
 #include "common/bundle/free_camera.h"
 #include "common/map/snapshot.h"
 
-/// Cameras that are found out in a map, while it grows.
+/// Self-calibration: cameras that are calibrated in a map, while it grows.
 namespace cairn {
 
-/// How well a camera is known that comes with a seed or an offer.
-struct CameraDoubt {
+/// The intrinsics prior of a camera that comes with a seed or an offer.
+struct CameraPrior {
   CameraVersion version;  ///< of the values given
   Intrinsics sigma = Intrinsics::Zero();
 };
@@ -41,7 +41,7 @@ struct KeyframeCount {
   size_t made = 0;  ///< ever, removed ones included
 };
 
-[[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+[[nodiscard]] MapCamera make_map_camera(const CameraPtr& camera, const CameraPrior& prior);
 
 /// Whether enough is new to look for other focal lengths and to say how well it is known: both take several
 /// adjustments. At first that is any keyframe; once many have not told it, a quarter more of them.

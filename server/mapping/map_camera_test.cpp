@@ -21,7 +21,7 @@ CameraPtr simple_camera(double focal) {
   return *make_camera({CameraModel::kPinholeRadtan, 640, 480, {focal, focal, 320, 240, 0, 0, 0, 0, 0}});
 }
 
-CameraDoubt doubt_of(uint8_t client) {
+CameraPrior prior_of(uint8_t client) {
   return {{ClientId{{client}}, 0, 1}, {0.35, 0.1}};
 }
 
@@ -40,7 +40,7 @@ KeyframeCount all_of(size_t keyframes) {
 }
 
 TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   for (const size_t keyframes : {11, 12, 13}) {
     update(&camera, found(camera, 520, 0.01), all_of(keyframes));
     EXPECT_FALSE(camera.frozen) << keyframes;
@@ -67,7 +67,7 @@ TEST(MapCamera, IsKnownWhenEstimatesOfMoreAndMoreKeyframesAgree) {
 }
 
 TEST(MapCamera, ADriftIsNoAgreement) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   double focal = 540;
   for (size_t keyframes = 3; keyframes < 40; ++keyframes, focal *= 0.996) {
     update(&camera, found(camera, focal, 0.01), all_of(keyframes));
@@ -76,7 +76,7 @@ TEST(MapCamera, ADriftIsNoAgreement) {
 }
 
 TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
-  CameraDoubt believed = doubt_of(1);
+  CameraPrior believed = prior_of(1);
   believed.sigma = {0.005, 0.05};
   MapCamera camera = make_map_camera(simple_camera(500), believed);
   for (size_t keyframes = 3; keyframes < 20; ++keyframes) {
@@ -91,7 +91,7 @@ TEST(MapCamera, WhatWasBelievedToBeginWithTakesMoreKeyframesToBeKnown) {
 }
 
 TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLookedAtMoreSeldom) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   for (size_t made = 3; made <= 40; ++made) {
     EXPECT_FALSE(cannot_be_known(camera)) << made;
     ASSERT_TRUE(is_worth_judging(camera, {20, made}));
@@ -104,7 +104,7 @@ TEST(MapCamera, ThatItCannotBeKnownIsSaidOfAMapWhoseKeyframesAreRemovedTooAndLoo
 }
 
 TEST(MapCamera, WhatHoldsItIsNotTakenForKnowledge) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   const double at_its_end = 500 * std::exp(2.9 * 0.35);
   for (size_t keyframes = 3; keyframes < 60; ++keyframes)
     update(&camera, found(camera, at_its_end, 0.01), all_of(keyframes));
@@ -115,7 +115,7 @@ TEST(MapCamera, WhatHoldsItIsNotTakenForKnowledge) {
 TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
   const double infinity = std::numeric_limits<double>::infinity();
   for (const double sigma : {std::nan(""), infinity, 7.0}) {
-    MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+    MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
     for (size_t keyframes = 3; keyframes < 20; ++keyframes)
       update(&camera, found(camera, 520, sigma), all_of(keyframes));
     EXPECT_EQ(camera.sigma, camera.prior_sigma) << sigma;
@@ -124,7 +124,7 @@ TEST(MapCamera, WhatCouldNotBeJudgedIsAsUncertainAsBefore) {
 }
 
 TEST(MapCamera, AMoveThatIsSeenMakesAVersionAndNoOther) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   EXPECT_FALSE(publish(&camera));
   EXPECT_EQ(camera.version.version, 1U);
   update(&camera, found(camera, 500.05, 0.34), all_of(3));  // 0.04 px in the corners
@@ -140,7 +140,7 @@ TEST(MapCamera, AMoveThatIsSeenMakesAVersionAndNoOther) {
 }
 
 TEST(MapCamera, PatchesAreAimedAnewWhereASearchFeelsItAndOnceItIsKnown) {
-  MapCamera camera = make_map_camera(simple_camera(500), doubt_of(1));
+  MapCamera camera = make_map_camera(simple_camera(500), prior_of(1));
   update(&camera, found(camera, 508, 0.1), all_of(3));
   EXPECT_EQ(take_move(&camera), CameraMove::kNone) << "1.6 %";
   update(&camera, found(camera, 511, 0.1), all_of(4));
@@ -159,8 +159,8 @@ class ManyCameras : public ::testing::Test {
   [[nodiscard]] static MapState make(int known, int bare) {
     std::vector<MapKeyframe> keyframes;
     std::vector<MapCamera> cameras;
-    for (int i = 0; i < static_cast<int>(kMaxCamerasFoundOut); ++i) {
-      cameras.push_back(make_map_camera(simple_camera(500 + i), doubt_of(static_cast<uint8_t>(i + 1))));
+    for (int i = 0; i < static_cast<int>(kMaxCalibratedCameras); ++i) {
+      cameras.push_back(make_map_camera(simple_camera(500 + i), prior_of(static_cast<uint8_t>(i + 1))));
       cameras.back().frozen = i == known;
       MapKeyframe k;
       k.id = KeyframeId{keyframes.size() + 1};
@@ -173,11 +173,11 @@ class ManyCameras : public ::testing::Test {
   }
 };
 
-TEST_F(ManyCameras, NoMoreAreFoundOutThanARevisionNames) {
+TEST_F(ManyCameras, NoMoreAreCalibratedThanARevisionNames) {
   MapState map = make(-1, -1);
   const CameraPtr first = map.keyframes()[0].camera;
-  EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 0) << "of fewest keyframes";
-  EXPECT_EQ(map.cameras().size(), kMaxCamerasFoundOut);
+  EXPECT_EQ(map.add_camera(simple_camera(800), prior_of(200)), 0) << "of fewest keyframes";
+  EXPECT_EQ(map.cameras().size(), kMaxCalibratedCameras);
   EXPECT_EQ(map.keyframes()[0].camera, first);
   EXPECT_TRUE(map.has_known_camera(map.keyframes()[0])) << "as exact as it will be";
 }
@@ -186,7 +186,7 @@ TEST_F(ManyCameras, AnAdjustmentOfACameraThatHasLostItsPlaceIsForgotten) {
   MapState map = make(7, -1);
   const CutCamera cut{7, map.cameras()[7].version, map.keyframes_of(7)};
   const FreeCamera adjusted = found(map.cameras()[7], 555, 0.1);
-  ASSERT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 7);
+  ASSERT_EQ(map.add_camera(simple_camera(800), prior_of(200)), 7);
   map.update_camera(cut, adjusted);
   EXPECT_EQ(map.cameras()[7].camera->focal_length(), 800);
 }
@@ -194,24 +194,24 @@ TEST_F(ManyCameras, AnAdjustmentOfACameraThatHasLostItsPlaceIsForgotten) {
 TEST_F(ManyCameras, OneThatIsKnownGivesUpItsPlaceAndItsKeyframeKeepsIt) {
   MapState map = make(7, -1);
   const CameraPtr known = map.keyframes()[7].camera;
-  EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 7);
+  EXPECT_EQ(map.add_camera(simple_camera(800), prior_of(200)), 7);
   EXPECT_EQ(map.keyframes()[7].camera, known);
   EXPECT_TRUE(map.has_known_camera(map.keyframes()[7]));
-  EXPECT_EQ(map.camera_index(doubt_of(200)), 7);
-  EXPECT_EQ(map.camera_index(doubt_of(8)), -1);
-  EXPECT_EQ(map.cameras().size(), kMaxCamerasFoundOut);
+  EXPECT_EQ(map.camera_index(prior_of(200)), 7);
+  EXPECT_EQ(map.camera_index(prior_of(8)), -1);
+  EXPECT_EQ(map.cameras().size(), kMaxCalibratedCameras);
 }
 
 TEST_F(ManyCameras, OneWithoutKeyframesGivesUpItsPlace) {
   MapState map = make(-1, 9);
-  EXPECT_EQ(map.add_camera(simple_camera(800), doubt_of(200)), 9);
+  EXPECT_EQ(map.add_camera(simple_camera(800), prior_of(200)), 9);
 }
 
 TEST(CamerasOfAMapOfMany, OnlyThoseWithMostNewKeyframesAreAdjustedAndJudged) {
   std::vector<MapKeyframe> keyframes;
   std::vector<MapCamera> cameras;
   for (const size_t count : {4, 6, 2, 5, 7, 3}) {
-    cameras.push_back(make_map_camera(simple_camera(500), doubt_of(static_cast<uint8_t>(count))));
+    cameras.push_back(make_map_camera(simple_camera(500), prior_of(static_cast<uint8_t>(count))));
     for (size_t i = 0; i < count; ++i) {
       MapKeyframe k;
       k.id = KeyframeId{keyframes.size() + 1};
@@ -237,7 +237,7 @@ using CamerasOfAMap = testing::MapMakerFixture;
 TEST_F(CamerasOfAMap, ARefusedKeyframeLeavesNone) {
   start();
   KeyframeInput refused = testing::make_offer(scene_, *maker_->snapshot(), testing::kSecondStep);
-  refused.doubt = doubt_of(2);
+  refused.prior = prior_of(2);
   ASSERT_EQ(maker_->add_keyframe(refused).verdict, KeyframeVerdict::kTooClose);
   EXPECT_THAT(maker_->statistics().cameras, IsEmpty());
 }
@@ -245,7 +245,7 @@ TEST_F(CamerasOfAMap, ARefusedKeyframeLeavesNone) {
 TEST_F(CamerasOfAMap, OneIsAdjustedByItsOwnKeyframesAndNotByThoseOfOthers) {
   start();
   for (const int step : {5, 8, 11}) ASSERT_EQ(offer(step).verdict, KeyframeVerdict::kAccepted);
-  input_.doubt = doubt_of(2);
+  input_.prior = prior_of(2);
   ASSERT_EQ(offer(14).verdict, KeyframeVerdict::kAccepted);
   adjust_globally();
   (void)maker_->snapshot();
@@ -253,7 +253,7 @@ TEST_F(CamerasOfAMap, OneIsAdjustedByItsOwnKeyframesAndNotByThoseOfOthers) {
   ASSERT_EQ(cameras.size(), 1U);
   EXPECT_EQ(cameras[0].version.version, 1U);
   EXPECT_EQ(cameras[0].camera, scene_.camera()) << "one view tells nothing of it";
-  EXPECT_EQ(cameras[0].sigma, input_.doubt->sigma);
+  EXPECT_EQ(cameras[0].sigma, input_.prior->sigma);
 }
 
 }  // namespace

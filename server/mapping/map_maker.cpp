@@ -55,7 +55,7 @@ struct MapMaker::State {
   [[nodiscard]] WorkRecord work() const;
   void take_up(const WorkRecord& work);
   StepReport make_points(const std::function<bool()>& should_yield);
-  KeyframeDecision integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt);
+  KeyframeDecision integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior);
   /// How many points came of them.
   int take_candidates(KeyframeId keyframe, const KeyframeInput& input);
   StepReport adjust(const std::function<bool()>& should_yield);
@@ -219,14 +219,14 @@ void MapMaker::State::take_up(const WorkRecord& work) {
   global_adjustment_due = work.global_adjustment_due;
 }
 
-/// A keyframe of a camera that is found out: what the map knows of it counts more than what comes with it.
-KeyframeDecision MapMaker::State::integrate_doubtful(const KeyframeInput& input, const CameraDoubt& doubt) {
-  int camera = map.camera_index(doubt);
+/// A keyframe of a camera that is calibrated: what the map knows of it counts more than what comes with it.
+KeyframeDecision MapMaker::State::integrate_with_prior(const KeyframeInput& input, const CameraPrior& prior) {
+  int camera = map.camera_index(prior);
   KeyframeInput known = input;
   if (camera >= 0) known.camera = map.cameras()[static_cast<size_t>(camera)].camera;
   KeyframeDecision decision = integrate_keyframe(&map, known, spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
-  if (camera < 0) camera = map.add_camera(input.camera, doubt);
+  if (camera < 0) camera = map.add_camera(input.camera, prior);
   map.keyframe(decision.keyframe).estimated_camera = camera;
   return decision;
 }
@@ -242,15 +242,15 @@ int MapMaker::State::take_candidates(KeyframeId keyframe, const KeyframeInput& i
 std::optional<KeyframeDecision> MapMaker::refuse_without_image(const KeyframeInput& input) const {
   if (std::string why = state_->why_full(); !why.empty())
     return KeyframeDecision{KeyframeVerdict::kFull, std::move(why), {}};
-  if (input.doubt) return std::nullopt;
+  if (input.prior) return std::nullopt;
   return cairn::refuse_without_image(state_->map, input);
 }
 
 KeyframeDecision MapMaker::add_keyframe(const KeyframeInput& input) {
   State& s = *state_;
   if (std::string why = s.why_full(); !why.empty()) return {KeyframeVerdict::kFull, std::move(why), {}};
-  KeyframeDecision decision =
-      input.doubt ? s.integrate_doubtful(input, *input.doubt) : integrate_keyframe(&s.map, input, s.spacing);
+  KeyframeDecision decision = input.prior ? s.integrate_with_prior(input, *input.prior)
+                                          : integrate_keyframe(&s.map, input, s.spacing);
   if (decision.verdict != KeyframeVerdict::kAccepted) return decision;
   s.newest = decision.keyframe;
   s.wanting_points.push_back(

@@ -56,7 +56,7 @@ struct SeedInput {
   GrayImagePtr second_image;
   std::vector<Trail> trails;
   SE3 second_from_first;  ///< the tracker's, |translation| = 1: it has judged by more views than these two
-  std::optional<CameraDoubt> doubt = {};  ///< of a camera that is to be found out; else its values are exact
+  std::optional<CameraPrior> prior = {};  ///< of a camera that is to be calibrated; else its values are exact
   StillMaskPtr still = {};  ///< what stands still in both images: no point is made there; null: nothing
   std::optional<UpDirection> second_up = {};  ///< in the axes of the second view; nothing: not known
   /// Where its cameras and points may be in the map that it makes; nothing: everywhere.
@@ -80,7 +80,7 @@ struct KeyframeInput {
   std::vector<PointMeasurement> measurements;
   std::vector<PointCandidate> candidates = {};
   /// As SeedInput's; what the map knows of the camera already counts more.
-  std::optional<CameraDoubt> doubt = {};
+  std::optional<CameraPrior> prior = {};
   /// It was tracked against a frame that was no keyframe yet, so points of the map that were made since then
   /// are looked for in it.
   bool is_chained = false;
@@ -118,7 +118,7 @@ struct StepReport {
   KeyframeId keyframe = {};  ///< whose new points are all made, if any
 };
 
-/// What a map says of a camera that it finds out.
+/// What a map says of a camera that it calibrates.
 struct CameraEstimate {
   CameraVersion version;
   CameraPtr camera;

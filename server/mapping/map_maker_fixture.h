@@ -58,14 +58,14 @@ class MapMakerFixture : public ::testing::Test {
     FAIL() << "the work does not end";
   }
 
-  /// From now on the camera is believed to have another focal length, and is to be found out.
-  void doubt_camera(double focal_factor) {
+  /// From now on the camera is believed to have another focal length, and is to be calibrated.
+  void use_prior(double focal_factor) {
     CameraParameters parameters = scene_.camera()->parameters();
-    parameters.values.resize(kDoubtfulValues, 0.0);
+    parameters.values.resize(kPriorValues, 0.0);
     for (const size_t i : {0, 1}) parameters.values[i] *= focal_factor;
     input_.camera = *make_camera(parameters);
     input_.second_from_first = motion_between(input_, input_.second_from_first);
-    input_.doubt = CameraDoubt{{ClientId{{1}}, 0, 1}, {0.1, 0.05}};
+    input_.prior = CameraPrior{{ClientId{{1}}, 0, 1}, {0.1, 0.05}};
   }
 
   /// From now on all left of this pixel stands still in every image.
@@ -79,7 +79,7 @@ class MapMakerFixture : public ::testing::Test {
   /// Offers the view of a step and, when accepted, does all the work.
   KeyframeDecision offer(int step) {
     KeyframeInput offered = make_offer(scene_, *maker_->snapshot(), step);
-    offered.doubt = input_.doubt;
+    offered.prior = input_.prior;
     offered.still = input_.still;
     KeyframeDecision decision = maker_->add_keyframe(offered);
     if (decision.verdict == KeyframeVerdict::kAccepted) {

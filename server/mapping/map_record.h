@@ -17,8 +17,9 @@
 /// whole gives a whole again.
 namespace cairn {
 
-/// A camera that is found out in the map. What was told of it is not kept: it will be told what it is now.
-struct FoundCameraRecord {
+/// A camera that is self-calibrated in the map. What was told of it is not kept: it will be told what it is
+/// now.
+struct CalibratedCameraRecord {
   int index = 0;
   MapCamera camera;
 };
@@ -34,8 +35,9 @@ struct KeyframeRecord {
   double near_depth = 0;
   double far_depth = 0;
   bool live = true;
-  int estimated_camera = -1;  ///< index of a FoundCameraRecord, whose values count; -1: `camera` is exact
-  StillMaskPtr still = {};    ///< MapKeyframe::still
+  /// Index of a CalibratedCameraRecord, whose values count; -1: `camera` is exact.
+  int estimated_camera = -1;
+  StillMaskPtr still = {};  ///< MapKeyframe::still
   std::optional<UpDirection> up = {};
 };
 
@@ -100,7 +102,7 @@ struct MapRecord {
   size_t point_count = 0;
   std::optional<FoundationRecord> foundation;
   std::optional<WorkRecord> work;
-  std::vector<FoundCameraRecord> found_cameras;
+  std::vector<CalibratedCameraRecord> calibrated_cameras;
   std::vector<KeyframeRecord> keyframes;
   std::vector<MeasurementsRecord> measurements;
   std::vector<ImageRecord> images;         ///< of new keyframes
@@ -109,7 +111,7 @@ struct MapRecord {
   std::vector<PositionsRecord> positions;
 
   [[nodiscard]] bool empty() const {
-    return !foundation && !work && found_cameras.empty() && keyframes.empty() && measurements.empty() &&
+    return !foundation && !work && calibrated_cameras.empty() && keyframes.empty() && measurements.empty() &&
            images.empty() && removed_images.empty() && sources.empty() && positions.empty();
   }
 };

@@ -33,7 +33,7 @@ void put(std::vector<Row>* rows, const std::vector<Row>& changed, Key key) {
 }
 
 void apply(const MapRecord& changes, MapRecord* whole) {
-  put(&whole->found_cameras, changes.found_cameras, [](const auto& r) { return r.index; });
+  put(&whole->calibrated_cameras, changes.calibrated_cameras, [](const auto& r) { return r.index; });
   whole->keyframe_count = changes.keyframe_count;
   whole->point_count = changes.point_count;
   if (changes.foundation) whole->foundation = changes.foundation;
@@ -116,7 +116,7 @@ TEST_F(MapRecordTest, ARestoredMapGoesOnAsTheOriginalWouldHave) {
 
 TEST_F(MapRecordTest, ARestoredMapGoesOnFindingOutItsCamera) {
   constexpr double kBelieved = 1.04;
-  doubt_camera(kBelieved);
+  use_prior(kBelieved);
   grow();
   MapRecord kept = maker_->take_changes();
   const PointSource first = kept.sources.at(0).points.at(0);
@@ -153,11 +153,11 @@ TEST_F(MapRecordTest, ARestoredMapGoesOnFindingOutItsCamera) {
 }
 
 TEST_F(MapRecordTest, ACameraOfWhichAllIsLostButItsValuesIsTakenAsItIs) {
-  doubt_camera(1.04);
+  use_prior(1.04);
   grow();
   MapRecord damaged = maker_->take_changes();
-  ASSERT_EQ(damaged.found_cameras.size(), 1U);
-  damaged.found_cameras.clear();
+  ASSERT_EQ(damaged.calibrated_cameras.size(), 1U);
+  damaged.calibrated_cameras.clear();
   const auto restored = restore(damaged);
   ASSERT_TRUE(restored);
   const auto cameras = restored->maker->statistics().cameras;
@@ -168,28 +168,28 @@ TEST_F(MapRecordTest, ACameraOfWhichAllIsLostButItsValuesIsTakenAsItIs) {
 }
 
 TEST_F(MapRecordTest, ACameraAfterALostOneStaysWhatItWas) {
-  doubt_camera(1.02);
+  use_prior(1.02);
   start();
-  const CameraDoubt first = *input_.doubt;
-  input_.doubt->version.client = ClientId{{2}};
+  const CameraPrior first = *input_.prior;
+  input_.prior->version.client = ClientId{{2}};
   ASSERT_EQ(offer(5).verdict, KeyframeVerdict::kAccepted);
   MapRecord damaged = maker_->take_changes();
-  ASSERT_EQ(damaged.found_cameras.size(), 2U);
-  drop_at(&damaged.found_cameras, 0);
+  ASSERT_EQ(damaged.calibrated_cameras.size(), 2U);
+  drop_at(&damaged.calibrated_cameras, 0);
   auto restored = restore(damaged);
   ASSERT_TRUE(restored);
   const auto cameras = restored->maker->statistics().cameras;
   ASSERT_EQ(cameras.size(), 2U);
   EXPECT_TRUE(cameras[0].frozen);
-  EXPECT_EQ(cameras[1].version.client, input_.doubt->version.client);
+  EXPECT_EQ(cameras[1].version.client, input_.prior->version.client);
   // What is written of it from now on does not go where the lost one was.
   MapRecord kept = damaged;
   apply(restored->maker->take_changes(), &kept);
   restored = restore(kept);
   ASSERT_TRUE(restored);
-  EXPECT_EQ(restored->maker->statistics().cameras.at(1).version.client, input_.doubt->version.client);
-  EXPECT_NE(restored->maker->statistics().cameras.at(0).version.client, input_.doubt->version.client);
-  EXPECT_NE(first.version.client, input_.doubt->version.client);
+  EXPECT_EQ(restored->maker->statistics().cameras.at(1).version.client, input_.prior->version.client);
+  EXPECT_NE(restored->maker->statistics().cameras.at(0).version.client, input_.prior->version.client);
+  EXPECT_NE(first.version.client, input_.prior->version.client);
 }
 
 TEST_F(MapRecordTest, ChangesInOrderMakeTheWhole) {

@@ -123,7 +123,8 @@ MapRecord MapRecorder::take(const MapState& map, const FoundationRecord& foundat
   cameras_.resize(map.cameras().size(), kNeverGiven);
   for (size_t i = 0; i < cameras_.size(); ++i) {
     const MapCamera& camera = map.cameras()[i];
-    if (renew(&cameras_[i], digest_of(camera))) record.found_cameras.push_back({static_cast<int>(i), camera});
+    if (renew(&cameras_[i], digest_of(camera)))
+      record.calibrated_cameras.push_back({static_cast<int>(i), camera});
   }
   keyframes_.resize(record.keyframe_count, kNeverGiven);
   measurements_.resize(record.keyframe_count, kNeverGiven);

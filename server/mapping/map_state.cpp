@@ -93,32 +93,32 @@ size_t MapState::live_keyframes() const {
       std::count_if(keyframes_.begin(), keyframes_.end(), [](const MapKeyframe& k) { return k.live; }));
 }
 
-int MapState::camera_index(const CameraDoubt& doubt) const {
+int MapState::camera_index(const CameraPrior& prior) const {
   const auto known = std::find_if(cameras_.begin(), cameras_.end(), [&](const MapCamera& c) {
-    return c.version.client == doubt.version.client && c.version.camera == doubt.version.camera;
+    return c.version.client == prior.version.client && c.version.camera == prior.version.camera;
   });
   return known == cameras_.end() ? -1 : static_cast<int>(known - cameras_.begin());
 }
 
 size_t MapState::free_place() const {
-  if (cameras_.size() < kMaxCamerasFoundOut) return cameras_.size();
+  if (cameras_.size() < kMaxCalibratedCameras) return cameras_.size();
   std::vector<size_t> loss;
   for (size_t i = 0; i < cameras_.size(); ++i)
     loss.push_back(cameras_[i].frozen ? 0 : keyframes_of(static_cast<int>(i)).live);
   return static_cast<size_t>(std::min_element(loss.begin(), loss.end()) - loss.begin());
 }
 
-int MapState::add_camera(const CameraPtr& camera, const CameraDoubt& doubt) {
+int MapState::add_camera(const CameraPtr& camera, const CameraPrior& prior) {
   const size_t place = free_place();
   const int index = static_cast<int>(place);
   if (place == cameras_.size()) {
-    cameras_.push_back(make_map_camera(camera, doubt));
+    cameras_.push_back(make_map_camera(camera, prior));
     return index;
   }
   for (MapKeyframe& k : keyframes_) {
     if (k.estimated_camera == index) k.estimated_camera = -1;
   }
-  cameras_[place] = make_map_camera(camera, doubt);
+  cameras_[place] = make_map_camera(camera, prior);
   return index;
 }
 

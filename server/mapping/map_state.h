@@ -106,7 +106,7 @@ struct Renumbering {
   }
 };
 
-/// A camera that is found out as it was when an adjustment began.
+/// A camera that is self-calibrated, as it was when an adjustment began.
 struct CutCamera {
   int index = 0;  ///< in MapState::cameras()
   CameraVersion version;
@@ -118,8 +118,8 @@ struct CutCamera {
 class MapState {
  public:
   MapState() = default;
-  /// From its parts: ids dense, measurements sound and of live points, cameras that are found out as the
-  /// keyframes name them. Observers and what else can be derived are set here.
+  /// From its parts: ids dense, measurements sound and of live points, cameras that are self-calibrated as
+  /// the keyframes name them. Observers and what else can be derived are set here.
   MapState(std::vector<MapKeyframe> keyframes, std::vector<MapPoint> points, std::vector<MapCamera> cameras);
 
   [[nodiscard]] const std::vector<MapKeyframe>& keyframes() const { return keyframes_; }
@@ -132,20 +132,21 @@ class MapState {
     return id && id.value <= keyframes_.size() && keyframe(id).live;
   }
   [[nodiscard]] bool is_live(PointId id) const { return id && id.value <= points_.size() && point(id).live; }
-  [[nodiscard]] const std::vector<MapCamera>& cameras() const { return cameras_; }  ///< that are found out
+  /// Those that are self-calibrated.
+  [[nodiscard]] const std::vector<MapCamera>& cameras() const { return cameras_; }
   [[nodiscard]] size_t live_keyframes() const;
   [[nodiscard]] size_t live_points() const { return live_points_.size(); }
   [[nodiscard]] const std::vector<PointId>& live_point_ids() const { return live_points_; }  ///< ascending
 
-  /// Index of a camera that is found out; -1 while no keyframe has come of it.
-  [[nodiscard]] int camera_index(const CameraDoubt& doubt) const;
-  /// Takes one in that has no index yet, as it comes. Its index. A revision names kMaxCamerasFoundOut: beyond
-  /// these one that is known gives up its place or, with none, the one of fewest keyframes. Its keyframes
-  /// keep their camera, as it is.
-  int add_camera(const CameraPtr& camera, const CameraDoubt& doubt);
+  /// Index of a camera that is self-calibrated; -1 while no keyframe has come of it.
+  [[nodiscard]] int camera_index(const CameraPrior& prior) const;
+  /// Takes one in that has no index yet, as it comes. Its index. A revision names kMaxCalibratedCameras:
+  /// beyond these one that is known gives up its place or, with none, the one of fewest keyframes. Its
+  /// keyframes keep their camera, as it is.
+  int add_camera(const CameraPtr& camera, const CameraPrior& prior);
   /// Whether its camera is exact, or known by now.
   [[nodiscard]] bool has_known_camera(const MapKeyframe& keyframe) const;
-  /// Keyframes of a camera that is found out.
+  /// Keyframes of a camera that is self-calibrated.
   [[nodiscard]] KeyframeCount keyframes_of(int camera) const;
   /// What an adjustment of these keyframes has found of a camera; its keyframes get it. Nothing if its place
   /// is another's by now.

@@ -161,7 +161,7 @@ tl::unexpected<Error> too_few(size_t points) {
 /// The two keyframes, without poses and points yet.
 void add_keyframes(const SeedInput& input, SeededMap* seeded) {
   MapState& map = seeded->map;
-  const int camera = input.doubt ? map.add_camera(input.camera, *input.doubt) : -1;
+  const int camera = input.prior ? map.add_camera(input.camera, *input.prior) : -1;
   SeedResult& result = seeded->result;
   result.first_keyframe =
       map.add_keyframe(make_keyframe(input, camera, *input.first_image, input.first_time));

@@ -10,7 +10,7 @@
 #include "server/relocalization/map_agreement.h"
 #include "server/relocalization/relocalizer.h"
 
-/// Maps that show the same place, found out from keyframes of the one whose pictures are confirmed in the
+/// Maps that show the same place, detected from keyframes of the one whose pictures are confirmed in the
 /// other. Pure.
 namespace cairn {
 

@@ -94,7 +94,7 @@ class PlaceIndex {
   [[nodiscard]] std::span<const KeyframePlace> unplanted() const { return unplanted_; }
 
  private:
-  /// Forgets where the keyframes of a map are, and finds out where those of `map` (null: gone) are.
+  /// Forgets where the keyframes of a map are, and notes where those of `map` (null: gone) are.
   void locate(const MapId& id, const IndexedMap* map);
   /// Counts a map in (1) or out (-1).
   void count(const IndexedMap& map, int sign);

@@ -12,9 +12,9 @@ wire::OfferOutcome notice_to_process(const std::string& reason) {
   return notice;
 }
 
-std::optional<CameraDoubt> AnnouncedCamera::doubt_of(const CameraVersion& version) const {
-  if (!doubt) return std::nullopt;
-  return CameraDoubt{version, {doubt->focal_sigma, doubt->k1_sigma}};
+std::optional<CameraPrior> AnnouncedCamera::prior_of(const CameraVersion& version) const {
+  if (!prior) return std::nullopt;
+  return CameraPrior{version, {prior->focal_sigma, prior->k1_sigma}};
 }
 
 Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message, MonotonicTime now) {
@@ -30,14 +30,14 @@ Status CameraList::put(wire::PeerId process, const wire::CameraMessage& message,
   }
   Result<CameraPtr> camera = make_camera(message.parameters);
   if (!camera) return tl::unexpected(camera.error());
-  std::optional<DoubtfulCamera> doubt;
+  std::optional<IntrinsicsPrior> prior;
   if (!message.frozen && !message.sigma.empty()) {
-    doubt = doubtful_camera(message.parameters, message.sigma);
-    if (!doubt) return fail(ErrorCode::kRefused, "no camera that could be found out");
+    prior = intrinsics_prior(message.parameters, message.sigma);
+    if (!prior) return fail(ErrorCode::kRefused, "no camera that could be calibrated");
   }
   auto& versions = cameras[message.camera];
   const auto [known, is_new] =
-      versions.try_emplace(message.version, AnnouncedCamera{*camera, std::move(doubt)});
+      versions.try_emplace(message.version, AnnouncedCamera{*camera, std::move(prior)});
   if (!is_new && known->second.camera->parameters() != message.parameters) {
     return fail(ErrorCode::kRefused, "its version " + std::to_string(message.version) + " was another");
   }

@@ -25,10 +25,10 @@ namespace cairn {
 
 struct AnnouncedCamera {
   CameraPtr camera;
-  std::optional<DoubtfulCamera> doubt;  ///< nothing: its values are exact
+  std::optional<IntrinsicsPrior> prior;  ///< nothing: its values are exact
 
   /// What the map makers want to know. `version`: which values of which client's camera these are.
-  [[nodiscard]] std::optional<CameraDoubt> doubt_of(const CameraVersion& version) const;
+  [[nodiscard]] std::optional<CameraPrior> prior_of(const CameraVersion& version) const;
 };
 
 /// Cameras as announced under a client's name, few per process. Each process has its own: one that is refused

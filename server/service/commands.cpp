@@ -20,7 +20,7 @@ Job begun_job(const Client& client, const AnnouncedCamera& camera, const Ruling&
   Job job;
   job.origin = {client.name, message.command};
   job.input.camera = camera.camera;
-  job.input.doubt = camera.doubt_of({client.id, message.camera, message.camera_version});
+  job.input.prior = camera.prior_of({client.id, message.camera, message.camera_version});
   job.input.still = still_mask_of(camera.camera->width(), camera.camera->height(), message.still_mask);
   job.input.extent = ruling.extent;
   job.lockstep = message.lockstep;

@@ -258,23 +258,23 @@ TEST(CameraList, KnowsHowFarACameraIsBelieved) {
   wire::CameraMessage message;
   message.parameters = {CameraModel::kPinholeRadtan, 640, 480, {500, 500, 320, 240, 0, 0, 0, 0, 0}};
   ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
-  EXPECT_FALSE(cameras.find(0, 1)->doubt_of({{}, 0, 1})) << "exact";
+  EXPECT_FALSE(cameras.find(0, 1)->prior_of({{}, 0, 1})) << "exact";
   message.version = 2;
   message.sigma = {50, 50, 0, 0, 0.1, 0, 0, 0, 0};
   message.frozen = false;
   ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
-  const auto doubt = cameras.find(0, 2)->doubt_of({{}, 0, 2});
-  ASSERT_TRUE(doubt);
-  EXPECT_EQ(doubt->sigma, Intrinsics(0.1, 0.1));
+  const auto prior = cameras.find(0, 2)->prior_of({{}, 0, 2});
+  ASSERT_TRUE(prior);
+  EXPECT_EQ(prior->sigma, Intrinsics(0.1, 0.1));
   message.version = 3;
   message.frozen = true;
   ASSERT_TRUE(cameras.put(kProcess, message, kAnnouncedAt));
-  EXPECT_FALSE(cameras.find(0, 3)->doubt_of({{}, 0, 3})) << "known";
+  EXPECT_FALSE(cameras.find(0, 3)->prior_of({{}, 0, 3})) << "known";
   message.version = 4;
   message.frozen = false;
   message.parameters.values[0] = 1e300;
   EXPECT_FALSE(cameras.put(kProcess, message, kAnnouncedAt))
-      << "neither exact nor one that could be found out";
+      << "neither exact nor one that could be calibrated";
 }
 
 }  // namespace

@@ -9,8 +9,9 @@
 
 namespace cairn {
 
-/// What clients are told of the maps: which there are for each of them, and what these have found out about
-/// its cameras. Of a map that it may not read, a client hears nothing. Used from the service's thread.
+/// What clients are told of the maps: which there are for each of them, and what self-calibration in these
+/// says of its cameras. Of a map that it may not read, a client hears nothing. Used from the service's
+/// thread.
 class MapNews {
  public:
   MapNews(const ServiceContext& context, const MapArray& maps, Clients& clients)

@@ -90,7 +90,7 @@ struct DamagedRow {
 class DamagedRowTest : public MapPersistenceTest, public ::testing::WithParamInterface<DamagedRow> {};
 
 TEST_P(DamagedRowTest, CostsWhatItHeldAndTheMapGoesOn) {
-  if (GetParam().table == std::string_view("found_cameras")) doubt_camera(1.02);
+  if (GetParam().table == std::string_view("found_cameras")) use_prior(1.02);
   keep_a_map();
   const MapSnapshotPtr before = maker_->snapshot();
   damage(GetParam().table, GetParam().row);

@@ -96,7 +96,7 @@ void Places::keep_overlaps() {
 }
 
 CameraPtr Places::best_known(const Client& client, uint32_t camera, const AnnouncedCamera& announced) const {
-  if (!announced.doubt) return announced.camera;
+  if (!announced.prior) return announced.camera;
   for (const auto& [map, entry] : maps_.array().all()) {
     for (const CameraEstimate& estimate : entry.statistics.cameras) {
       if (estimate.frozen && estimate.version.client == client.id && estimate.version.camera == camera)

@@ -35,7 +35,7 @@ std::optional<std::pair<wire::OfferDecision, std::string>> Proposals::refuse(con
                                                                              const wire::KeyframeOffer& offer,
                                                                              const AnnouncedCamera& camera,
                                                                              const std::string& why) {
-  if (camera.doubt)
+  if (camera.prior)
     return std::pair(wire::OfferDecision::kNoRight,
                      "a proposal is taken of a calibrated camera only; `cairn-track calibrate` makes it one");
   std::string full = context_.store->trouble();

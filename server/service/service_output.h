@@ -14,7 +14,7 @@ struct MapUnlisted {
   MapId map;
   bool was_listed = true;  ///< else its name is not to be learnt from this either
 };
-/// Nothing is said any more of what a map has found out about a client's camera.
+/// Nothing is said any more of what self-calibration in a map found of a client's camera.
 struct EstimateDropped {
   ClientId client;
   uint32_t camera = 0;

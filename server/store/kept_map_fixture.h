@@ -18,9 +18,9 @@ namespace cairn::testing {
   const auto add = [&bytes](const Blob& row) { bytes.insert(bytes.end(), row.begin(), row.end()); };
   if (record.foundation) add(encode_foundation(*record.foundation));
   if (record.work) add(encode_work(*record.work));
-  for (const auto& r : record.found_cameras) {
+  for (const auto& r : record.calibrated_cameras) {
     add(encode_camera(r.camera.camera->parameters()));
-    add(encode_found_camera(r.camera));
+    add(encode_calibrated_camera(r.camera));
   }
   for (const auto& r : record.keyframes) add(encode_keyframe(r, r.estimated_camera));
   for (const auto& r : record.measurements) add(encode_measurements(r));

@@ -218,13 +218,14 @@ Status MapFile::put(const MapUpdate& update) {
   }
   if (r.foundation) put_if_good("map", kFoundationRow, encode_foundation(*r.foundation));
   if (r.work) put_if_good("map", kWorkRow, encode_work(*r.work));
-  for (const FoundCameraRecord& c : r.found_cameras) {
-    if (done) done = put("cameras", found_camera_row(c.index), encode_camera(c.camera.camera->parameters()));
-    put_if_good("found_cameras", static_cast<uint64_t>(c.index) + 1, encode_found_camera(c.camera));
+  for (const CalibratedCameraRecord& c : r.calibrated_cameras) {
+    if (done)
+      done = put("cameras", calibrated_camera_row(c.index), encode_camera(c.camera.camera->parameters()));
+    put_if_good("found_cameras", static_cast<uint64_t>(c.index) + 1, encode_calibrated_camera(c.camera));
   }
   for (const KeyframeRecord& k : r.keyframes) {
-    const auto camera =
-        k.estimated_camera >= 0 ? found_camera_row(k.estimated_camera) : camera_row(k.camera->parameters());
+    const auto camera = k.estimated_camera >= 0 ? calibrated_camera_row(k.estimated_camera)
+                                                : camera_row(k.camera->parameters());
     if (!camera) return tl::unexpected(camera.error());
     put_if_good("keyframes", k.id.value, encode_keyframe(k, *camera));
   }
@@ -505,9 +506,10 @@ StoredMap MapFile::load(LoadedImages images) {
     return is_item(id, keyframe_count_) ? KeyframeId{static_cast<uint64_t>(id)} : KeyframeId{};
   };
   const auto block_of = [](int64_t id) { return static_cast<uint32_t>(id - 1); };
-  take("found_cameras", &r.found_cameras, [&](int64_t id, std::span<const uint8_t> data) {
-    return is_item(id, kMaxCamerasFoundOut) ? decode_found_camera(static_cast<int>(id - 1), data, cameras)
-                                            : std::nullopt;
+  take("found_cameras", &r.calibrated_cameras, [&](int64_t id, std::span<const uint8_t> data) {
+    return is_item(id, kMaxCalibratedCameras)
+               ? decode_calibrated_camera(static_cast<int>(id - 1), data, cameras)
+               : std::nullopt;
   });
   take("keyframes", &r.keyframes, [&](int64_t id, std::span<const uint8_t> data) {
     return keyframe_id(id) ? decode_keyframe(keyframe_id(id), data, cameras) : std::nullopt;

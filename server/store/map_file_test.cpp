@@ -136,8 +136,8 @@ TEST_F(MapFileTest, ImagesAreReadUntilThereAreEnough) {
   EXPECT_EQ(count(first + second + 1), 3U);
 }
 
-TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {
-  doubt_camera(1.04);
+TEST_F(MapFileTest, ASelfCalibratedCameraIsKeptAndDoesNotFillTheFile) {
+  use_prior(1.04);
   keep();
   {
     auto file = MapFile::open(path_);
@@ -148,7 +148,7 @@ TEST_F(MapFileTest, ACameraThatIsFoundOutIsKeptAndDoesNotFillTheFile) {
   }
   StoredMap stored = load();
   EXPECT_THAT(stored.damage, IsEmpty());
-  ASSERT_EQ(stored.record.found_cameras.size(), 1U);
+  ASSERT_EQ(stored.record.calibrated_cameras.size(), 1U);
   const MapRecord all = whole();
   EXPECT_TRUE(bytes_of(stored.record) == bytes_of(all));
   sqlite::Database database = open_raw();

@@ -100,7 +100,7 @@ std::optional<CameraParameters> decode_camera(std::span<const uint8_t> row) {
 
 // ---- found camera
 
-Blob encode_found_camera(const MapCamera& camera) {
+Blob encode_calibrated_camera(const MapCamera& camera) {
   ByteWriter out;
   out.put(std::span(camera.version.client.bytes));
   out.put(camera.version.camera);
@@ -117,11 +117,11 @@ Blob encode_found_camera(const MapCamera& camera) {
 namespace {
 
 /// Whether a camera and what it began from are such as anybody could announce: nobody else checks them.
-bool could_be_found_out(const MapCamera& camera) {
+bool could_be_calibrated(const MapCamera& camera) {
   const CameraParameters& now = camera.camera->parameters();
   const auto could_be = [](const CameraParameters& parameters, const Intrinsics& sigma) {
-    const bool has_all = parameters.values.size() == kDoubtfulValues;
-    return has_all && doubtful_camera(parameters, sigma_of_values({parameters, sigma[0], sigma[1]}));
+    const bool has_all = parameters.values.size() == kPriorValues;
+    return has_all && intrinsics_prior(parameters, sigma_of_values({parameters, sigma[0], sigma[1]}));
   };
   if (!could_be(now, camera.sigma)) return false;
   const CameraPtr first = with_intrinsics(*camera.camera, camera.prior_mean);
@@ -133,10 +133,10 @@ bool could_be_found_out(const MapCamera& camera) {
 /// Successive estimates that agree: a few are enough, and nobody counts as far as this.
 constexpr int32_t kMostAgreements = 1'000'000;
 
-std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
-                                                     const CameraRows& cameras) {
+std::optional<CalibratedCameraRecord> decode_calibrated_camera(int index, std::span<const uint8_t> row,
+                                                               const CameraRows& cameras) {
   ByteReader in(row);
-  FoundCameraRecord record{index, {}};
+  CalibratedCameraRecord record{index, {}};
   MapCamera& camera = record.camera;
   in.get(std::span(camera.version.client.bytes));
   camera.version.camera = in.get<uint32_t>();
@@ -150,13 +150,13 @@ std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const 
   const auto frozen = in.get<uint8_t>();
   camera.judged_keyframes = in.get<uint64_t>();
   camera.agreements = in.get<int32_t>();
-  const auto values = cameras.find(found_camera_row(index));
+  const auto values = cameras.find(calibrated_camera_row(index));
   sound = sound && in.finished() && frozen <= 1 && values != cameras.end() && camera.agreements >= 0 &&
           camera.agreements <= kMostAgreements;
   if (!sound) return std::nullopt;
   camera.frozen = frozen == 1;
   camera.camera = values->second;
-  if (!could_be_found_out(camera)) return std::nullopt;
+  if (!could_be_calibrated(camera)) return std::nullopt;
   return record;
 }
 
@@ -222,7 +222,7 @@ std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uin
     keyframe.still = still_mask_of(keyframe.camera->width(), keyframe.camera->height(), still);
     if (keyframe.still == nullptr) return std::nullopt;
   }
-  if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(found_camera_row(0) - camera_row);
+  if (camera_row < 0) keyframe.estimated_camera = static_cast<int>(calibrated_camera_row(0) - camera_row);
   keyframe.camera_from_map = *pose;
   keyframe.live = (flags & kLive) != 0;
   return keyframe;

@@ -28,16 +28,17 @@ void put_pose(const SE3& pose, ByteWriter* out);
 /// Such that differences of two never overflow: within 146 years of the epoch, as on the wire.
 [[nodiscard]] bool is_time(Timestamp time);
 
-/// Cameras by their row in the file. Exact ones have rows from 1 on; one that is found out, whose values
-/// change with the map, has a row below 0.
+/// Cameras by their row in the file. Exact ones have rows from 1 on; one that is self-calibrated, whose
+/// values change with the map, has a row below 0.
 using CameraRows = std::map<int64_t, CameraPtr>;
-[[nodiscard]] constexpr int64_t found_camera_row(int index) {
+[[nodiscard]] constexpr int64_t calibrated_camera_row(int index) {
   return -1 - int64_t{index};
 }
-/// What is known of a camera that is found out, but for its values.
-[[nodiscard]] Blob encode_found_camera(const MapCamera& camera);
-[[nodiscard]] std::optional<FoundCameraRecord> decode_found_camera(int index, std::span<const uint8_t> row,
-                                                                   const CameraRows& cameras);
+/// What is known of a camera that is self-calibrated, but for its values.
+[[nodiscard]] Blob encode_calibrated_camera(const MapCamera& camera);
+[[nodiscard]] std::optional<CalibratedCameraRecord> decode_calibrated_camera(int index,
+                                                                             std::span<const uint8_t> row,
+                                                                             const CameraRows& cameras);
 
 [[nodiscard]] Blob encode_keyframe(const KeyframeRecord& keyframe, int64_t camera);
 [[nodiscard]] std::optional<KeyframeRecord> decode_keyframe(KeyframeId id, std::span<const uint8_t> row,

@@ -29,7 +29,7 @@ class RowCodecTest : public ::testing::Test {
 
   RowCodecTest() {
     cameras_[7] = *make_camera(camera_);
-    cameras_[found_camera_row(2)] = *make_camera(camera_);
+    cameras_[calibrated_camera_row(2)] = *make_camera(camera_);
     cameras_[8] = *make_camera({CameraModel::kFov, 320, 240, {200, 201, 160, 120, 0.9}});
   }
 
@@ -55,8 +55,9 @@ class RowCodecTest : public ::testing::Test {
             {},
             UpDirection{{0, 0.6, -0.8}, 0.02}};
   }
-  MapCamera found_camera() {
-    MapCamera camera = make_map_camera(cameras_[found_camera_row(2)], {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
+  MapCamera calibrated_camera() {
+    MapCamera camera =
+        make_map_camera(cameras_[calibrated_camera_row(2)], {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
     camera.judged = {number(), number()};
     camera.searched = {number(), number()};
     camera.judged_keyframes = 17;
@@ -113,10 +114,10 @@ class RowCodecTest : public ::testing::Test {
     return {
         {"camera", encode_camera(camera_),
          [again](const Blob& row) { return again(decode_camera(row), encode_camera); }},
-        {"found camera", encode_found_camera(found_camera()),
+        {"calibrated camera", encode_calibrated_camera(calibrated_camera()),
          [this, again](const Blob& row) {
-           return again(decode_found_camera(2, row, cameras_),
-                        [](const FoundCameraRecord& r) { return encode_found_camera(r.camera); });
+           return again(decode_calibrated_camera(2, row, cameras_),
+                        [](const CalibratedCameraRecord& r) { return encode_calibrated_camera(r.camera); });
          }},
         {"keyframe", encode_keyframe(keyframe(), 8),
          [this, again](const Blob& row) {
@@ -208,10 +209,10 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
     EXPECT_EQ(*again, kind.row);
   }
   const KeyframeRecord k = keyframe();
-  const auto by_found = decode_keyframe(k.id, encode_keyframe(k, found_camera_row(2)), cameras_);
+  const auto by_found = decode_keyframe(k.id, encode_keyframe(k, calibrated_camera_row(2)), cameras_);
   ASSERT_TRUE(by_found);
   EXPECT_EQ(by_found->estimated_camera, 2);
-  EXPECT_EQ(by_found->camera, cameras_[found_camera_row(2)]);
+  EXPECT_EQ(by_found->camera, cameras_[calibrated_camera_row(2)]);
   const auto read = decode_keyframe(k.id, encode_keyframe(k, 8), cameras_);
   ASSERT_TRUE(read);
   EXPECT_EQ(read->id, k.id);
@@ -223,9 +224,9 @@ TEST_F(RowCodecTest, WhatIsReadIsWhatWasWritten) {
 
 TEST_F(RowCodecTest, ACameraThatNobodyCouldHaveAnnouncedIsRefused) {
   const auto is_taken = [this](const MapCamera& camera) {
-    return decode_found_camera(2, encode_found_camera(camera), cameras_).has_value();
+    return decode_calibrated_camera(2, encode_calibrated_camera(camera), cameras_).has_value();
   };
-  const MapCamera sound = found_camera();
+  const MapCamera sound = calibrated_camera();
   ASSERT_TRUE(is_taken(sound));
   for (const double sigma : {0.0, 1e-9, 1.1, -0.1, std::nan("")}) {
     for (const int i : {0, 1}) {
@@ -245,10 +246,10 @@ TEST_F(RowCodecTest, ACameraThatNobodyCouldHaveAnnouncedIsRefused) {
   const std::vector<double> fewer{525, 526, 319, 239};
   const std::vector<double> longer{1e5, 1e5, 319, 239, 0, 0, 0, 0, 0};
   for (const auto& values : {fewer, longer}) {
-    cameras_[found_camera_row(2)] = *make_camera({CameraModel::kPinholeRadtan, 640, 480, values});
+    cameras_[calibrated_camera_row(2)] = *make_camera({CameraModel::kPinholeRadtan, 640, 480, values});
     EXPECT_FALSE(is_taken(sound)) << values.size();
   }
-  cameras_[found_camera_row(2)] = cameras_[8];
+  cameras_[calibrated_camera_row(2)] = cameras_[8];
   EXPECT_FALSE(is_taken(sound)) << "another model";
 }
 

@@ -73,7 +73,7 @@ Result<MapId> Store::take_in(MapFile* archive, uint64_t most_image_bytes) const 
                                          ", is none that a server has given");
   if (const Status is_free = check_is_free(read.header); !is_free) return tl::unexpected(is_free.error());
   // Clients of the same names here are others, with other cameras and sessions.
-  for (FoundCameraRecord& found : read.record.found_cameras) found.camera.version.client = {};
+  for (CalibratedCameraRecord& found : read.record.calibrated_cameras) found.camera.version.client = {};
   MapUpdate whole{std::move(read.record), {}, std::move(read.labels), {}, std::move(read.contributions)};
   // One that leaves no room for those to come was given by nobody.
   if (read.last_proposal <= kMostProposalNumber / 2) whole.last_proposal = read.last_proposal;

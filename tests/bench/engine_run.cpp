@@ -89,14 +89,14 @@ struct Totals {
   AdjustmentTotals local, global;
 };
 
-MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraDoubt> doubt, ImuStream* imu,
+MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraPrior> prior, ImuStream* imu,
                                StageProbe* probe, MappingObserver* observer) {
   MappingOptions options;
   options.map.bytes[0] = 1;
   options.seed = arguments.seed;
   options.adjuster = arguments.ceres ? Adjuster::kCeres : Adjuster::kOwn;
   options.local_only = arguments.local_only;
-  options.doubt = std::move(doubt);
+  options.prior = std::move(prior);
   options.imu = imu;
   options.ask = arguments.ask;
   if (arguments.cut.size() == 2) {
@@ -111,11 +111,11 @@ MappingOptions mapping_options(const Arguments& arguments, std::optional<CameraD
 class EngineRun final : public MappingObserver {
  public:
   /// `imu` may be null.
-  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraDoubt> doubt, ImuStream* imu,
+  EngineRun(const Arguments& arguments, CameraPtr camera, std::optional<CameraPrior> prior, ImuStream* imu,
             TrajectoryWriter* trajectory)
       : arguments_(arguments),
         trajectory_(trajectory),
-        mapping_(std::move(camera), mapping_options(arguments, std::move(doubt), imu, &probe_, this)) {}
+        mapping_(std::move(camera), mapping_options(arguments, std::move(prior), imu, &probe_, this)) {}
   EngineRun(const EngineRun&) = delete;
   EngineRun& operator=(const EngineRun&) = delete;
 
@@ -307,32 +307,32 @@ constexpr std::string_view kExactly = "exact:";
 
 struct ChosenCamera {
   CameraPtr camera;
-  std::optional<CameraDoubt> doubt;
+  std::optional<CameraPrior> prior;
 };
 
-ChosenCamera doubted(CameraPtr camera, const DoubtfulCamera& guess) {
-  return {std::move(camera), CameraDoubt{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
+ChosenCamera with_prior(CameraPtr camera, const IntrinsicsPrior& guess) {
+  return {std::move(camera), CameraPrior{{{}, 1, 1}, {guess.focal_sigma, guess.k1_sigma}}};
 }
 
-/// With `auto`: what is known of a camera that is found out.
-Result<ChosenCamera> choose_doubtful_camera(const Arguments& arguments, const Frame& first) {
+/// With `auto`: what is known of a camera that is self-calibrated.
+Result<ChosenCamera> choose_uncertain_camera(const Arguments& arguments, const Frame& first) {
   const PictureSize size{first.image->width(), first.image->height()};
-  DoubtfulCamera guess = guess_camera(size);
+  IntrinsicsPrior guess = guess_camera(size);
   if (arguments.calibration != kAuto) {
     const auto rough =
-        read_calibration(arguments.calibration.substr(kAutoFrom.size()), size).and_then(doubt_camera);
+        read_calibration(arguments.calibration.substr(kAutoFrom.size()), size).and_then(rough_prior);
     if (!rough) return tl::unexpected(rough.error());
     guess = *rough;
   }
   for (const size_t i : {0, 1}) guess.parameters.values[i] *= arguments.start_focal;
   const auto camera = make_camera(guess.parameters);
   if (!camera) return tl::unexpected(camera.error());
-  return doubted(*camera, guess);
+  return with_prior(*camera, guess);
 }
 
 Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& source, const Frame& first) {
   if (arguments.calibration == kAuto || arguments.calibration.starts_with(kAutoFrom))
-    return choose_doubtful_camera(arguments, first);
+    return choose_uncertain_camera(arguments, first);
   const bool is_exact = arguments.calibration.starts_with(kExactly) ||
                         (arguments.calibration.empty() && source.builtin_calibration());
   const std::string file =
@@ -341,7 +341,9 @@ Result<ChosenCamera> choose(const Arguments& arguments, const FrameSource& sourc
   if (!camera) return tl::unexpected(camera.error());
   const auto nominal = is_exact ? std::nullopt : nominal_camera((*camera)->parameters());
   if (!nominal) return ChosenCamera{*camera, {}};
-  return make_camera(nominal->parameters).map([&](const CameraPtr& same) { return doubted(same, *nominal); });
+  return make_camera(nominal->parameters).map([&](const CameraPtr& same) {
+    return with_prior(same, *nominal);
+  });
 }
 
 Status run(const Arguments& arguments) {
@@ -355,7 +357,8 @@ Status run(const Arguments& arguments) {
     if (!opened) return tl::unexpected(opened.error());
     trajectory.emplace(std::move(*opened));
   }
-  std::optional<EngineRun> engine;  // a camera to be found out is guessed from the size of the first picture
+  // A camera to be self-calibrated is guessed from the size of the first picture.
+  std::optional<EngineRun> engine;
   for (size_t i = 0; i < arguments.frames;) {
     auto next = (*source)->next();
     if (!next) {
@@ -367,7 +370,7 @@ Status run(const Arguments& arguments) {
     if (!engine) {
       const auto chosen = choose(arguments, **source, **next);
       if (!chosen) return tl::unexpected(chosen.error());
-      engine.emplace(arguments, chosen->camera, chosen->doubt, imu->stream.get(),
+      engine.emplace(arguments, chosen->camera, chosen->prior, imu->stream.get(),
                      trajectory ? &*trajectory : nullptr);
     }
     engine->frame(**next);

@@ -95,7 +95,7 @@ void MappingLoop::seed(const SeedProposal& proposal, const Frame& frame) {
   input.map_name = "map-1";
   input.epoch = Epoch{1};
   input.camera = camera_;
-  input.doubt = options_.doubt;
+  input.prior = options_.prior;
   input.first_time = proposal.first_time;
   input.second_time = proposal.second_time;
   input.first_image = proposal.first_image;
@@ -125,7 +125,7 @@ void MappingLoop::take_in(const KeyframeProposal& proposal, const Frame& frame) 
                       proposal.camera_from_reference,
                       proposal.measurements,
                       proposal.candidates,
-                      options_.doubt};
+                      options_.prior};
   input.still = proposal.still;
   if (proposal.reference_number != 0) {
     const auto earlier = chain_.find(proposal.reference_number);
@@ -155,10 +155,10 @@ void MappingLoop::work() {
 }
 
 void MappingLoop::use(const CameraEstimate& estimate) {
-  if (!options_.doubt || estimate.version == options_.doubt->version) return;
+  if (!options_.prior || estimate.version == options_.prior->version) return;
   camera_ = estimate.camera;
-  options_.doubt =
-      estimate.frozen ? std::nullopt : std::optional(CameraDoubt{estimate.version, estimate.sigma});
+  options_.prior =
+      estimate.frozen ? std::nullopt : std::optional(CameraPrior{estimate.version, estimate.sigma});
   tracker_->use_camera(camera_);
   observer_.on_camera(estimate);
 }

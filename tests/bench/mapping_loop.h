@@ -42,7 +42,7 @@ struct MappingOptions {
   uint64_t seed = 1;  ///< of every random choice
   Adjuster adjuster = Adjuster::kOwn;
   bool local_only = false;              ///< no global adjustment
-  std::optional<CameraDoubt> doubt;     ///< about the camera; none: it is known
+  std::optional<CameraPrior> prior;     ///< about the camera; none: it is known
   double cut_from = 0;                  ///< [s] of the recording: from then on the map maker hears nothing,
   double cut_to = 0;                    ///< [s] and here all that it was to hear, in order
   ImuStream* imu = nullptr;             ///< of the camera; none

@@ -27,7 +27,7 @@ void round_trip(Bytes row, const Decode& decode, const Encode& encode) {
 using Decoder = void (*)(Bytes);
 constexpr std::array<Decoder, 16> kTables{
     [](Bytes row) { round_trip(row, decode_camera, encode_camera); },
-    [](Bytes row) { static_cast<void>(decode_found_camera(1, row, cameras())); },
+    [](Bytes row) { static_cast<void>(decode_calibrated_camera(1, row, cameras())); },
     [](Bytes row) {
       round_trip(
           row, [](Bytes r) { return decode_keyframe(KeyframeId{1}, r, cameras()); },
@@ -92,7 +92,7 @@ std::vector<Input> seeds() {
   const MapRecord map = small_record();
   const MapCamera found = make_map_camera(small_camera(), {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
   const std::array<Blob, kTables.size()> rows{encode_camera(small_camera()->parameters()),
-                                              encode_found_camera(found),
+                                              encode_calibrated_camera(found),
                                               encode_keyframe(map.keyframes[0], 1),
                                               encode_measurements(map.measurements[0]),
                                               encode_sources(map.sources[0]),

@@ -16,7 +16,7 @@ namespace {
 /// Of rows; the header is theirs that says how much there is.
 enum Table : uint8_t {
   kCameras,
-  kFoundCameras,
+  kCalibratedCameras,
   kKeyframes,
   kImages,
   kMeasurements,
@@ -54,9 +54,9 @@ class Import {
     switch (row.table) {
       case kCameras:
         return take_camera(row);
-      case kFoundCameras:
-        return keep(decode_found_camera(row.id % kMaxCamerasFoundOut, row.data, cameras_),
-                    &record_.found_cameras);
+      case kCalibratedCameras:
+        return keep(decode_calibrated_camera(row.id % kMaxCalibratedCameras, row.data, cameras_),
+                    &record_.calibrated_cameras);
       case kKeyframes:
         return row.id > 0 && keep(decode_keyframe(keyframe, row.data, cameras_), &record_.keyframes);
       case kImages:
@@ -90,7 +90,7 @@ class Import {
     const auto parameters = decode_camera(row.data);
     const auto camera = parameters ? make_camera(*parameters) : fail(ErrorCode::kDamaged, "no camera");
     if (!camera) return false;
-    cameras_[row.id < 200 ? row.id : found_camera_row(row.id - 200)] = *camera;
+    cameras_[row.id < 200 ? row.id : calibrated_camera_row(row.id - 200)] = *camera;
     return true;
   }
   bool take_image(const Row& row) {
@@ -166,10 +166,11 @@ std::vector<Input> seeds() {
     put(kCameras, out == &known ? 1 : 200, encode_camera(small_camera()->parameters()), out);
   }
   const MapCamera camera = make_map_camera(small_camera(), {{ClientId{{1, 2}}, 3, 4}, {0.1, 0.2}});
-  put(kFoundCameras, 0, encode_found_camera(camera), &found);
+  put(kCalibratedCameras, 0, encode_calibrated_camera(camera), &found);
   for (Input* out : {&known, &found}) {
     for (size_t i = 0; i < map.keyframes.size(); ++i) {
-      put(kKeyframes, i + 1, encode_keyframe(map.keyframes[i], out == &known ? 1 : found_camera_row(0)), out);
+      put(kKeyframes, i + 1, encode_keyframe(map.keyframes[i], out == &known ? 1 : calibrated_camera_row(0)),
+          out);
       put(kImages, i + 1, picture, out);
       put(kMeasurements, i + 1, encode_measurements(map.measurements[i]), out);
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A camera that the server's maps find out: the session against a server that writes what it is told to, and
+// A camera that the server's maps calibrate: the session against a server that writes what it is told to, and
 // session and service together.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -31,15 +31,15 @@ T value_of(Result<T> result) {
 }
 
 /// Focal length believed to 10 %, k1 to 0.05.
-DoubtfulCamera doubtful(const CameraPtr& camera, double focal_factor = 1) {
-  DoubtfulCamera result{camera->parameters(), 0.1, 0.05};
+IntrinsicsPrior with_prior(const CameraPtr& camera, double focal_factor = 1) {
+  IntrinsicsPrior result{camera->parameters(), 0.1, 0.05};
   result.parameters.values.resize(9, 0.0);
   for (const size_t i : {0, 1}) result.parameters.values[i] *= focal_factor;
   return result;
 }
 
-std::unique_ptr<Session> open_doubting_session(SessionOptions options, const DoubtfulCamera& camera) {
-  options.camera_sigma = sigma_of_values(camera);
+std::unique_ptr<Session> open_calibrating_session(SessionOptions options, const IntrinsicsPrior& camera) {
+  options.prior_sigma = sigma_of_values(camera);
   return testing::open_session(options, value_of(make_camera(camera.parameters)));
 }
 
@@ -111,7 +111,7 @@ class FakeServer {
   wire::CameraMessage announced_;
 };
 
-/// A session whose camera is found out, with two maps open.
+/// A session whose camera is calibrated, with two maps open.
 class CameraSession : public ::testing::Test {
  protected:
   static constexpr Epoch kEpoch{1};
@@ -120,7 +120,7 @@ class CameraSession : public ::testing::Test {
     SessionOptions options;
     options.domain = server_.domain();
     options.name = kName;
-    session_ = open_doubting_session(options, doubtful(testing::test_camera()));
+    session_ = open_calibrating_session(options, with_prior(testing::test_camera()));
     if (!eventually([&] { return server_.announced().client == client_id_from_name(kName); }))
       throw std::runtime_error("no camera is announced");
     for (const MapId map : {kMapB, kMapA}) {
@@ -151,8 +151,8 @@ class CameraSession : public ::testing::Test {
   }
   /// Focal length of the values that are to be used from now on; 0: those in use stay.
   [[nodiscard]] double taken_focal() {
-    const auto news = session_->take_camera(session_->snapshot());
-    return news ? news->camera->focal_length() : 0;
+    const auto update = session_->take_camera(session_->snapshot());
+    return update ? update->camera->focal_length() : 0;
   }
 
   uint64_t marker_ = 100;
@@ -311,18 +311,18 @@ TEST_F(CameraSession, ValuesThatCannotBeAreNotUsed) {
 }
 
 /// Session and service. The scene's camera is believed to be 2 % longer than it is.
-class FoundCamera : public ::testing::Test {
+class SelfCalibration : public ::testing::Test {
  protected:
   static constexpr double kBelieved = 1.02;
 
-  FoundCamera() : service_(testing::start_service(&service_options_)) {
+  SelfCalibration() : service_(testing::start_service(&service_options_)) {
     options_.domain = service_options_.domain;
     options_.name = kName;
     options_.lockstep = true;
   }
 
-  [[nodiscard]] std::unique_ptr<Session> open_doubting() const {
-    return open_doubting_session(options_, doubtful(scene_.camera(), kBelieved));
+  [[nodiscard]] std::unique_ptr<Session> open_calibrating() const {
+    return open_calibrating_session(options_, with_prior(scene_.camera(), kBelieved));
   }
   [[nodiscard]] std::unique_ptr<Session> open_exact() const {
     return testing::open_session(options_, scene_.camera());
@@ -357,8 +357,8 @@ class FoundCamera : public ::testing::Test {
   SessionOptions options_;
 };
 
-TEST_F(FoundCamera, IsAdjustedWithTheMapAndToldWithItsRevisions) {
-  const auto session = open_doubting();
+TEST_F(SelfCalibration, IsAdjustedWithTheMapAndToldWithItsRevisions) {
+  const auto session = open_calibrating();
   seed(*session);
   const auto first = take_camera(*session);
   ASSERT_TRUE(first);
@@ -377,8 +377,8 @@ TEST_F(FoundCamera, IsAdjustedWithTheMapAndToldWithItsRevisions) {
   EXPECT_EQ(map_at_server()->cameras, session->snapshot()->cameras);
 }
 
-TEST_F(FoundCamera, TheSameNameWithAnExactCameraGetsItsMapAndGrowsIt) {
-  auto session = open_doubting();
+TEST_F(SelfCalibration, TheSameNameWithAnExactCameraGetsItsMapAndGrowsIt) {
+  auto session = open_calibrating();
   seed(*session);
   EXPECT_TRUE(offer(*session, 5).accepted);
   const MapId map = session->snapshot()->map;
@@ -388,29 +388,29 @@ TEST_F(FoundCamera, TheSameNameWithAnExactCameraGetsItsMapAndGrowsIt) {
   EXPECT_FALSE(take_camera(*session)) << "its values are exact";
   const OfferReply reply = offer(*session, 8);
   EXPECT_TRUE(reply.accepted) << reply.reason;
-  EXPECT_EQ(map_at_server()->cameras.size(), 1U) << "nothing is to be found out of an exact camera";
+  EXPECT_EQ(map_at_server()->cameras.size(), 1U) << "an exact camera is not calibrated";
 }
 
-TEST_F(FoundCamera, AnotherSizeOfPictureIsAnotherCamera) {
-  auto session = open_doubting();
+TEST_F(SelfCalibration, AnotherSizeOfPictureIsAnotherCamera) {
+  auto session = open_calibrating();
   seed(*session);
   const MapId map = session->snapshot()->map;
   session.reset();
-  const DoubtfulCamera small = guess_camera({200, 150});
-  session = open_doubting_session(options_, small);
+  const IntrinsicsPrior small = guess_camera({200, 150});
+  session = open_calibrating_session(options_, small);
   ASSERT_TRUE(gets(*session, map)) << "it waits for nothing";
   EXPECT_FALSE(take_camera(*session));
 }
 
-TEST_F(FoundCamera, WhoComesBackIsToldAgain) {
-  auto session = open_doubting();
+TEST_F(SelfCalibration, WhoComesBackIsToldAgain) {
+  auto session = open_calibrating();
   seed(*session);
   for (const int step : {5, 8}) EXPECT_TRUE(offer(*session, step).accepted);
   const auto told = take_camera(*session);
   ASSERT_TRUE(told);
   const MapId map = session->snapshot()->map;
   session.reset();
-  session = open_doubting();
+  session = open_calibrating();
   ASSERT_TRUE(gets(*session, map));
   const auto again = take_camera(*session);
   ASSERT_TRUE(again);
@@ -418,11 +418,11 @@ TEST_F(FoundCamera, WhoComesBackIsToldAgain) {
   EXPECT_EQ(again->camera->parameters(), told->camera->parameters());
 }
 
-TEST_F(FoundCamera, ARefusedKeyframeLeavesNothingToBeFoundOut) {
+TEST_F(SelfCalibration, ARefusedKeyframeLeavesNothingToCalibrate) {
   const auto builder = open_exact();
   seed(*builder);
   options_.name = "bob";
-  const auto bob = open_doubting();
+  const auto bob = open_calibrating();
   ASSERT_TRUE(gets(*bob, builder->snapshot()->map));
   EXPECT_FALSE(offer(*bob, testing::kSecondView).accepted) << "a keyframe stands there already";
   EXPECT_TRUE(offer(*builder, 5).accepted);
@@ -432,20 +432,20 @@ TEST_F(FoundCamera, ARefusedKeyframeLeavesNothingToBeFoundOut) {
   EXPECT_EQ(map_at_server()->cameras.size(), 1U);
 }
 
-TEST_F(FoundCamera, AbsurdCamerasDoTheServerNoHarm) {
+TEST_F(SelfCalibration, AbsurdCamerasDoTheServerNoHarm) {
   const double focal = scene_.camera()->focal_length();
   for (const auto& [factor, sigma] : {std::pair(1e-300, 0.35), std::pair(1e300, 0.35), std::pair(1.0, 1e3)}) {
-    DoubtfulCamera absurd = doubtful(scene_.camera());
+    IntrinsicsPrior absurd = with_prior(scene_.camera());
     for (const size_t i : {0, 1}) absurd.parameters.values[i] = factor * focal;
     absurd.focal_sigma = absurd.k1_sigma = sigma;
-    const auto session = open_doubting_session(options_, absurd);
+    const auto session = open_calibrating_session(options_, absurd);
     ASSERT_TRUE(session->wait_for_server(60s));
     session->send_seed(testing::make_seed(scene_));
     ASSERT_TRUE(session->wait_until_settled(60s)) << session->status().text;
     const auto reply = session->take_seed_reply();
     EXPECT_TRUE(reply && !reply->answer) << factor << ", " << sigma;
   }
-  const auto session = open_doubting();
+  const auto session = open_calibrating();
   seed(*session);
 }
 
@@ -463,7 +463,7 @@ TEST_F(KeptCamera, ASuccessorGoesOnFindingItOut) {
   options.domain = server->domain();
   options.name = kName;
   options.lockstep = true;
-  const auto session = open_doubting_session(options, doubtful(scene_.camera(), 1.02));
+  const auto session = open_calibrating_session(options, with_prior(scene_.camera(), 1.02));
   ASSERT_TRUE(session->wait_for_server(60s));
   session->send_seed(testing::make_seed(scene_));
   ASSERT_TRUE(session->wait_until_settled(60s)) << session->status().text;

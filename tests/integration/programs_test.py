@@ -228,7 +228,7 @@ class Labels(OnTheDesk):
 class Cameras(OnTheDesk):
     FRAMES = 400  # until three more keyframes agree
 
-    def test_a_camera_of_which_nothing_is_known_is_found_out_written_and_kept_with_the_map(self):
+    def test_a_camera_of_which_nothing_is_known_is_calibrated_written_and_kept_with_the_map(self):
         saved = self.folder / "found.yaml"
         store = self.folder / "store"
         truth = next(line.split() for line in (self.folder / "desk/camera.txt").read_text().splitlines()

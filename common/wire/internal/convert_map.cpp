@@ -359,7 +359,7 @@ Result<MapCommit> decode<MapCommit>(const cairn_MapCommit& sample) {
   check.text(sample.name, kMaxNameBytes);
   check.count(sample.points, kMaxBlocks);
   check.count(sample.keyframe_versions, kMaxKeyframeBlocks);
-  check.count(sample.cameras, kMaxCamerasFoundOut);
+  check.count(sample.cameras, kMaxCalibratedCameras);
   if (!check.passed()) return unfit(check.what());
   MapCommit message = decode_key<MapCommit>(sample);
   message.name = get_text(sample.name);
